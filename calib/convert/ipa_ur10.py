@@ -1,0 +1,116 @@
+"""Import of the UR10 measurements that Fraunhofer IPA published (Leica tracker with T-Mac).
+
+Two layouts of the same numbers: as published (semicolons, decimal commas, joints named after the links of the
+ROS description) and cleaned (commas, units in the names). Joints are the planned values; the pose of the T-Mac
+is in the tracker's frame, Euler angles XYZ intrinsic, deg. Where on the flange the T-Mac sits is unknown, so the
+data set frees the tool. Source: Landgraf et al., IEEE CASE 2021, repository ipa-robot-accuracy (MIT licence).
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calib.convert.table import Table
+from calib.errors import DataError
+
+_PUBLISHED = {
+    "timestamp": "Timestamp",
+    "joints": (
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    ),
+    "temperature": "measurement_temperature",
+    "point": ("measurement_x", "measurement_y", "measurement_z"),
+    "euler": ("measurement_rx", "measurement_ry", "measurement_rz"),
+}
+_CLEANED = {
+    "timestamp": "timestamp",
+    "joints": tuple(f"q{k}_rad" for k in range(1, 7)),
+    "temperature": "temp_C",
+    "point": ("x_mm", "y_mm", "z_mm"),
+    "euler": ("rx_deg_XYZintrinsic", "ry_deg_XYZintrinsic", "rz_deg_XYZintrinsic"),
+}
+
+_HEADER = """format = "truepose-dataset/1"
+robot = "ur10"
+instrument = "leica-tmac"
+world = "free"
+joint_coupling = "none"
+gravity_base = [0.0, 0.0, -9.81]
+
+[model]
+fit = ["base", "geometry", "parallel_twist", "compliance", "tool"]
+
+[noise]                          # from repeated readings: 0.006 to 0.012 mm per axis
+kind = "isotropic"
+sigma_mm = 0.010
+
+[tool_targets]                   # unknown; the fit finds it
+TMAC = [0.0, 0.0, 0.0]
+"""
+
+
+def read(path: Path) -> Table:
+    """Read either layout. Raises DataError naming line and column."""
+    text = path.read_text(encoding="utf-8-sig")
+    delimiter = ";" if ";" in text.partition("\n")[0] else ","
+    lines = list(csv.reader(text.splitlines(), delimiter=delimiter))
+    names = [name.strip() for name in lines[0]] if lines else []
+    layout = next((known for known in (_PUBLISHED, _CLEANED) if known["timestamp"] in names), None)
+    wanted = [] if layout is None else [layout["temperature"], *layout["joints"], *layout["point"], *layout["euler"]]
+    missing = [name for name in wanted if name not in names]
+    if layout is None or missing:
+        raise DataError(
+            f"lacks the column {missing[0]!r}." if missing else "is not one of the published UR10 files.",
+            do="Give original_series_*.csv or series_*.csv of the ipa-robot-accuracy data.",
+            file=path,
+            line=1,
+        )
+    rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
+
+    def numbers(columns: tuple[str, ...]) -> np.ndarray:
+        out = np.empty((len(rows), len(columns)))
+        places = [names.index(column) for column in columns]
+        for i, (number, line) in enumerate(rows):
+            for k, place in enumerate(places):
+                try:
+                    out[i, k] = float(line[place].replace(",", "."))
+                except (ValueError, IndexError) as error:
+                    raise DataError(
+                        f"column '{columns[k]}' is not a number.", do="Mend that line.", file=path, line=number
+                    ) from error
+        return out
+
+    quaternion = Rotation.from_euler("XYZ", numbers(layout["euler"]), degrees=True).as_quat(scalar_first=True)
+    joints = np.degrees(numbers(layout["joints"]))
+    point = numbers(layout["point"])
+    columns: dict[str, list[str]] = {"reading_id": [str(i + 1) for i in range(len(rows))]}
+    stamps = [line[names.index(layout["timestamp"])] for _, line in rows]
+    columns["t_s"] = _seconds(stamps)
+    for k in range(6):
+        columns[f"j{k + 1}_deg"] = [f"{value:.6f}" for value in joints[:, k]]
+    columns["tool_target"] = ["TMAC"] * len(rows)
+    for k, axis in enumerate("xyz"):
+        columns[f"{axis}_mm"] = [f"{value:.6f}" for value in point[:, k]]
+    for k, part in enumerate("wxyz"):
+        columns[f"rot_{part}"] = [f"{value:.9f}" for value in quaternion[:, k]]
+    columns["t_air_c"] = [f"{value:.4f}" for value in numbers((layout["temperature"],))[:, 0]]
+    return Table(columns, _HEADER)
+
+
+def _seconds(stamps: list[str]) -> list[str]:
+    """Seconds since the first stamp; empty where the source rounded its stamps to the month."""
+    if not all(re.fullmatch(r"20\d{12}", stamp) for stamp in stamps) or len(set(stamps)) < len(stamps) // 2:
+        return [""] * len(stamps)
+    times = [datetime.strptime(stamp, "%Y%m%d%H%M%S").timestamp() for stamp in stamps]  # noqa: DTZ007 (differences only)
+    return [f"{time - times[0]:.0f}" for time in times]

@@ -1,0 +1,66 @@
+"""A foreign file on its way to a data set: columns of text, a header, and which rows are held out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from calib.errors import DataError
+
+Holdout = Literal["random", "block"]
+BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns named as the data-set format names them (all of one length), and the text of the header."""
+
+    columns: dict[str, list[str]]
+    header: str
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def hold_out(self, kind: Holdout, share: float, seed: int) -> Table:
+        """Mark a share of the rows as validation: drawn one by one, or whole blocks of consecutive rows.
+
+        A random hold-out flatters: its neighbours took part in the fit. Raises DataError for a share outside (0, 1).
+        """
+        if not 0.0 < share < 1.0:
+            raise DataError(f"a share of {share:g} cannot be held out.", do="Give a share between 0 and 1.", key="--share")
+        n, random = len(self), np.random.default_rng(seed)
+        held = np.zeros(n, dtype=bool)
+        if kind == "random":
+            held[random.choice(n, round(share * n), replace=False)] = True
+        else:
+            block = np.arange(n) * BLOCKS // n
+            held = np.isin(block, random.choice(BLOCKS, max(1, round(share * BLOCKS)), replace=False))
+        columns = {}
+        for name, cells in self.columns.items():
+            columns[name] = cells
+            if name == "reading_id":
+                columns["set"] = ["validation" if row else "calibration" for row in held]
+        header = f'{self.header}\n[holdout]\nkind = "{kind}"\nshare = {share:g}\nseed = {seed}\n'
+        return replace(self, columns=columns, header=header)
+
+    def write(self, path: Path) -> None:
+        """Write `path` and the `.toml` beside it; neither is left half-written."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(zip(*self.columns.values(), strict=True))
+        replace_file(path.with_suffix(".toml"), self.header)
+        replace_file(path, text.getvalue())
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a text file whole or not at all: to a neighbour first, then rename."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(text, encoding="utf-8", newline="\n")
+    os.replace(partial, path)

@@ -1,0 +1,340 @@
+"""A data set: the readings of a campaign as arrays, with their header. Frozen once read.
+
+`read_dataset` reads `NAME.csv` + `NAME.toml` (`truepose-dataset/1`) and refuses, by file, line and column, what
+it cannot trust. Rows of `set = validation` never enter a fit or a choice: `fit_rows` leaves them out.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.conditions import Conditions
+from calib.errors import DataError
+from calib.header import Header, read_header
+from calib.kinematics import Array, gravity_torques
+from calib.units import DEG
+
+SETS = ("calibration", "reference", "repeat", "validation")
+_UNITLESS = ("x", "y", "z", "t", "length", "t_air")
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """n readings and what holds for all of them."""
+
+    name: str
+    header: Header
+    reading_id: tuple[str, ...]
+    sets: NDArray[np.str_]  # (n,)
+    status: NDArray[np.str_]  # (n,) empty or "ok", else "rejected:REASON"
+    conditions: Conditions
+    points: Array  # (n, 3) mm, NaN where not measured
+    orientation: Array  # (n, 4) quaternion, scalar first, NaN where not measured
+    u_point: Array  # (n, 3) mm, NaN where the header's noise holds
+    sha256: str
+
+    def __len__(self) -> int:
+        return len(self.reading_id)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(n,) measured and not rejected."""
+        return np.isin(self.status, ("", "ok")) & np.all(np.isfinite(self.points), axis=1)
+
+    @property
+    def fit_rows(self) -> NDArray[np.bool_]:
+        """(n,) rows that may enter a fit."""
+        return self.usable & (self.sets != "validation")
+
+    @property
+    def validation_rows(self) -> NDArray[np.bool_]:
+        """(n,) measured rows that only ever judge."""
+        return self.usable & (self.sets == "validation")
+
+    def covariance(self, rows: NDArray[np.bool_]) -> Array:
+        """(k, 3, 3) covariance of the instrument for some rows, mm2."""
+        return self.header.noise.of_points(self.points[rows], self.u_point[rows])
+
+    def with_sets(self, sets: NDArray[np.str_]) -> Dataset:
+        """The same readings, divided otherwise into sets."""
+        return replace(self, sets=sets)
+
+
+class _Columns:
+    """The cells of a CSV file by column, with their line numbers for refusals."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except FileNotFoundError as error:
+            raise DataError("there is no such file.", do="Check the name.", file=path) from error
+        except (UnicodeDecodeError, IsADirectoryError) as error:
+            raise DataError("is not a UTF-8 text file.", do="Save it as CSV in UTF-8.", file=path) from error
+        lines = list(csv.reader(text.splitlines()))
+        if not lines:
+            raise DataError("is empty.", do="It must have a header row and readings.", file=path)
+        self.names = [name.strip() for name in lines[0]]
+        if len(self.names) == 1 and ";" in self.names[0]:
+            raise DataError(
+                "is separated by semicolons.",
+                do="Save it with commas and decimal points, or import it with 'truepose convert'.",
+                file=path,
+                line=1,
+            )
+        twice = {name for name in self.names if name and self.names.count(name) > 1}
+        if twice:
+            raise DataError(f"column '{min(twice)}' stands twice.", do="Keep one.", file=path, line=1)
+        rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if any(cell.strip() for cell in line)]
+        for number, line in rows:
+            if len(line) != len(self.names):
+                raise DataError(
+                    f"has {len(line)} cells where the header has {len(self.names)} columns.",
+                    do="Mend that line.",
+                    file=path,
+                    line=number,
+                )
+        if not rows:
+            raise DataError("has a header row but no readings.", do="Add readings.", file=path)
+        self.lines = [number for number, _ in rows]
+        self._cells = dict(zip(self.names, zip(*(line for _, line in rows), strict=True), strict=True))
+        self.sha256 = hashlib.sha256(text.encode()).hexdigest()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._cells
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def require(self, name: str, do: str) -> None:
+        if name not in self._cells:
+            raise DataError(f"column '{name}' is missing.", do=do, file=self.path, line=1)
+
+    def text(self, name: str, default: str = "") -> NDArray[np.str_]:
+        if name not in self._cells:
+            return np.full(len(self), default)
+        return np.array([cell.strip() or default for cell in self._cells[name]])
+
+    def numbers(self, name: str, *, required: bool = False) -> Array:
+        """(n,) numbers; an empty cell is NaN, unless `required`. A cell that is not a finite number is refused."""
+        if name not in self._cells:
+            return np.full(len(self), np.nan)
+        out = np.empty(len(self))
+        for i, cell in enumerate(self._cells[name]):
+            if not cell.strip():
+                if required:
+                    raise self.refuse(i, name, "is empty", "Every reading needs it")
+                out[i] = np.nan
+                continue
+            try:
+                out[i] = float(cell)
+            except ValueError as error:
+                raise self.refuse(i, name, f"is {cell.strip()!r}, not a number", "Use a decimal point") from error
+            if not math.isfinite(out[i]):
+                raise self.refuse(i, name, f"is {cell.strip()!r}", "Leave the cell empty when nothing was measured")
+        return out
+
+    def refuse(self, row: int, name: str, what: str, do: str) -> DataError:
+        return DataError(f"column '{name}' {what}.", do=f"{do}.", file=self.path, line=self.lines[row])
+
+
+def read_dataset(path: Path | str) -> Dataset:
+    """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
+    path = Path(path)
+    if not path.is_file():
+        raise DataError("there is no such file.", do="Check the name.", file=path)
+    header = read_header(path.with_suffix(".toml"))
+    table = _Columns(path)
+    _refuse_without_units(table)
+    joints = _joints(table, header)
+    reading_id = tuple(table.text("reading_id"))
+    if "reading_id" not in table:
+        reading_id = tuple(str(number) for number in table.lines)
+    for i, name in enumerate(reading_id):
+        if not name:
+            raise table.refuse(i, "reading_id", "is empty", "Give every reading an id")
+    if len(set(reading_id)) != len(reading_id):
+        seen: set[str] = set()
+        for i, name in enumerate(reading_id):
+            if name in seen:
+                raise table.refuse(i, "reading_id", f"{name!r} stands twice", "Give every reading its own id")
+            seen.add(name)
+    sets = table.text("set", "calibration")
+    for i, name in enumerate(sets):
+        if name not in SETS:
+            raise table.refuse(i, "set", f"is {name!r}", f"Use {', '.join(SETS)}")
+    points, orientation = _measured(table)
+    series, target = _names(table, header)
+    time = table.numbers("t_s")
+    order = _order(time)
+    torque = gravity_torques(header.robot, joints, header.loads, header.gravity)
+    side, previous = _arrivals(table, header, joints, order)
+    series_names, series_index = np.unique(series, return_inverse=True)
+    target_names, target_index = np.unique(target, return_inverse=True)
+    conditions = Conditions(
+        joints=joints,
+        previous=previous,
+        side=side,
+        torque=torque,
+        time=time,
+        order=order.astype(np.float64),
+        temperature=table.numbers("t_air_c"),
+        point=points,
+        series=series_index,
+        target=target_index,
+        series_names=tuple(str(name) for name in series_names),
+        target_names=tuple(str(name) for name in target_names),
+    )
+    dataset = Dataset(
+        name=path.name,
+        header=header,
+        reading_id=reading_id,
+        sets=sets,
+        status=table.text("status"),
+        conditions=conditions,
+        points=points,
+        orientation=orientation,
+        u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
+        sha256=hashlib.sha256((table.sha256 + path.with_suffix(".toml").read_text("utf-8")).encode()).hexdigest(),
+    )
+    _refuse_unfit(dataset, table)
+    return dataset
+
+
+def _refuse_without_units(table: _Columns) -> None:
+    for name in table.names:
+        stem = name.lower()
+        if stem in _UNITLESS or (stem.startswith("j") and stem[1:].isdigit()):
+            unit = {"t": "s", "t_air": "c"}.get(stem, "deg" if stem.startswith("j") else "mm")
+            raise DataError(
+                f"column '{name}' has no unit in its name.",
+                do=f"Name it '{name}_{unit}' if its values are in that unit; convert them first if not.",
+                file=table.path,
+                line=1,
+            )
+        for wrong, right in (("_rad", "_deg"), ("_m", "_mm")):
+            known = any(stem.startswith(start) for start in ("j", "x", "y", "z", "length"))
+            if known and stem.endswith(wrong) and not stem.endswith("_mm") and len(stem.split("_")) == 2:
+                raise DataError(
+                    f"column '{name}' is not in the unit of the format.",
+                    do=f"Convert its values and name it '{name[: -len(wrong)]}{right}'.",
+                    file=table.path,
+                    line=1,
+                )
+
+
+def _joints(table: _Columns, header: Header) -> Array:
+    count = header.robot.joints
+    for k in range(1, count + 1):
+        table.require(f"j{k}_deg", f"The robot {header.robot.name} has {count} joints: give j1_deg to j{count}_deg.")
+    if f"j{count + 1}_deg" in table:
+        raise DataError(
+            f"column 'j{count + 1}_deg' is there, but the robot {header.robot.name} has {count} joints.",
+            do="Correct the robot in the header, or remove the column.",
+            file=table.path,
+            line=1,
+        )
+    degrees = np.column_stack([table.numbers(f"j{k}_deg", required=True) for k in range(1, count + 1)])
+    if len(degrees) >= 5 and np.max(np.abs(degrees)) <= 2.0 * np.pi + 1e-3:
+        raise DataError(
+            f"no joint angle exceeds {np.max(np.abs(degrees)):.3f}: these can only be radians.",
+            do="Columns j1_deg... hold degrees: multiply by 180/pi.",
+            file=table.path,
+            key="j1_deg",
+        )
+    return header.robot.model_angles(degrees * DEG, header.coupling)
+
+
+def _measured(table: _Columns) -> tuple[Array, Array]:
+    for axis in "xyz":
+        table.require(f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured).")
+    points = np.column_stack([table.numbers(f"{axis}_mm") for axis in "xyz"])
+    for i in np.flatnonzero(np.isfinite(points).any(axis=1) & ~np.isfinite(points).all(axis=1)):
+        raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are only partly filled", "Fill all three or none")
+    zero = np.all(points == 0.0, axis=1)
+    for i in np.flatnonzero(zero):
+        raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty")
+    orientation = np.column_stack([table.numbers(f"rot_{q}") for q in "wxyz"])
+    norm = np.linalg.norm(orientation, axis=1)
+    for i in np.flatnonzero(np.abs(norm - 1.0) > 1e-3):
+        raise table.refuse(int(i), "rot_w..rot_z", f"have the norm {norm[i]:.4f}", "A quaternion has norm 1")
+    return points, orientation
+
+
+def _names(table: _Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+    series = table.text("series", "main")
+    for i, name in enumerate(series):
+        if header.series_targets and name not in header.series_targets and not header.targets:
+            raise table.refuse(i, "series", f"names {name!r}", "Add [series.NAME] to the header")
+    everything = set(header.targets).union(*(names for names in header.series_targets.values()))
+    if not everything:
+        raise DataError(
+            "names no tool target.",
+            do='Add [tool_targets] with their nominal positions in the flange frame, e.g. T1 = [0.0, 0.0, 125.0].',
+            file=table.path.with_suffix(".toml"),
+            key="tool_targets",
+        )
+    only = next(iter(everything)) if len(everything) == 1 else ""
+    target = table.text("tool_target", only)
+    for i, (name, of_series) in enumerate(zip(target, series, strict=True)):
+        if name not in header.targets_of(of_series):
+            what = f"names {name!r}, which the header does not" if name else "is empty, and the header has several targets"
+            raise table.refuse(i, "tool_target", what, f"Use one of {', '.join(sorted(everything))}")
+    return series, target
+
+
+def _order(time: Array) -> NDArray[np.int64]:
+    """Rank of every row in time; by line where the time is missing."""
+    order = np.empty(len(time), dtype=np.int64)
+    order[np.argsort(time, kind="stable") if np.all(np.isfinite(time)) else np.arange(len(time))] = np.arange(len(time))
+    return order
+
+
+def _arrivals(table: _Columns, header: Header, joints: Array, order: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Side of approach and previous angles: as recorded, else derived from the order of the rows."""
+    count = header.robot.joints
+    in_time = np.argsort(order)
+    before = np.empty_like(joints)
+    before[in_time[1:]] = joints[in_time[:-1]]
+    before[in_time[0]] = joints[in_time[0]]
+    recorded = np.column_stack([table.numbers(f"prev{k}_deg") for k in range(1, count + 1)]) * DEG
+    recorded = header.robot.model_angles(recorded, header.coupling)
+    previous = np.where(np.isfinite(recorded), recorded, before)
+    side = np.column_stack([table.numbers(f"approach{k}") for k in range(1, count + 1)])
+    for i, k in np.argwhere(np.isfinite(side) & ~np.isin(side, (-1.0, 1.0))):
+        raise table.refuse(int(i), f"approach{k + 1}", f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)")
+    if header.coupling != "none":
+        side = side * np.sign(np.diag(np.array(header.robot.joint_matrices[header.coupling].matrix)))
+    moved = np.sign(joints - previous)
+    # A joint that did not move still rests on the side of its last move.
+    in_order = moved[in_time]
+    last = np.maximum.accumulate(np.where(in_order != 0.0, np.arange(len(moved))[:, None], 0), axis=0)
+    derived = np.empty_like(moved)
+    derived[in_time] = np.take_along_axis(in_order, last, axis=0)
+    derived[derived == 0.0] = 1.0
+    return np.where(np.isfinite(side), side, derived), previous
+
+
+def _refuse_unfit(dataset: Dataset, table: _Columns) -> None:
+    rows = dataset.fit_rows
+    if not rows.any():
+        raise DataError(
+            "has no calibration rows that were measured.",
+            do="Mark some rows set = calibration; validation rows never enter a fit.",
+            file=table.path,
+            key="set",
+        )
+    if len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1 or np.ptp(dataset.points[rows], axis=0).max() < 1.0:
+        raise DataError(
+            "all calibration readings are the same.", do="Measure poses all over the joint ranges.", file=table.path
+        )
+    if dataset.header.noise.kind == "per-row":
+        for i in np.flatnonzero(dataset.usable & ~np.all(dataset.u_point > 0.0, axis=1)):
+            raise table.refuse(int(i), "u_x_mm", "is empty or zero, and [noise] kind is 'per-row'", "Give u_x_mm, u_y_mm, u_z_mm")

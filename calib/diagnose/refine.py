@@ -1,0 +1,71 @@
+"""Refinement of what was scanned: orders of harmonics off the places of the scan, change points to the reading.
+
+The derivative of A cos(H theta) + B sin(H theta) by H is theta (B cos - A sin). One Gauss-Newton step for all
+orders at once, projected on what the model leaves, moves them; an order whose nearest whole number lies within
+what the readings can tell becomes whole.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.diagnose.evidence import WHOLE_ORDER
+from calib.diagnose.scan import Scores
+from calib.diagnose.space import Space
+from calib.effects import Survey, periodic, shift
+from calib.effects.effect import Effect
+from calib.kinematics import Array
+
+_LONGEST_STEP = 0.3  # cycles a turn
+
+
+def refine_orders(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The chosen effects with better harmonic orders; all else unchanged."""
+    places = [i for i, effect in enumerate(chosen) if "order" in effect.shape]
+    if not places:
+        return chosen
+    columns = np.column_stack([_derivative(space, chosen[i]) for i in places])
+    columns = columns - space.basis @ (space.basis.T @ columns)
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    step, *_ = np.linalg.lstsq(columns / size, space.residual.ravel(), rcond=1e-6)
+    step = step / size
+    noise = space.rss / max(space.freedom, 1)
+    refined = list(chosen)
+    for i, change, norm in zip(places, step, size, strict=True):
+        order = chosen[i].shape["order"] + float(np.clip(change, -_LONGEST_STEP, _LONGEST_STEP))
+        lost = (order - round(order)) ** 2 * norm**2 / noise
+        order = float(round(order)) if lost < WHOLE_ORDER else round(order, 2)
+        if order >= periodic.LOWEST:
+            refined[i] = periodic.periodic(joint_of(chosen[i]), order)
+    labels = [effect.label for effect in refined]
+    # Two orders that met are one effect; the first keeps it.
+    return tuple(effect for i, effect in enumerate(refined) if effect.label not in labels[:i])
+
+
+def joint_of(effect: Effect) -> int:
+    """Joint of a harmonic effect."""
+    return int(effect.terms[0].slot.removeprefix("theta"))
+
+
+def _derivative(space: Space, effect: Effect) -> Array:
+    order, joint = effect.shape["order"], joint_of(effect)
+    theta = space.fitted.readings.conditions.joints[:, joint - 1]
+    a, b = space.fitted.estimate[space.fitted.model.positions(effect)]
+    drive = theta * (b * np.cos(order * theta) - a * np.sin(order * theta))
+    return (space.slot(f"theta{joint}") * drive).ravel()
+
+
+def refine_steps(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The chosen effects with every change point moved to the reading that explains most, near where it was."""
+    refined = []
+    for effect in chosen:
+        if "rank" not in effect.shape:
+            refined.append(effect)
+            continue
+        ranks = shift.change_points(Survey(space.fitted.model.robot, space.fitted.readings.conditions))
+        here = int(np.searchsorted(ranks, effect.shape["rank"]))
+        reach = max(3, 2 * len(ranks) // shift.COARSE)
+        scores = Scores([shift.family(effect.label, ranks[max(0, here - reach) : here + reach + 1])], space)
+        scores.move(*space.own_direction(effect), enters=False)
+        refined.append(scores.best_of(0).effect)
+    return tuple(refined)

@@ -1,0 +1,196 @@
+"""Scores of everything the library offers, projected on what the model does not explain.
+
+For a candidate with columns X (rows, p): A = X'PX, b = X'r, and the fall of the residual sum of squares that it
+would bring is b' A^-1 b. Scanned families never form their columns: the sums that make up A and b are
+
+    harmonics   sums over readings of u exp(i H theta), for all orders H at once by a Fourier transform;
+    steps       sums over the readings from a rank on: one cumulative sum.
+
+Adding or removing a direction q (unit vector) from the model updates A and b by what q shares with X.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.diagnose.space import Space
+from calib.diagnose.trigsums import TrigSums
+from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Steps
+from calib.kinematics import Array
+
+_ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
+
+
+class FixedScores:
+    """Scores of one candidate with nothing to scan."""
+
+    def __init__(self, candidate: Candidate, space: Space) -> None:
+        self.label = candidate.label
+        self.candidate = candidate
+        self.columns = space.effect_columns(candidate.effect)
+        self.raw = np.sum(self.columns**2, axis=0)[None, :]
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(1, p, c): X'v for c row vectors (rows, c)."""
+        return (self.columns.T @ vectors)[None]
+
+    def gram(self, space: Space) -> Array:
+        """(1, p, p): X'X."""
+        return (self.columns.T @ self.columns)[None]
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        return self.candidate.effect
+
+
+class HarmonicScores:
+    """Scores of a family of harmonics over its orders."""
+
+    def __init__(self, family: Harmonics, space: Space) -> None:
+        self.label = family.label
+        self.family = family
+        self.theta = space.fitted.readings.conditions.joints[:, family.joint - 1]
+        self.slot_columns = sum((weight * space.slot(slot) for slot, weight in family.slots), np.zeros((1, 1)))
+        self.size = np.sum(self.slot_columns**2, axis=0)
+        self.sums = TrigSums(self.theta, family.orders)
+        total = float(np.sum(self.size))
+        self.raw = np.full((len(family.orders), 2), total / 2.0)
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(orders, 2, c): X'v."""
+        sums = self.sums.of(space.by_reading(self.slot_columns, vectors))
+        return np.stack([sums.real, sums.imag], axis=1)
+
+    def gram(self, space: Space) -> Array:
+        """(orders, 2, 2): X'X, from the sums at twice the order."""
+        twice = TrigSums(self.theta, 2.0 * self.family.orders).of(self.size[:, None])[:, 0]
+        total = np.sum(self.size)
+        gram = np.empty((len(twice), 2, 2))
+        gram[:, 0, 0] = 0.5 * (total + twice.real)
+        gram[:, 1, 1] = 0.5 * (total - twice.real)
+        gram[:, 0, 1] = gram[:, 1, 0] = 0.5 * twice.imag
+        return gram
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        return self.family.at(float(self.family.orders[place]))
+
+
+class StepScores:
+    """Scores of a family of steps over its change points."""
+
+    def __init__(self, family: Steps, space: Space) -> None:
+        self.label = family.label
+        self.family = family
+        self.order = np.argsort(space.fitted.readings.conditions.order)
+        ranks = space.fitted.readings.conditions.order[self.order]
+        self.first = np.searchsorted(ranks, family.ranks)
+        self.slot_columns = [space.slot(slot) for slot in family.slots]
+        self.raw = np.stack([self._from_here(np.sum(g**2, axis=0)[:, None])[:, 0] for g in self.slot_columns], axis=1)
+
+    def _from_here(self, values: Array) -> Array:
+        """(ranks, c): sums of (n, c) values over the readings from every rank on."""
+        tail = np.cumsum(values[self.order[::-1]], axis=0)[::-1]
+        return tail[self.first]
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(ranks, slots, c): X'v."""
+        return np.stack([self._from_here(space.by_reading(g, vectors)) for g in self.slot_columns], axis=1)
+
+    def gram(self, space: Space) -> Array:
+        """(ranks, slots, slots): X'X."""
+        p = len(self.slot_columns)
+        gram = np.empty((len(self.first), p, p))
+        for i, g in enumerate(self.slot_columns):
+            for j, h in enumerate(self.slot_columns[: i + 1]):
+                gram[:, i, j] = gram[:, j, i] = self._from_here(np.sum(g * h, axis=0)[:, None])[:, 0]
+        return gram
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        return self.family.at(float(self.family.ranks[place]))
+
+
+@dataclass(frozen=True)
+class Score:
+    """One candidate at one place of its scan: fall of the residual sum of squares, and columns that count."""
+
+    label: str
+    effect: Effect
+    gain: float
+    freedom: int
+    multiplicity: int
+
+
+class Scores:
+    """A and b of every offer, kept up to date while directions enter or leave the model."""
+
+    def __init__(self, offers: list[Offer], space: Space) -> None:
+        self.space = space
+        self.rss, self.freedom = space.rss, space.freedom
+        self.families: list[FixedScores | HarmonicScores | StepScores] = []
+        for offer in offers:
+            if isinstance(offer, Candidate):
+                self.families.append(FixedScores(offer, space))
+            elif isinstance(offer, Harmonics):
+                self.families.append(HarmonicScores(offer, space))
+            else:
+                self.families.append(StepScores(offer, space))
+        self.a = [family.gram(space) for family in self.families]
+        residual = space.residual.reshape(-1, 1)
+        self.b = [family.shared(space, residual)[:, :, 0] for family in self.families]
+        for family, a in zip(self.families, self.a, strict=True):
+            shared = family.shared(space, space.basis)
+            a -= shared @ shared.transpose(0, 2, 1)
+
+    def copy(self) -> Scores:
+        """An independent copy of the state."""
+        twin = object.__new__(Scores)
+        twin.space, twin.families = self.space, self.families
+        twin.rss, twin.freedom = self.rss, self.freedom
+        twin.a, twin.b = [a.copy() for a in self.a], [b.copy() for b in self.b]
+        return twin
+
+    def move(self, directions: Array, coefficients: Array, *, enters: bool) -> None:
+        """Orthonormal directions (rows, p) enter or leave the model, with the coefficients (p,) of the data on them."""
+        sign = -1.0 if enters else 1.0
+        for i, family in enumerate(self.families):
+            shared = family.shared(self.space, directions)
+            self.a[i] = self.a[i] + sign * shared @ shared.transpose(0, 2, 1)
+            self.b[i] = self.b[i] + sign * shared @ coefficients
+        self.rss += sign * float(coefficients @ coefficients)
+        self.freedom += int(sign) * len(coefficients)
+
+    def gains(self, index: int) -> tuple[Array, Array]:
+        """(places,) gain and number of columns that count, of one family."""
+        return gain_of(self.a[index], self.b[index], self.families[index].raw)
+
+    def multiplicity(self, index: int) -> int:
+        """How many tries this family stands for: all labels x the length of its scan."""
+        return len(self.families) * len(self.b[index])
+
+    def best_of(self, index: int) -> Score:
+        """The best place of one family."""
+        gain, freedom = self.gains(index)
+        place = int(np.argmax(gain))
+        return self.at(index, place, float(gain[place]), int(freedom[place]))
+
+    def at(self, index: int, place: int, gain: float, freedom: int) -> Score:
+        """The score of one place of one family."""
+        family = self.families[index]
+        return Score(family.label, family.effect(place), gain, freedom, self.multiplicity(index))
+
+
+def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """b'A^-1 b for a stack (c, p, p), (c, p); columns are scaled by their raw squares (c, p).
+
+    Directions of which less than a millionth is left after projection do not count: the model absorbs them.
+    Returns gains (c,) and the number of directions that count (c,).
+    """
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
+    along = np.einsum("cij,ci->cj", vectors, b * scale)
+    counts = values > _ABSORBED
+    return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)

@@ -1,0 +1,200 @@
+"""The choice of effects: forward, swap, backward, with joint refits on the exact chain between.
+
+Forward steps are taken on the linearised model, some at a time, then everything is refitted together and the
+scanned orders are refined. When nothing more enters, effects that no longer pass by themselves leave, and those
+that another candidate explains better are swapped; then forward again, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.dataset import Dataset
+from calib.diagnose.evidence import CLAIM, WHOLE_ORDER, ebic_gain, p_value
+from calib.diagnose.refine import joint_of, refine_orders, refine_steps
+from calib.diagnose.scan import HarmonicScores, Score, Scores
+from calib.diagnose.space import Space
+from calib.effects import Survey, offers
+from calib.effects.effect import Effect
+from calib.identify import Identification, Progress, carry, fit_plain, silent
+from calib.kinematics import Array
+from calib.least_squares import find_dependent
+from calib.model import Design
+
+MOST_EFFECTS = 120
+_ROUNDS = 60
+_SWAP_MARGIN = 1.0  # extended BIC that a rival must gain to take an effect's place
+_NEIGHBOUR = 1.0  # cycles a turn within which two orders of a joint are one effect under refinement
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The model with the effects that were chosen, and those effects alone."""
+
+    fitted: Identification
+    effects: tuple[Effect, ...]
+
+
+def select(
+    dataset: Dataset, start: Identification, *, progress: Progress = silent, most: int = MOST_EFFECTS
+) -> Selection:
+    """Choose effects for the readings of `start`, beside those its model holds already."""
+    library = offers(Survey(start.model.robot, start.readings.conditions))
+    chosen = tuple(e for e in start.model.effects if e.group != "base model")
+    fitted = start
+    seen = {labels(chosen)}
+    for _ in range(_ROUNDS):
+        space = Space.of(fitted)
+        scores = Scores(library, space)
+        proposal = _forward(scores, chosen, most, progress)
+        if proposal == chosen:
+            proposal = _swap(space, scores, _backward(space, scores, chosen))
+        if labels(proposal) in seen:
+            break
+        seen.add(labels(proposal))
+        fitted, chosen = _settle(dataset, fitted, proposal)
+        seen.add(labels(chosen))
+    return Selection(fitted, chosen)
+
+
+def labels(chosen: tuple[Effect, ...]) -> frozenset[str]:
+    """The labels of some effects."""
+    return frozenset(effect.label for effect in chosen)
+
+
+def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) -> Identification:
+    """Everything together on the exact chain: the base model of `fitted` and the chosen effects."""
+    base = tuple(e for e in fitted.model.effects if e.group == "base model")
+    model = replace(fitted.model, effects=(*base, *chosen))
+    estimate = carry(fitted.model, fitted.estimate, model)
+    active, dropped = find_dependent(Design(model, fitted.readings.conditions), fitted.readings.points, estimate)
+    return fit_plain(
+        dataset, model, fitted.readings, estimate, active, dropped, fitted.faulty_rows, fitted.relabelled_rows
+    )
+
+
+def _settle(
+    dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]
+) -> tuple[Identification, tuple[Effect, ...]]:
+    """Refit, refine what was scanned, refit."""
+    fitted = refit(dataset, fitted, chosen)
+    space = Space.of(fitted)
+    refined = refine_steps(space, refine_orders(space, chosen))
+    if refined == chosen:
+        return fitted, chosen
+    return refit(dataset, fitted, refined), refined
+
+
+def evidence(score: Score, scores: Scores) -> float:
+    """By how much a candidate lowers the extended BIC."""
+    return ebic_gain(score.gain, score.freedom, scores.rss, scores.space.rows, score.multiplicity)
+
+
+def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
+    """The best of every family that is not in the model already."""
+    found = [refine_place(scores, index, scores.best_of(index)) for index in range(len(scores.families))]
+    return [score for score in found if score.freedom > 0 and not _present(score.effect, chosen)]
+
+
+def _present(effect: Effect, chosen: tuple[Effect, ...]) -> bool:
+    """Whether an effect, or a harmonic so close that refinement would merge them, is chosen already."""
+    if "order" not in effect.shape:
+        return effect.label in labels(chosen)
+    orders = [e.shape["order"] for e in chosen if "order" in e.shape and joint_of(e) == joint_of(effect)]
+    return any(abs(order - effect.shape["order"]) < 1e-6 for order in orders)
+
+
+def refine_place(scores: Scores, index: int, score: Score) -> Score:
+    """A harmonic's order: whole, unless the place of the scan beats the nearest whole order by enough."""
+    family = scores.families[index]
+    if not isinstance(family, HarmonicScores):
+        return score
+    orders = family.family.orders
+    whole = int(np.argmin(np.abs(orders - round(score.effect.shape["order"]))))
+    gain, freedom = scores.gains(index)
+    lost = scores.space.rows * np.log(max(scores.rss - gain[whole], 1e-300) / max(scores.rss - score.gain, 1e-300))
+    if lost < WHOLE_ORDER:
+        return scores.at(index, whole, float(gain[whole]), int(freedom[whole]))
+    return score
+
+
+def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress) -> tuple[Effect, ...]:
+    """Add effects one by one; half as many as there are, at least four, before everything is refitted."""
+    basis, wider = scores.space.basis, chosen
+    while len(wider) < min(most, len(chosen) + max(4, len(chosen) // 2)):
+        found = candidates(scores, wider)
+        if not found:
+            break
+        best = max(found, key=lambda score: evidence(score, scores))
+        if p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity) > CLAIM:
+            break
+        wider = (*wider, best.effect)
+        progress(f"effect {len(wider)}: {best.effect.label}")
+        basis = _enter(scores, basis, best.effect)
+    return wider
+
+
+def _enter(scores: Scores, basis: Array, effect: Effect) -> Array:
+    """Let an effect enter the linearised model. Returns the wider basis."""
+    columns = scores.space.effect_columns(effect)
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    for _ in range(2):  # once is not enough where little of a column is left
+        columns = columns - basis @ (basis.T @ columns)
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    new = u[:, s > 1e-3]
+    scores.move(new, new.T @ scores.space.residual.ravel(), enters=True)
+    return np.column_stack([basis, new])
+
+
+def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores, float, int]:
+    """Scores with one effect taken out of the model, what it alone explains, and its number of columns."""
+    directions, coefficients = space.own_direction(effect)
+    without = scores.copy()
+    without.move(directions, coefficients, enters=False)
+    return without, float(coefficients @ coefficients), len(coefficients)
+
+
+def multiplicity_of(scores: Scores, effect: Effect) -> int:
+    """How many tries stand behind an effect of the model."""
+    for index, family in enumerate(scores.families):
+        if effect.label == family.label or effect.label.startswith(family.label + ":"):
+            return scores.multiplicity(index)
+    return len(scores.families)
+
+
+def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Drop the weakest effect, if it no longer passes by itself."""
+    weakest, worst = None, CLAIM
+    for effect in chosen:
+        _, coefficients = space.own_direction(effect)
+        gain, columns = float(coefficients @ coefficients), len(coefficients)
+        tries = multiplicity_of(scores, effect)
+        chance = p_value(gain, columns, scores.rss + gain, scores.freedom + columns, tries)
+        if chance > worst:
+            weakest, worst = effect, chance
+    return tuple(effect for effect in chosen if effect is not weakest)
+
+
+def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Put better explanations in the place of effects, wherever there are any."""
+    out = list(chosen)
+    for i, effect in enumerate(chosen):
+        if effect.label not in labels(tuple(out)):
+            continue
+        without, gain, columns = leave_one_out(space, scores, effect)
+        own = ebic_gain(gain, columns, without.rss, space.rows, multiplicity_of(scores, effect))
+        others = tuple(other for j, other in enumerate(out) if j != i)
+        rivals = [score for score in candidates(without, others) if not _neighbours(score.effect, effect)]
+        best = max(rivals, key=lambda score: evidence(score, without), default=None)
+        if best is not None and evidence(best, without) > own + _SWAP_MARGIN:
+            out[i] = best.effect
+    return tuple(out)
+
+
+def _neighbours(one: Effect, other: Effect) -> bool:
+    """Whether two harmonics of one joint lie so close that refinement, not a swap, moves one to the other."""
+    if "order" not in one.shape or "order" not in other.shape or joint_of(one) != joint_of(other):
+        return False
+    return abs(one.shape["order"] - other.shape["order"]) < _NEIGHBOUR

@@ -1,0 +1,98 @@
+"""What a fit leaves, and what it already explains: the space in which candidates are judged.
+
+With J the whitened Jacobian of the fitted model (priors stacked below it), J = QR, a candidate's columns X count
+only by P X, P = I - QQ': what the base model absorbs is no evidence. The residual r is orthogonal to J already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from calib.effects.effect import Effect
+from calib.identify import Identification
+from calib.kinematics import Array, Frames
+from calib.least_squares import jacobian
+from calib.model import Design
+from calib.regressors import Regressor
+
+
+@dataclass(frozen=True)
+class Space:
+    """The whitened rows of a fit: k rows a reading (k, n) flattened, `rows` = k n."""
+
+    fitted: Identification
+    frames: Frames
+    residual: Array  # (k, n)
+    rss: float  # sum of squares, priors included
+    basis: Array  # (rows, a): the part of Q that stands over the readings
+    covariance: Array  # (m, m) of the estimate for unit noise
+    columns: Array  # (rows, m)
+
+    @classmethod
+    def of(cls, fitted: Identification) -> Space:
+        """The space of a fit."""
+        design = Design(fitted.model, fitted.readings.conditions)
+        points = fitted.readings.points
+        frames = design.frames(fitted.estimate)
+        columns = jacobian(design, points, frames)
+        active = np.diag(fitted.covariance) > 0.0
+        prior = np.where(active, max(fitted.noise_scale, 1.0) / fitted.model.prior_std, 0.0)
+        size = np.sqrt(np.sum(columns**2, axis=0) + prior**2)[active]
+        stacked = np.vstack([columns[:, active] / size, np.diag(prior[active] / size)])
+        q, r = np.linalg.qr(stacked)
+        inverse = solve_triangular(r, np.eye(len(r))) / size[:, None]
+        covariance = np.zeros((len(active), len(active)))
+        covariance[np.ix_(active, active)] = inverse @ inverse.T
+        residual = points.residual(frames)
+        rss = float(np.sum(residual**2) + np.sum((prior * fitted.estimate) ** 2))
+        return cls(fitted, frames, residual, rss, q[: points.rows], covariance, columns)
+
+    @property
+    def rows(self) -> int:
+        """Number of whitened rows."""
+        return self.residual.size
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom left."""
+        return self.rows - self.basis.shape[1]
+
+    def slot(self, slot: str) -> Array:
+        """(k, n) whitened derivative of the readings for a unit of a slot."""
+        return self.fitted.readings.points.column(self.frames, slot)
+
+    def effect_columns(self, effect: Effect) -> Array:
+        """(rows, p) whitened columns of an effect, whether the model has it or not."""
+        position = {p.name: i for i, p in enumerate(effect.parameters)}
+        columns = np.zeros((len(effect.parameters), self.rows))
+        conditions = self.fitted.readings.conditions
+        slots: dict[str, Array] = {}
+        drives: dict[Regressor, Array | float] = {}
+        for term in effect.terms:
+            if term.slot not in slots:
+                slots[term.slot] = self.slot(term.slot)
+            if term.regressor not in drives:
+                drives[term.regressor] = term.regressor.evaluate(conditions)
+            drive = term.weight * drives[term.regressor]
+            columns[position[term.parameter]] += (slots[term.slot] * drive).ravel()
+        return columns.T
+
+    def by_reading(self, slot_columns: Array, rows: Array) -> Array:
+        """(n, c): for c row vectors (rows, c), the sum over a reading's k rows of slot column x vector."""
+        k, n = slot_columns.shape
+        return np.einsum("kn,knc->nc", slot_columns, rows.reshape(k, n, -1))
+
+    def own_direction(self, effect: Effect) -> tuple[Array, Array]:
+        """What one effect of the model alone explains: orthonormal (rows, p) and the coefficients (p,) in it.
+
+        The columns of the effect less what all others explain are X C_e (C = covariance, C_e its columns of the
+        effect), with Gram matrix C_ee; so q = X C_e L^-T and q'r = L^-1 beta, C_ee = L L'.
+        """
+        positions = self.fitted.model.positions(effect)
+        live = [i for i in positions if self.covariance[i, i] > 0.0]
+        lower = np.linalg.cholesky(self.covariance[np.ix_(live, live)])
+        direction = solve_triangular(lower, (self.columns @ self.covariance[:, live]).T, lower=True).T
+        return direction, solve_triangular(lower, self.fitted.estimate[live], lower=True)

@@ -1,0 +1,29 @@
+"""Drift of the instrument: its frame shifts, or turns about the station, in proportion to time.
+
+Source: trackers warm up and tripods creep; AT960 drifts by tenths of a millimetre in two hours.
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Time
+
+
+def drift_translation() -> Effect:
+    """The instrument's frame shifts; parameters x, y, z, mm/h."""
+    acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time())]) for axis in "xyz"}
+    return effect("drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts)
+
+
+def drift_rotation() -> Effect:
+    """The instrument's frame turns about the station; parameters rx, ry, rz, deg/h."""
+    acts = {axis: ("deg/h", 0.02, [(f"frame.{axis}", Time())]) for axis in ("rx", "ry", "rz")}
+    return effect("drift_rotation", "instrument", "instrument", "The instrument turns about its station with time.", acts)
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """Both, where the readings carry their time."""
+    if not survey.varies(survey.conditions.time):
+        return []
+    return [Candidate(drift_translation()), Candidate(drift_rotation())]

@@ -1,0 +1,181 @@
+"""An effect: a label, an owner, linear parameters, and where each acts times what drives it.
+
+value of a slot = nominal + sum of weight x parameter x regressor, through the exact chain;
+a column of the Jacobian = sum of twist of the slot x weight x regressor, its derivative.
+Level-2 geometry, level-3 compliance and everything that the diagnosis finds are effects of different length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from calib import regressors
+from calib.kinematics import Array
+from calib.regressors import Regressor
+from calib.units import FACTORS, to_display
+
+Owner = Literal["robot", "mounting", "instrument"]
+Group = Literal["base model", "transmission", "structure", "frames and tool", "instrument", "thermal", "procedure"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
+
+    A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
+    deviation); without one it is free.
+    """
+
+    name: str
+    unit: str
+    size: float | None = None
+
+    @property
+    def short(self) -> str:
+        """Name without the label in front: 'gap' of 'backlash:j4.gap'."""
+        return self.name.rpartition(".")[2]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One triple: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
+
+    parameter: str
+    slot: str
+    weight: float
+    regressor: Regressor
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What happens to the robot, its mounting or the instrument, linear in its parameters.
+
+    `shape` holds what was scanned or fixed (harmonic order, change point), by name, for the report.
+    """
+
+    label: str
+    group: Group
+    owner: Owner
+    meaning: str
+    parameters: tuple[Parameter, ...]
+    terms: tuple[Term, ...]
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
+        """Size of the effect, its standard error and unit: root sum of squares of the parameters of the first unit.
+
+        values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself.
+        """
+        unit = self.parameters[0].unit
+        same = [i for i, p in enumerate(self.parameters) if p.unit == unit]
+        v, c = values[same], covariance[np.ix_(same, same)]
+        if len(same) == 1:
+            return to_display(float(v[0]), unit), to_display(math.sqrt(float(c[0, 0])), unit), unit
+        size = float(np.linalg.norm(v))
+        spread = math.sqrt(float(v @ c @ v)) / size if size > 0.0 else math.sqrt(float(np.trace(c)))
+        return to_display(size, unit), to_display(spread, unit), unit
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionary that `from_json` reads back."""
+        return {
+            "label": self.label,
+            "group": self.group,
+            "owner": self.owner,
+            "meaning": self.meaning,
+            "shape": dict(self.shape),
+            "parameters": [{"name": p.name, "unit": p.unit, "size": p.size} for p in self.parameters],
+            "terms": [
+                {
+                    "parameter": t.parameter,
+                    "slot": t.slot,
+                    "weight": t.weight,
+                    "regressor": regressors.to_json(t.regressor),
+                }
+                for t in self.terms
+            ],
+        }
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Effect:
+        """The effect that `to_json` wrote. Raises KeyError when a key or a kind of regressor is unknown."""
+        return cls(
+            label=table["label"],
+            group=table["group"],
+            owner=table["owner"],
+            meaning=table["meaning"],
+            shape=dict(table["shape"]),
+            parameters=tuple(Parameter(p["name"], p["unit"], p["size"]) for p in table["parameters"]),
+            terms=tuple(
+                Term(t["parameter"], t["slot"], t["weight"], regressors.from_json(t["regressor"]))
+                for t in table["terms"]
+            ),
+        )
+
+
+Acts = tuple[str, Regressor] | tuple[str, Regressor, float]
+
+
+def effect(
+    label: str,
+    group: Group,
+    owner: Owner,
+    meaning: str,
+    acts: Mapping[str, tuple[str, float | None, Sequence[Acts]]],
+    shape: Mapping[str, float] | None = None,
+) -> Effect:
+    """Write an effect down briefly.
+
+    acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...]).
+    Parameters are kept in internal units whatever the unit they are shown in. Outside the base model their
+    names start with the label. Raises KeyError for a unit that `units.FACTORS` does not hold.
+    """
+    prefix = "" if group == "base model" else f"{label}."
+    parameters, terms = [], []
+    for name, (unit, size, places) in acts.items():
+        if unit not in FACTORS:
+            raise KeyError(unit)
+        parameters.append(Parameter(prefix + name, unit, size))
+        for slot, regressor, *weight in places:
+            terms.append(Term(prefix + name, slot, float(weight[0]) if weight else 1.0, regressor))
+    return Effect(label, group, owner, meaning, tuple(parameters), tuple(terms), dict(shape or {}))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that the diagnosis may propose as it stands: nothing about it is scanned."""
+
+    effect: Effect
+
+    @property
+    def label(self) -> str:
+        """Label of the effect."""
+        return self.effect.label
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """A family of candidates: cos and sin of order x theta of one joint, the order scanned over `orders`."""
+
+    label: str
+    joint: int
+    slots: tuple[tuple[str, float], ...]
+    orders: Array
+    at: Callable[[float], Effect]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A family of candidates: several slots step together at one reading, its rank scanned over `ranks`."""
+
+    label: str
+    slots: tuple[str, ...]
+    ranks: Array
+    at: Callable[[float], Effect]
+
+
+Offer = Candidate | Harmonics | Steps

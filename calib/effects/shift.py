@@ -1,0 +1,60 @@
+"""A step: the base is bumped, or the tool is, between two readings, and stays where it is.
+
+The change point is the rank of the first reading after the step; it is scanned. Source: a reflector turned in
+its nest, a loosened clamp, a fork-lift against the pedestal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.effects.effect import Effect, Steps, effect
+from calib.effects.survey import Survey
+from calib.kinematics import Array
+from calib.regressors import StepAt
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+COARSE = 250  # change points scanned before refinement
+_FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
+
+
+def _shift(name: str, meaning: str, rank: float) -> Effect:
+    step = StepAt(int(rank))
+    acts = {
+        axis: ("mm", 0.5, [(f"{name}.{axis}", step)]) if len(axis) == 1 else ("deg", 0.1, [(f"{name}.{axis}", step)])
+        for axis in _AXES
+    }
+    return effect(f"{name}_shift", "frames and tool", "mounting", meaning, acts, {"rank": float(int(rank))})
+
+
+def base_shift(rank: float) -> Effect:
+    """The base steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg)."""
+    return _shift("base", "The base, or the instrument, was moved between two readings.", rank)
+
+
+def tool_shift(rank: float) -> Effect:
+    """The tool steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg)."""
+    return _shift("tool", "The tool was moved on the flange between two readings.", rank)
+
+
+MAKERS = {"base_shift": base_shift, "tool_shift": tool_shift}
+
+
+def family(label: str, ranks: Array) -> Steps:
+    """The scan of one kind of step over some change points."""
+    slots = tuple(f"{label.removesuffix('_shift')}.{axis}" for axis in _AXES)
+    return Steps(label, slots, ranks, MAKERS[label])
+
+
+def change_points(survey: Survey) -> Array:
+    """Every rank that leaves enough readings on either side."""
+    return np.sort(survey.conditions.order)[_FEWEST:-_FEWEST]
+
+
+def offer(survey: Survey) -> list[Steps]:
+    """Both kinds, at evenly spread change points; the diagnosis refines the one it chooses."""
+    ranks = change_points(survey)
+    if not len(ranks):
+        return []
+    ranks = ranks[:: max(1, len(ranks) // COARSE)]
+    return [family(label, ranks) for label in MAKERS]

@@ -1,0 +1,41 @@
+"""Thermal growth: every length of the arm grows by the same share a kelvin, a and d times 1 + alpha (T - T-).
+
+Source: steel 11.5, aluminium 23 (1e-6/K).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Temperature
+from calib.robot import Robot
+
+
+def arm_lengths(robot: Robot) -> list[tuple[str, float]]:
+    """The slots of all link lengths with their nominal lengths, mm."""
+    lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [(f"d{k + 1}", d) for k, d in enumerate(robot.d)]
+    return [(slot, length) for slot, length in lengths if length != 0.0]
+
+
+def thermal_growth(robot: Robot, reference_c: float) -> Effect:
+    """The arm grows with the air temperature; parameter expansion, 1e-6/K."""
+    warmth = Temperature(reference_c)
+    places = [(slot, warmth, length) for slot, length in arm_lengths(robot)]
+    return effect(
+        "thermal_growth",
+        "thermal",
+        "robot",
+        "The arm grows and shrinks with the air temperature.",
+        {"expansion": ("1e-6/K", 25.0, places)},
+        {"reference_c": reference_c},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One, where the temperature was recorded and moved."""
+    temperature = survey.conditions.temperature
+    if not survey.varies(temperature):
+        return []
+    return [Candidate(thermal_growth(survey.robot, float(np.mean(temperature))))]

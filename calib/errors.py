@@ -1,0 +1,24 @@
+"""What the numbers can refuse: one error class for input that a person must correct.
+
+A `DataError` names the file, and where it can the line or the key, says what is wrong and what to do.
+The command line turns it into exit code 2, the HTTP service into a problem document.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class DataError(ValueError):
+    """Input that cannot be used as it is. `str(error)` is the whole sentence for the operator."""
+
+    def __init__(
+        self, what: str, *, do: str, file: Path | str | None = None, line: int | None = None, key: str | None = None
+    ) -> None:
+        place = "" if file is None else str(file)
+        if line is not None:
+            place += f", line {line}"
+        if key is not None:
+            place += f", key '{key}'" if place else f"key '{key}'"
+        super().__init__(f"{place}: {what} {do}" if place else f"{what} {do}")
+        self.what, self.do, self.file, self.line, self.key = what, do, file, line, key

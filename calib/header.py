@@ -1,0 +1,171 @@
+"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses what it cannot mean."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from calib.effects.base_model import DEFAULT_GROUPS, GROUPS
+from calib.errors import DataError
+from calib.noise import Noise
+from calib.robot import Load, Robot, load_robot, parse_load
+from calib.units import DEG
+
+FORMAT = "truepose-dataset/1"
+
+Vector = tuple[float, float, float]
+World = Literal["free", "nominal"]
+
+
+@dataclass(frozen=True)
+class Header:
+    """What holds for every row of a data set; lengths mm, angles rad."""
+
+    robot: Robot
+    instrument: str
+    world: World
+    coupling: str
+    gravity: Vector
+    groups: tuple[str, ...]
+    noise: Noise
+    targets: Mapping[str, Vector]
+    series_targets: Mapping[str, Mapping[str, Vector]]
+    loads: tuple[Load, ...]
+    holdout: str
+    base_targets: Mapping[str, Vector] = field(default_factory=dict)
+
+    def targets_of(self, series: str) -> dict[str, Vector]:
+        """Nominal tool targets of a series, flange frame, mm."""
+        return {**self.targets, **self.series_targets.get(series, {})}
+
+
+class _Table:
+    """A TOML table that refuses by name: every getter raises DataError with file and key."""
+
+    def __init__(self, values: Mapping[str, Any], path: Path, prefix: str = "") -> None:
+        self.values, self.path, self.prefix = values, path, prefix
+
+    def refuse(self, key: str, what: str, do: str) -> DataError:
+        return DataError(what, do=do, file=self.path, key=self.prefix + key)
+
+    def text(self, key: str, allowed: tuple[str, ...] | None = None, default: str | None = None) -> str:
+        value = self.values.get(key, default)
+        if value is None:
+            raise self.refuse(key, "is missing.", "Add it; the README shows a complete header.")
+        if not isinstance(value, str) or (allowed is not None and value not in allowed):
+            wanted = "text" if allowed is None else " or ".join(repr(a) for a in allowed)
+            raise self.refuse(key, f"is {value!r}.", f"Use {wanted}.")
+        return value
+
+    def number(self, key: str, default: float | None = None) -> float:
+        value = self.values.get(key, default)
+        if value is None:
+            raise self.refuse(key, "is missing.", "Give a number; the unit is in the key's name.")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0.0:
+            raise self.refuse(key, f"is {value!r}.", "Give a number, zero or above; the unit is in the key's name.")
+        return float(value)
+
+    def vector(self, key: str, default: Vector | None = None) -> Vector:
+        value = self.values.get(key, default)
+        if (
+            not isinstance(value, list | tuple)
+            or len(value) != 3
+            or not all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in value)
+        ):
+            raise self.refuse(key, f"is {value!r}.", "Give three numbers, [x, y, z].")
+        return (float(value[0]), float(value[1]), float(value[2]))
+
+    def table(self, key: str) -> _Table:
+        value = self.values.get(key, {})
+        if not isinstance(value, dict):
+            raise self.refuse(key, f"is {value!r}.", f"Make it a table, [{key}].")
+        return _Table(value, self.path, f"{self.prefix}{key}.")
+
+
+def read_header(path: Path) -> Header:
+    """Read `NAME.toml`. Raises DataError naming the key and what to do."""
+    if not path.is_file():
+        raise DataError(
+            "is missing: a data set is NAME.csv and NAME.toml.",
+            do="Write the header (robot, noise, tool targets); the README shows one.",
+            file=path,
+        )
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataError(f"is not valid TOML ({error}).", do="Correct that place.", file=path) from error
+    table = _Table(values, path)
+    table.text("format", (FORMAT,))
+    try:
+        robot = load_robot(table.text("robot"), path.parent)
+    except DataError as error:
+        if error.file is not None:
+            raise
+        raise DataError(error.what, do=error.do, file=path, key=error.key) from error
+    couplings = ("none", *robot.joint_matrices)
+    series = table.table("series")
+    loads = tuple(parse_load(load, robot.joints, path) for load in values.get("loads", ()))
+    gravity = values.get("gravity_base", [0.0, 0.0, -9.81])
+    return Header(
+        robot=robot,
+        instrument=table.text("instrument", default="unknown"),
+        world=table.text("world", ("free", "nominal"), "free"),  # type: ignore[arg-type]
+        coupling=table.text("joint_coupling", couplings, "none"),
+        gravity=_Table({"gravity_base": gravity}, path).vector("gravity_base"),
+        groups=_groups(table.table("model")),
+        noise=_noise(table.table("noise")),
+        targets=_targets(table.table("tool_targets")),
+        series_targets={name: _targets(series.table(name).table("tool_targets")) for name in series.values},
+        loads=loads or robot.loads,
+        holdout=str(table.table("holdout").values.get("kind", "as measured")),
+        base_targets=_base_targets(table),
+    )
+
+
+def _targets(table: _Table) -> dict[str, Vector]:
+    return {name: table.vector(name) for name in table.values}
+
+
+def _base_targets(table: _Table) -> dict[str, Vector]:
+    if table.values.get("base_targets") == "free":
+        return {}
+    return _targets(table.table("base_targets"))
+
+
+def _groups(table: _Table) -> tuple[str, ...]:
+    groups = table.values.get("fit", list(DEFAULT_GROUPS))
+    if not isinstance(groups, list) or not groups:
+        raise table.refuse("fit", f"is {groups!r}.", f"Give a list of: {', '.join(GROUPS)}.")
+    for group in groups:
+        if group not in GROUPS:
+            raise table.refuse("fit", f"names {group!r}.", f"Use: {', '.join(GROUPS)}.")
+    if len(set(groups)) != len(groups):
+        raise table.refuse("fit", "names a group twice.", "Name each group once.")
+    return tuple(groups)
+
+
+def _noise(table: _Table) -> Noise:
+    kind = table.text("kind", ("tracker", "isotropic", "per-row"))
+    tracker = kind == "tracker"
+    noise = Noise(
+        kind=kind,  # type: ignore[arg-type]
+        sigma_mm=table.number("sigma_mm") if kind == "isotropic" else 0.0,
+        station_mm=table.vector("station_mm") if tracker else (0.0, 0.0, 0.0),
+        range_mm=table.number("range_mm") if tracker else 0.0,
+        range_ppm=table.number("range_ppm", 0.0),
+        transverse_mm=table.number("transverse_mm") if tracker else 0.0,
+        transverse_ppm=table.number("transverse_ppm", 0.0),
+        repeatability=table.number("repeatability_deg", 0.0) * DEG,
+        rotation=table.number("rotation_mrad", 0.0) * 1e-3,
+        length_mm=table.number("length_mm", 0.0),
+    )
+    zero = (kind == "isotropic" and noise.sigma_mm == 0.0) or (
+        tracker and (noise.range_mm + noise.range_ppm == 0.0 or noise.transverse_mm + noise.transverse_ppm == 0.0)
+    )
+    if zero:
+        raise table.refuse("kind", "declares a noise of zero.", "Give the instrument's noise, 1 sigma per axis.")
+    return noise

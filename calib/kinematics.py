@@ -1,0 +1,216 @@
+"""The exact kinematic chain, batched: from slot values to the target frame and the twist of every slot.
+
+The chain is a row of elementary motions, each a turn about or a shift along one axis of the frame that the
+motions before it have made. Each has a name, its *slot*:
+
+    frame.x .. frame.rz    the instrument's frame, turning about the station
+    base.x .. base.rz      the base of the series (behind its constant placement in the world)
+    alphaK aK thetaK dK betaK   link K: Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)  (modified DH), or
+                                        Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)  (standard DH)
+    tool.x .. tool.rz      the tool at the flange
+    target.x .. target.z   the measured target on the tool
+
+Arrays hold one reading a column, so every product runs over all readings at once: vectors are (3, n).
+Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex I (I.2) for the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.robot import Load, Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One elementary motion: `slot` turns about (`turns`) or shifts along axis 0, 1 or 2."""
+
+    slot: str
+    turns: bool
+    axis: int
+
+
+def _six(name: str) -> tuple[Motion, ...]:
+    return tuple(Motion(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k) for turns in (False, True) for k in range(3))
+
+
+def _link(robot: Robot, k: int) -> tuple[Motion, ...]:
+    alpha, beta = Motion(f"alpha{k}", True, 0), Motion(f"beta{k}", True, 1)
+    a, theta, d = Motion(f"a{k}", False, 0), Motion(f"theta{k}", True, 2), Motion(f"d{k}", False, 2)
+    return (alpha, beta, a, theta, d) if robot.convention == "mdh" else (theta, d, a, alpha, beta)
+
+
+FRAME = _six("frame")
+TOOL = _six("tool")
+TARGET = _six("target")[:3]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The motions of one robot: `base` and `links` (one tuple a link)."""
+
+    base: tuple[Motion, ...]
+    links: tuple[tuple[Motion, ...], ...]
+
+    @classmethod
+    def of(cls, robot: Robot) -> Chain:
+        """The chain of `robot`; the thesis puts d_1 before the rotations of the base (I.2)."""
+        base = _six("base")
+        links = [_link(robot, k) for k in range(1, robot.joints + 1)]
+        if robot.base == "thesis":
+            d1 = Motion("d1", False, 2)
+            base = (*base[:3], d1, *base[3:])
+            links[0] = tuple(motion for motion in links[0] if motion != d1)
+        return cls(base, tuple(links))
+
+    @property
+    def slots(self) -> dict[str, Motion]:
+        """Every slot of the chain by name, in order from world to target."""
+        motions = (*FRAME, *self.base, *(m for link in self.links for m in link), *TOOL, *TARGET)
+        return {motion.slot: motion for motion in motions}
+
+
+@dataclass
+class Frames:
+    """Where the chain stands: columns of the rotation `x`, `y`, `z` and the origin `p`, each (3, n) or (3, 1)."""
+
+    x: Array
+    y: Array
+    z: Array
+    p: Array
+    axis: dict[str, Array] = field(default_factory=dict)
+    origin: dict[str, Array] = field(default_factory=dict)
+    turns: dict[str, bool] = field(default_factory=dict)
+    link_frames: list[tuple[Array, Array, Array, Array]] = field(default_factory=list)
+
+    def twist(self, slot: str) -> tuple[Array, Array]:
+        """Velocity of the target point and angular velocity, both (3, n), for a unit rate of `slot`."""
+        axis = self.axis[slot]
+        if not self.turns[slot]:
+            return axis, np.zeros((3, 1))
+        return cross(axis, self.p - self.origin[slot]), axis
+
+    @property
+    def rotation(self) -> Array:
+        """(n, 3, 3) rotation of the target frame in the world."""
+        n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
+        columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
+        return np.stack(columns, axis=-1).transpose(1, 0, 2)
+
+    def _move(self, motion: Motion, value: Array | float) -> None:
+        # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
+        columns = (self.x, self.y, self.z)
+        self.axis[motion.slot] = columns[motion.axis]
+        self.origin[motion.slot] = self.p
+        self.turns[motion.slot] = motion.turns
+        if isinstance(value, float) and value == 0.0:
+            return
+        if not motion.turns:
+            self.p = self.p + columns[motion.axis] * value
+            return
+        c, s = np.cos(value), np.sin(value)
+        if motion.axis == 0:
+            self.y, self.z = self.y * c + self.z * s, self.z * c - self.y * s
+        elif motion.axis == 1:
+            self.z, self.x = self.z * c + self.x * s, self.x * c - self.z * s
+        else:
+            self.x, self.y = self.x * c + self.y * s, self.y * c - self.x * s
+
+    def _shift(self, vector: Array) -> None:
+        self.p = self.p + self.x * vector[0] + self.y * vector[1] + self.z * vector[2]
+
+    def _place(self, rotation: Array, translation: Array) -> None:
+        """Compose with constants: rotation (3, 3, n or 1), translation (3, n or 1)."""
+        self._shift(translation)
+        columns = (self.x, self.y, self.z)
+        self.x, self.y, self.z = (
+            sum(columns[i] * rotation[i, j] for i in range(3)) for j in range(3)  # type: ignore[misc]
+        )
+
+
+def cross(u: Array, v: Array) -> Array:
+    """Cross product of (3, n) arrays along the first axis (several times faster than numpy.cross)."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Constant pose of the base in the world for every reading: rotation (3, 3, n or 1), translation (3, n or 1)."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3)[:, :, None])
+    translation: Array = field(default_factory=lambda: np.zeros((3, 1)))
+
+
+def propagate(
+    chain: Chain, values: Mapping[str, Array | float], placement: Placement, station: Array | None = None
+) -> Frames:
+    """Carry frames through the chain.
+
+    values: slot -> (n,) or float, rad or mm; a slot that is absent is zero. station: (3,) mm, the point about
+    which the instrument's frame turns. Returns the frame of the target and the axis of every slot on the way.
+    """
+    eye = np.eye(3)
+    centre = np.zeros((3, 1)) if station is None else np.asarray(station, dtype=np.float64).reshape(3, 1)
+    frames = Frames(eye[:, :1], eye[:, 1:2], eye[:, 2:], centre)
+    for motion in FRAME:
+        frames._move(motion, values.get(motion.slot, 0.0))
+    frames._shift(-centre)
+    frames._place(placement.rotation, placement.translation)
+    for motion in chain.base:
+        frames._move(motion, values.get(motion.slot, 0.0))
+    for link in chain.links:
+        for motion in link:
+            frames._move(motion, values.get(motion.slot, 0.0))
+        frames.link_frames.append((frames.x, frames.y, frames.z, frames.p))
+    for motion in (*TOOL, *TARGET):
+        frames._move(motion, values.get(motion.slot, 0.0))
+    return frames
+
+
+def nominal_values(robot: Robot, joints: Array) -> dict[str, Array | float]:
+    """Slot values of the nominal robot at model angles `joints` (n, N), rad."""
+    values: dict[str, Array | float] = {}
+    for k in range(robot.joints):
+        values[f"alpha{k + 1}"] = robot.alpha[k]
+        values[f"a{k + 1}"] = robot.a[k]
+        values[f"theta{k + 1}"] = joints[:, k] + robot.theta[k]
+        values[f"d{k + 1}"] = robot.d[k]
+    return values
+
+
+def forward(robot: Robot, joints: Array) -> Array:
+    """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model angles (n, N), rad."""
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    poses = np.zeros((len(joints), 4, 4))
+    poses[:, :3, :3] = frames.rotation
+    poses[:, :3, 3] = frames.p.T
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def gravity_torques(
+    robot: Robot, joints: Array, loads: tuple[Load, ...] | None = None, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+) -> Array:
+    """(n, N) torque of gravity about each joint, N.mm, positive in the direction in which gravity pushes.
+
+    tau_i = z_i . sum over loads beyond joint i of (c_j - o_i) x (m_j g), at nominal geometry and the model angles
+    `joints` (n, N), rad; gravity (3,) in the base frame, m/s2. Source: Nubiola, Annex I; equals -dU/dq.
+    """
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    g = np.array(gravity)[:, None]
+    torques = np.zeros((len(joints), robot.joints))
+    for load in robot.loads if loads is None else loads:
+        x, y, z, p = frames.link_frames[load.link - 1]
+        centre = p + x * load.cog_mm[0] + y * load.cog_mm[1] + z * load.cog_mm[2]
+        weight = np.broadcast_to(load.mass_kg * g, centre.shape)
+        for k in range(load.link):
+            slot = f"theta{k + 1}"
+            moment = cross(centre - frames.origin[slot], weight)
+            torques[:, k] += np.sum(frames.axis[slot] * moment, axis=0)
+    return torques

@@ -1,0 +1,142 @@
+"""The model: a nominal robot, where it stands, and a tuple of effects. Diagnosing appends to that tuple.
+
+`RobotModel` is constant. `Design` binds it to the conditions of n readings, with every regressor evaluated once;
+it turns an estimate (m,) in internal units into slot values, frames, and Jacobian columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from calib.conditions import Conditions
+from calib.effects.effect import Effect, Owner, Parameter
+from calib.kinematics import Array, Chain, Frames, Placement, nominal_values, propagate
+from calib.robot import Robot
+from calib.units import to_internal
+
+ALL_OWNERS: tuple[Owner, ...] = ("robot", "mounting", "instrument")
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A robot in the world.
+
+    placements: series -> (4, 4) constant pose from which the base parameters count, mm;
+    targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world.
+    """
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    targets: Mapping[str, Mapping[str, tuple[float, float, float]]]
+    placements: Mapping[str, Array] = field(default_factory=dict)
+    station: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain of elementary motions."""
+        return Chain.of(self.robot)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter in order; positions in an estimate follow it."""
+        return tuple(p for effect in self.effects for p in effect.parameters)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Name of a parameter -> its position. Raises ValueError when two share a name."""
+        index = {p.name: i for i, p in enumerate(self.parameters)}
+        if len(index) != len(self.parameters):
+            raise ValueError("two effects of the model share a parameter name")
+        return index
+
+    def positions(self, effect: Effect) -> list[int]:
+        """Positions of the parameters of one of the model's effects."""
+        return [self.index[p.name] for p in effect.parameters]
+
+    def owned(self, owners: Iterable[Owner]) -> Array:
+        """(m,) 1 where a parameter belongs to one of `owners`, else 0."""
+        wanted = set(owners)
+        return np.array([float(e.owner in wanted) for e in self.effects for _ in e.parameters])
+
+    @cached_property
+    def prior_std(self) -> Array:
+        """(m,) standard deviation of the prior of every parameter, internal units; infinite where free."""
+        return np.array([np.inf if p.size is None else to_internal(p.size, p.unit) for p in self.parameters])
+
+    def append(self, *effects: Effect) -> RobotModel:
+        """The model with more effects at the end."""
+        return replace(self, effects=(*self.effects, *effects))
+
+    def without(self, *labels: str) -> RobotModel:
+        """The model without the effects of these labels."""
+        return replace(self, effects=tuple(e for e in self.effects if e.label not in labels))
+
+
+class Design:
+    """A model bound to the conditions of n readings."""
+
+    def __init__(self, model: RobotModel, conditions: Conditions) -> None:
+        self.model = model
+        self.conditions = conditions
+        n = len(conditions)
+        self._nominal = nominal_values(model.robot, conditions.joints)
+        nominal_targets = np.zeros((n, 3))
+        for s, series in enumerate(conditions.series_names):
+            for t, target in enumerate(conditions.target_names):
+                rows = (conditions.series == s) & (conditions.target == t)
+                if rows.any():
+                    nominal_targets[rows] = model.targets[series][target]
+        for k, axis in enumerate("xyz"):
+            self._nominal[f"target.{axis}"] = nominal_targets[:, k]
+        poses = np.stack([model.placements.get(name, np.eye(4)) for name in conditions.series_names])
+        if len(poses) > 1:
+            poses = poses[conditions.series]
+        self._placement = Placement(poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T)
+        self._station = np.array(model.station)
+        # (parameter position, slot, weight x regressor)
+        self.terms: list[tuple[int, str, Array | float]] = []
+        for effect in model.effects:
+            for term in effect.terms:
+                value = term.regressor.evaluate(conditions)
+                self.terms.append((model.index[term.parameter], term.slot, term.weight * value))
+
+    @cached_property
+    def slots(self) -> tuple[str, ...]:
+        """Slots on which some parameter acts, in the order of the chain."""
+        used = {slot for _, slot, _ in self.terms}
+        return tuple(slot for slot in self.model.chain.slots if slot in used)
+
+    def values(self, estimate: Array) -> dict[str, Array | float]:
+        """Slot -> value, nominal plus everything the estimate (m,) adds."""
+        values = dict(self._nominal)
+        for position, slot, drive in self.terms:
+            amount = float(estimate[position])
+            if amount != 0.0:
+                values[slot] = values.get(slot, 0.0) + amount * drive
+        return values
+
+    def frames(self, estimate: Array) -> Frames:
+        """The chain at the estimate (m,)."""
+        return propagate(self.model.chain, self.values(estimate), self._placement, self._station)
+
+    def predict(self, estimate: Array, owners: Iterable[Owner] = ALL_OWNERS) -> Array:
+        """(n, 3) points, mm, with the effects of `owners` only."""
+        frames = self.frames(estimate * self.model.owned(owners))
+        return np.broadcast_to(frames.p, (3, len(self.conditions))).T.copy()
+
+    def columns(self, slot_columns: Callable[[str], Array], rows: int) -> Array:
+        """Jacobian (rows, m): sum over terms of slot column (k, n) x drive, flattened.
+
+        `slot_columns(slot)` gives the observation's derivative for a unit of the slot, (k, n) with k n = rows.
+        """
+        jacobian = np.zeros((len(self.model.parameters), rows))
+        cache: dict[str, Array] = {}
+        for position, slot, drive in self.terms:
+            if slot not in cache:
+                cache[slot] = slot_columns(slot)
+            jacobian[position] += (cache[slot] * drive).ravel()
+        return jacobian.T

@@ -1,0 +1,173 @@
+"""What drives an effect: functions of the conditions, one value a reading.
+
+A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant). Its
+fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from calib.conditions import Conditions
+from calib.kinematics import Array
+
+
+class Regressor(Protocol):
+    """Anything that gives one number a reading."""
+
+    def evaluate(self, conditions: Conditions) -> Array | float:
+        """(n,) values, or a float that holds for every reading."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """1 for every reading."""
+
+    def evaluate(self, conditions: Conditions) -> float:
+        """1.0"""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class InSeries:
+    """1 for the readings of one series (one set-up of base and instrument), 0 elsewhere."""
+
+    series: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        return (conditions.series == conditions.series_names.index(self.series)).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class OnTarget:
+    """1 for the readings of one tool target in one series, 0 elsewhere."""
+
+    series: str
+    target: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        of_target = conditions.target == conditions.target_names.index(self.target)
+        return of_target * InSeries(self.series).evaluate(conditions)
+
+
+@dataclass(frozen=True)
+class JointAngle:
+    """theta of a joint, rad."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) rad."""
+        return conditions.joints[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Gravity torque about a joint, N.mm."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.torque[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
+class Cosine:
+    """cos(order x theta of a joint); order in cycles a turn."""
+
+    joint: int
+    order: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,)"""
+        return np.cos(self.order * conditions.joints[:, self.joint - 1])
+
+
+@dataclass(frozen=True)
+class Sine:
+    """sin(order x theta of a joint); order in cycles a turn."""
+
+    joint: int
+    order: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,)"""
+        return np.sin(self.order * conditions.joints[:, self.joint - 1])
+
+
+@dataclass(frozen=True)
+class Side:
+    """Side from which a joint arrived: +1 from below, -1 from above."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) +1 or -1."""
+        return conditions.side[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
+class Time:
+    """Seconds since the start of the campaign."""
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) s."""
+        return conditions.time
+
+
+@dataclass(frozen=True)
+class StepAt:
+    """0 before the reading of rank `order`, 1 from it on."""
+
+    order: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        return (conditions.order >= self.order).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class Temperature:
+    """Air temperature above `reference_c`, K."""
+
+    reference_c: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) K."""
+        return conditions.temperature - self.reference_c
+
+
+KINDS = {
+    kind.__name__: kind
+    for kind in (
+        Constant,
+        InSeries,
+        OnTarget,
+        JointAngle,
+        Torque,
+        Cosine,
+        Sine,
+        Side,
+        Time,
+        StepAt,
+        Temperature,
+    )
+}
+
+
+def to_json(regressor: Regressor) -> dict[str, Any]:
+    """Plain dictionary of a regressor: its kind and its shape."""
+    return {"kind": type(regressor).__name__, **asdict(regressor)}  # type: ignore[call-overload]
+
+
+def from_json(table: dict[str, Any]) -> Regressor:
+    """The regressor that `to_json` wrote. Raises KeyError for a kind that this version does not know."""
+    shape = {key: value for key, value in table.items() if key != "kind"}
+    return KINDS[table["kind"]](**shape)

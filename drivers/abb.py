@@ -1,0 +1,387 @@
+"""ABB IRC5 through RAPID sockets: the open_abb text dialect, and our superset of it.
+
+open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
+`<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and
+cannot be stopped: `can_stop` is False, the commanded joints are the record, the read-back only a check.
+Its answers carry no number, so every question is followed by a ping: whatever a late or doubled answer left
+on the wire then meets the wrong code and closes the link.
+
+`robot_side/abb/CALSRV.mod` adds codes 200-208, detected by asking 200: replies end with ` #` LF, echo a
+sequence number, give five decimals; a second task on the next port (5001) answers while the robot moves or
+stands in an emergency stop, and stops it (207). Nothing here was tried on a controller yet.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+from drivers.abb_conversation import AbbConversation, AbbDeadlines, Numbered
+from drivers.errors import (
+    AcquisitionError,
+    CannotStop,
+    CommandRefused,
+    ConfigError,
+    EmergencyStop,
+    EnableLost,
+    JointLimit,
+    LinkError,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    ProtectiveStop,
+    ProtocolError,
+    WrongMode,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.link import TcpLink, WireSink, parse_url
+
+_LOG = logging.getLogger(__name__)
+_JOINTS = 6
+_STOCK_DECIMALS = 2
+_WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
+_IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
+_STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([rb"-?\d{1,3}\.\d{2}"] * _JOINTS) + rb"))")
+_CAL_JOINT = re.compile(rb"-?\d{1,3}\.\d{5}")
+_MODES = {1: "auto", 2: "manual", 3: "manual"}
+_REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
+    1: (CommandRefused, "bad parameters"),
+    2: (JointLimit, "out of range"),
+    3: (ProtectiveStop, "motion stopped by the controller"),
+    4: (WrongMode, "not in automatic mode, or motors off"),
+    5: (MotionStopped, "motion interrupted"),
+    9: (CommandRefused, "unknown code"),
+}
+
+
+class AbbArm:
+    """One ABB robot. Verbs block; `stop` and `status` use the background connection where there is one."""
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "abb",
+        speed_mm_s: float = 500.0,
+        speed_deg_s: float = 20.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        tolerance_deg: float = 0.05,
+        watchdog_s: float = 2.0,
+        deadlines: AbbDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not (speed_mm_s > 0 and speed_deg_s > 0):
+            raise ConfigError(
+                f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=name
+            )
+        if limits_deg is not None and len(limits_deg) != _JOINTS:
+            raise ConfigError(f"limits_deg needs {_JOINTS} pairs, not {len(limits_deg)}", device=name)
+        address = parse_url(url)
+        background = address.options.get("background", str(address.port + 1))
+        if not background.isdecimal():
+            raise ConfigError(f"background={background!r} in {url!r} is not a port", device=name)
+        self.name = name
+        self._deadlines = deadlines or AbbDeadlines()
+        self._speed = (speed_mm_s, speed_deg_s)
+        self._limits = limits_deg
+        self._tolerance_deg = tolerance_deg
+        self._watchdog_ms = round(watchdog_s * 1000)
+        behind = replace(address, port=int(background))
+        self._main = AbbConversation(TcpLink(address, name, wire=wire, clock=clock), self._deadlines)
+        self._back = AbbConversation(
+            TcpLink(behind, f"{name}-background", wire=wire, clock=clock), self._deadlines
+        )
+        self._superset = False
+        self._armed = False
+        self._stopped = threading.Event()
+        self._where: tuple[float, ...] | None = None
+        self._clock = clock
+        self._next_look = 0.0
+        self._warned = False
+
+    @property
+    def deadlines(self) -> AbbDeadlines:
+        """The named waits; may be replaced between questions."""
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: AbbDeadlines) -> None:
+        self._deadlines = self._main.deadlines = self._back.deadlines = deadlines
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    @property
+    def can_stop(self) -> bool:
+        """True only after the superset was found; a stock open_abb cannot be stopped by network."""
+        return self._superset
+
+    @property
+    def dialect(self) -> str:
+        """`calsrv` or `open_abb`, as found by the last connect."""
+        return "calsrv" if self._superset else "open_abb"
+
+    def connect(self) -> None:
+        """Open, ping, probe for the superset, read the joints. Nothing moves. Raises LinkError."""
+        if not self._warned:
+            self._warned = True
+            _LOG.warning("%s: this ABB driver is unverified on hardware", self.name)
+        with self._main.lock:
+            self.disconnect()
+            try:
+                self._open_main()
+                self._superset = self._main.probe()
+                if self._superset:
+                    with self._back.lock:
+                        self._back.link.open(connect_s=self.deadlines.connect_s)
+                        if not self._back.probe():
+                            raise ProtocolError("background port speaks no superset", device=self.name)
+                self._where = self.position().joints_deg
+            except BaseException:
+                self.disconnect()
+                raise
+
+    def disconnect(self) -> None:
+        """Close both connections and disarm; never raises."""
+        self._armed = False
+        self._where = None
+        self._main.link.close()
+        self._back.link.close()
+
+    def _open_main(self) -> None:
+        try:
+            self._main.link.open(connect_s=self.deadlines.connect_s)
+            self._main.ping()
+        except LinkError:
+            self._main.link.open(connect_s=self.deadlines.connect_s)
+            try:
+                self._main.ping(again=True)
+            except LinkTimeout as error:
+                self._look_behind_silence()
+                error.what_to_do = (
+                    "Check that the RAPID program runs and that no other program is connected to the robot."
+                )
+                raise
+
+    def _look_behind_silence(self) -> None:
+        """T_ROB1 is silent; the background task, if there is one, may know of an emergency stop."""
+        with self._back.lock, suppress(LinkError):
+            self._back.link.open(connect_s=self.deadlines.ping_s)
+            if self._back.probe():
+                self._raise_if_unfit(self._numbered_status(), "connect")
+
+    def identify(self) -> Identity:
+        """Serial number, RobotWare and type. Raises LinkError, CommandRefused."""
+        found = self._main.ask(98, (), _IDENTITY, quiet_s=self.deadlines.quiet_s)
+        serial, firmware, model = (part.decode("latin-1").strip() for part in found.groups())
+        return Identity("ABB", model, serial, firmware, self.dialect)
+
+    # -- arming -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Check the controller, set speed, stop points and watchdog; allow motion.
+
+        Raises LinkError, SafetyStop, WrongMode.
+        """
+        with self._main.lock:
+            if self._superset:
+                self._raise_if_unfit(self.status(), "arm")
+            self._main.ask(8, self._speed)
+            self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
+            if self._superset:
+                self._ask(self._main, 208, (self._watchdog_ms,))
+            self._where = self.position().joints_deg
+            self._stopped.clear()
+            self._armed = True
+
+    def disarm(self) -> None:
+        """No more motion until armed again; never raises."""
+        self._armed = False
+
+    # -- motion -------------------------------------------------------------------------------------------
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go to these joint angles, wait until the robot stands, read back.
+
+        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown), SafetyStop, WrongMode,
+        MotionStopped, NotReached.
+        """
+        target = tuple(float(q) for q in joints_deg)
+        self._check(target)
+        with self._main.lock:
+            if not self._armed:
+                raise NotArmed("motion without arming", device=self.name, command="move_to")
+            seconds = self._move_seconds(target)
+            self._next_look = self._clock() + 2 * self._main.link.poll_s
+            try:
+                if self._superset:
+                    self._ask(self._main, 201, target, "move_s", seconds, meanwhile=self._look)
+                else:
+                    self._stock_move(target, seconds)
+                reached = self.position()
+            except BaseException:
+                self._armed = False  # wherever the robot is now, somebody has to look first
+                raise
+            self._where = reached.joints_deg
+        self._check_reached(target, reached)
+        return reached
+
+    def _stock_move(self, target: tuple[float, ...], seconds: float) -> None:
+        """A stopped task never answers, nor in an emergency stop; the log tells it from a dead link."""
+        try:
+            self._main.ask(2, target, deadline="move_s", seconds=seconds)
+        except LinkTimeout as error:
+            joints = None
+            with self._back.lock, suppress(LinkError):
+                self._back.link.open(connect_s=self.deadlines.ping_s)
+                joints = self._back.log_joints()
+            self._back.link.close()
+            if joints is None or max(abs(a - b) for a, b in zip(joints, target, strict=True)) < 0.1:
+                raise
+            raise ProtectiveStop(
+                "controller lives, its program stopped on the way (emergency stop, supervision, limit)",
+                device=self.name,
+                command="move_to",
+            ) from error
+
+    def position(self) -> JointReading:
+        """Joint angles as the controller reads them back now. Raises LinkError."""
+        if not self._superset:
+            found = self._main.ask(4, (), _STOCK_JOINTS)
+            return JointReading(
+                self._joints(found[1].split(b" "), found[0]), 10.0**-_STOCK_DECIMALS, found[0]
+            )
+        answer = self._ask(self._main, 202)
+        if len(answer.fields) != _JOINTS or not all(_CAL_JOINT.fullmatch(each) for each in answer.fields):
+            raise self._damaged("not six joints of five decimals", "202", answer.raw)
+        return JointReading(self._joints(answer.fields, answer.raw), 1e-5, answer.raw)
+
+    def stop(self) -> None:
+        """Halt the robot now and disarm. From any thread. Raises CannotStop (stock dialect), LinkError."""
+        self._armed = False
+        self._stopped.set()
+        if not self._superset:
+            raise CannotStop("stock open_abb has no stop", device=self.name, command="stop")
+        with self._back.lock:
+            try:
+                self._ask(self._back, 207, (), "stop_s", self.deadlines.stop_s)
+            except LinkError:  # a stop is worth a second try on a fresh connection
+                self._back.link.open(connect_s=self.deadlines.stop_s)
+                self._ask(self._back, 207, (), "stop_s", self.deadlines.stop_s)
+
+    def status(self) -> RobotStatus:
+        """State of the controller; in the stock dialect only that it answers. Raises LinkError."""
+        if not self._superset:
+            self._main.ping()
+            return RobotStatus("unknown", None, None, None)
+        return self._numbered_status()
+
+    def _numbered_status(self) -> RobotStatus:
+        answer = self._ask(self._back, 205, (), "stop_s", self.deadlines.stop_s)
+        fields, raw = answer.fields, answer.raw
+        if len(fields) != 6 or not all(re.fullmatch(rb"\d{1,5}", field) for field in fields):
+            raise self._damaged("not six whole numbers", "205", raw)
+        mode, run, motors, estop, moving, number = (int(field) for field in fields)
+        if mode > 3 or run > 9 or max(motors, estop, moving) > 1:
+            raise self._damaged("state out of range", "205", raw)
+        return RobotStatus(
+            _MODES.get(mode, "unknown"), bool(motors), bool(estop), bool(moving), number or None, raw
+        )
+
+    # -- checks -------------------------------------------------------------------------------------------
+
+    def _check(self, target: tuple[float, ...]) -> None:
+        if len(target) != _JOINTS:
+            raise JointLimit(
+                f"{len(target)} joints given, {_JOINTS} needed", device=self.name, command="move_to"
+            )
+        for i, q in enumerate(target):
+            low, high = self._limits[i] if self._limits is not None else (-_WIDEST_DEG, _WIDEST_DEG)
+            if not low <= q <= high:  # also refuses NaN
+                raise JointLimit(
+                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
+                    device=self.name,
+                    command="move_to",
+                )
+
+    def _check_reached(self, target: tuple[float, ...], reached: JointReading) -> None:
+        worst = max(abs(a - b) for a, b in zip(target, reached.joints_deg, strict=True))
+        if worst > self._tolerance_deg + reached.resolution_deg / 2:
+            self._armed = False
+            raise NotReached(
+                f"stands {worst:.3f} deg from where it was sent",
+                device=self.name,
+                command="move_to",
+                raw=reached.raw,
+            )
+
+    def _move_seconds(self, target: tuple[float, ...]) -> float:
+        where = self._where or (0.0,) * _JOINTS
+        far = max(abs(a - b) for a, b in zip(target, where, strict=True))
+        return self.deadlines.move_factor * far / self._speed[1] + self.deadlines.move_margin_s
+
+    def _look(self) -> None:
+        """While a move is pending: feeds the watchdog, and sees what T_ROB1 cannot report any more."""
+        if self._clock() < self._next_look:
+            return
+        self._next_look = self._clock() + 2 * self._main.link.poll_s
+        if self._stopped.is_set():  # the stop may have overtaken the move: say it again
+            self.stop()
+        else:
+            self._raise_if_unfit(self.status(), "move_to")
+
+    def _raise_if_unfit(self, status: RobotStatus, command: str) -> None:
+        if status.emergency_stop:
+            raise EmergencyStop("emergency stop pressed", device=self.name, command=command, raw=status.raw)
+        if status.mode != "auto":
+            raise WrongMode(
+                f"controller in mode {status.mode}", device=self.name, command=command, raw=status.raw
+            )
+        if not status.motors_on:
+            kind = EnableLost if command == "move_to" else WrongMode
+            raise kind("motors off", device=self.name, command=command, raw=status.raw)
+
+    def _joints(self, fields: Sequence[bytes], raw: bytes) -> tuple[float, ...]:
+        joints = tuple(float(field) for field in fields)
+        if not all(math.isfinite(q) and abs(q) < _WIDEST_DEG for q in joints):
+            raise self._damaged("joint angle out of range", "position", raw)
+        return joints
+
+    def _damaged(self, message: str, command: str, raw: bytes) -> ProtocolError:
+        self.disconnect()
+        return ProtocolError(message, device=self.name, command=command, raw=raw)
+
+    # -- asking -------------------------------------------------------------------------------------------
+
+    def _ask(
+        self,
+        talk: AbbConversation,
+        code: int,
+        values: Sequence[float] = (),
+        deadline: str = "reply_s",
+        seconds: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> Numbered:
+        """A numbered question; a refusal is raised as what it means."""
+        answer = talk.ask_numbered(code, values, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        if answer.errno:
+            raise self._refusal(answer, str(code))
+        return answer
+
+    def _refusal(self, answer: Numbered, command: str) -> AcquisitionError:
+        if answer.errno == 3:  # T_ROB1 only knows that it was stopped; the background task may know why
+            try:
+                self._raise_if_unfit(self.status(), "move_to")
+            except (EmergencyStop, EnableLost, WrongMode) as error:
+                return error
+        kind, text = _REFUSALS.get(answer.errno, (CommandRefused, f"error {answer.errno}"))
+        return kind(text, device=self.name, command=command, raw=answer.raw)

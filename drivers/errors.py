@@ -1,0 +1,245 @@
+"""Errors of devices, sorted by what the sequencer does about them.
+
+    LinkError      1xxx   reconnect, approach again, retry
+    Unmeasurable   2xxx   retry, then skip the pose
+    Refused        3xxx   pause and ask the operator
+    SafetyStop     4xxx   stop everything; never resume by itself
+    StorageError   5xxx   pause
+    ConfigError    6xxx   refuse to start
+    NoOperator     7xxx   nobody there to answer a prompt: end with exit code 4
+
+The numeric codes are part of the record (database, HTTP, reports) and never change their meaning.
+Every error names the device, the command that was under way and the raw reply, and tells the operator
+in one sentence what to do.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class AcquisitionError(Exception):
+    """Root of all errors of devices and of the campaign; caught only by class below it."""
+
+    code: ClassVar[int] = 0
+    exit_code: ClassVar[int] = 1
+    advice: ClassVar[str] = "Note what happened and call the person responsible for the cell."
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        device: str = "",
+        command: str = "",
+        raw: bytes = b"",
+        what_to_do: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.device = device
+        self.command = command
+        self.raw = raw
+        self.what_to_do = what_to_do if what_to_do is not None else self.advice
+
+    def __str__(self) -> str:
+        where = f"{self.device}: " if self.device else ""
+        during = f" (during {self.command})" if self.command else ""
+        reply = f", reply {self.raw!r}" if self.raw else ""
+        return f"{where}{self.message}{during}{reply} [{self.code}]"
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values for the audit log and for problem+json; raw bytes as latin-1 text."""
+        return {
+            "code": self.code,
+            "name": type(self).__name__,
+            "device": self.device,
+            "command": self.command,
+            "message": self.message,
+            "raw": self.raw.decode("latin-1"),
+            "what_to_do": self.what_to_do,
+        }
+
+
+class LinkError(AcquisitionError):
+    """The conversation with the device broke; the link is closed and a reconnect is needed."""
+
+    code = 1000
+    exit_code = 4
+    advice = "Check cable, power and network address of the device; the program then connects again."
+
+
+class LinkTimeout(LinkError):
+    """No complete answer before the named deadline."""
+
+    code = 1001
+    advice = "Check that the device is on and its program is running, then let the program connect again."
+
+
+class LinkLost(LinkError):
+    """The device refused, closed or reset the connection."""
+
+    code = 1002
+
+
+class ProtocolError(LinkError):
+    """The answer is not one that this question can have; its content is not used."""
+
+    code = 1003
+    advice = "Check that the right device and program version answer at this address, then connect again."
+
+
+class Unmeasurable(AcquisitionError):
+    """The instrument works, this point cannot be measured now."""
+
+    code = 2000
+    advice = "Look at the target and the line of sight, then repeat the measurement or skip the pose."
+
+
+class BeamBroken(Unmeasurable):
+    """Beam interrupted during or before the reading."""
+
+    code = 2001
+    advice = "Clear the line of sight, bring the beam back to the SMR and repeat the measurement."
+
+
+class TargetNotSeen(Unmeasurable):
+    """Target lost, not found, or not seated where it was asked for."""
+
+    code = 2002
+    advice = "Check that the SMR is seated and faces the instrument, then repeat the measurement."
+
+
+class OutOfRange(Unmeasurable):
+    """Beyond the travel of the instrument."""
+
+    code = 2003
+    advice = "The point lies outside the instrument's range: skip the pose or move the instrument."
+
+
+class NoisyMeasurement(Unmeasurable):
+    """Reading made, but stale, inaccurate or scattered: void."""
+
+    code = 2004
+    advice = "Wait until robot and air are calm, then repeat the measurement."
+
+
+class Refused(AcquisitionError):
+    """The device is well and says no, or the driver refuses before asking it."""
+
+    code = 3000
+    advice = "Read the message, put the device in order and confirm to go on."
+
+
+class NotArmed(Refused):
+    """Motion was asked for without arming first, or after something disarmed the device."""
+
+    code = 3001
+    advice = "Check that the cell is clear, then arm the device again."
+
+
+class Busy(Refused):
+    """Another client holds the device, or it is still busy with something else."""
+
+    code = 3002
+    advice = "Close the other program that uses the device, then try again."
+
+
+class JointLimit(Refused):
+    """Target outside the joint limits; nothing moved."""
+
+    code = 3003
+    exit_code = 5
+    advice = "Remove this pose from the campaign, or correct the limits in the cell file."
+
+
+class WrongMode(Refused):
+    """Controller in manual mode or motors off."""
+
+    code = 3004
+    exit_code = 4
+    advice = "Switch the controller to automatic mode and the motors on, then confirm."
+
+
+class NotReady(Refused):
+    """Instrument not initialised, warming up, or without weather data."""
+
+    code = 3005
+    exit_code = 4
+    advice = "Let the instrument finish its start-up and check its weather station, then confirm."
+
+
+class MotionStopped(Refused):
+    """The move ended before its target because it was stopped."""
+
+    code = 3006
+    advice = "The robot stopped on its way: check the cell, then arm it again; the pose is approached anew."
+
+
+class CannotStop(Refused):
+    """The device has no way to be stopped through the network."""
+
+    code = 3007
+    exit_code = 5
+    advice = "Press the stop button of the controller: this robot cannot be stopped by the program."
+
+
+class NotReached(Refused):
+    """The controller reports the end of the move, but not at the target."""
+
+    code = 3008
+    advice = "Compare the position on the pendant with the one asked for before going on."
+
+
+class CommandRefused(Refused):
+    """The device answered with an error of its own that has no better class here."""
+
+    code = 3009
+
+
+class SafetyStop(AcquisitionError):
+    """A safety function acted. Nothing resumes by itself."""
+
+    code = 4000
+    exit_code = 5
+    advice = "Find out why the safety function acted, reset it at the controller, then resume the campaign."
+
+
+class EmergencyStop(SafetyStop):
+    """Emergency stop pressed."""
+
+    code = 4001
+
+
+class ProtectiveStop(SafetyStop):
+    """Collision or supervision stop of the controller."""
+
+    code = 4002
+
+
+class EnableLost(SafetyStop):
+    """Enabling device released or safeguard opened."""
+
+    code = 4003
+
+
+class StorageError(AcquisitionError):
+    """The record cannot be written."""
+
+    code = 5000
+    advice = "Make room on the disk or correct its permissions, then resume the campaign."
+
+
+class ConfigError(AcquisitionError):
+    """A file, address or option is wrong; nothing was started."""
+
+    code = 6000
+    exit_code = 2
+    advice = "Correct the cell or campaign file and start again."
+
+
+class NoOperator(AcquisitionError):
+    """A prompt needs a person and none can be reached."""
+
+    code = 7000
+    exit_code = 4
+    advice = "Start the program in a terminal or use the operator page, so that somebody can answer."

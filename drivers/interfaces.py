@@ -1,0 +1,143 @@
+"""What the sequencer may ask of a device: small protocols, one per capability, and what they answer.
+
+Verbs are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so asking again
+after a fault is safe. Nothing moves on `connect`. `stop` halts motion (it does not disconnect), may be called
+from any thread while another verb is pending, and disarms. Every verb raises only errors of `drivers.errors`
+and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsius, hectopascals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol, runtime_checkable
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who answers at the address. `simulated` is None where the protocol does not say."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+    protocol: str
+    simulated: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JointReading:
+    """Joint angles as the controller reports them (deg), with the resolution of its reply (deg)."""
+
+    joints_deg: tuple[float, ...]
+    resolution_deg: float
+    raw: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStatus:
+    """State of the controller; None means that this dialect cannot tell."""
+
+    mode: str  # "auto", "manual" or "unknown"
+    motors_on: bool | None
+    emergency_stop: bool | None
+    moving: bool | None
+    error_number: int | None = None
+    raw: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentStatus:
+    """State of an instrument in the words of its protocol (OFF, WARMING, READY, BUSY, ERROR, ESTOP)."""
+
+    state: str
+    t_air_c: float | None = None
+    pressure_hpa: float | None = None
+    humidity_percent: float | None = None
+    raw: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class PointReading:
+    """One averaged point in the instrument's own frame (mm).
+
+    `std_mm`: standard deviation of single samples per axis; `t_s`: device clock at the end of the average
+    (s); `age_s`: how old the average was when it was sent (s).
+    """
+
+    target: str
+    xyz_mm: tuple[float, float, float]
+    std_mm: tuple[float, float, float]
+    samples: int
+    t_s: float
+    age_s: float
+    t_air_c: float | None = None
+    pressure_hpa: float | None = None
+    humidity_percent: float | None = None
+    mode: str = ""
+    face: str = ""
+    raw: bytes = b""
+
+
+class Answer(Enum):
+    """What the operator can say to a prompt."""
+
+    CONFIRM = "confirm"
+    SKIP = "skip"
+    REDO = "redo"
+    ABORT = "abort"
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """A question to a person. `expects`: the answers that make sense, in the order shown."""
+
+    id: str
+    text: str
+    expects: tuple[Answer, ...] = field(default=(Answer.CONFIRM, Answer.SKIP, Answer.REDO, Answer.ABORT))
+    picture: str | None = None
+
+
+@runtime_checkable
+class Device(Protocol):
+    """Common to everything that is connected."""
+
+    name: str
+    unverified_on_hardware: bool
+
+    def connect(self) -> None: ...
+    def disconnect(self) -> None: ...
+    def identify(self) -> Identity: ...
+    def arm(self) -> None: ...
+    def disarm(self) -> None: ...
+
+
+@runtime_checkable
+class RobotArm(Device, Protocol):
+    """A robot that goes to joint angles (deg). `can_stop` is valid once connected."""
+
+    @property
+    def can_stop(self) -> bool: ...
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading: ...
+    def position(self) -> JointReading: ...
+    def stop(self) -> None: ...
+    def status(self) -> RobotStatus: ...
+
+
+@runtime_checkable
+class PointMeter(Device, Protocol):
+    """Measures the position of a target by its name; `near_mm` points the beam there first (own frame)."""
+
+    def measure(
+        self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
+    ) -> PointReading: ...
+    def stop(self) -> None: ...
+    def status(self) -> InstrumentStatus: ...
+
+
+@runtime_checkable
+class Operator(Protocol):
+    """A person behind a terminal, a page or a test."""
+
+    def ask(self, prompt: Prompt) -> Answer: ...

@@ -1,0 +1,300 @@
+"""TCP byte link shared by all drivers.
+
+One rule makes late, split, glued, duplicated and half answers harmless: **any fault closes the link**. An
+answer can then never meet the wrong question, because the connection on which it would arrive is gone. The
+other rules: nothing unread before asking, one question outstanding, an answer ends at its exact terminator
+(half a line at the end of the stream is an error), every wait has a deadline with a name.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Protocol, TextIO
+from urllib.parse import parse_qsl, urlsplit
+
+from drivers.errors import ConfigError, LinkLost, LinkTimeout, ProtocolError
+
+_CHUNK = 4096
+_HOST = re.compile(r"[A-Za-z0-9_.:-]+")
+
+
+class WireSink(Protocol):
+    """Takes every byte that passes, for the record."""
+
+    def record(self, device: str, direction: str, data: bytes) -> None: ...
+
+
+class WireLog:
+    """Writes JSON lines of t_s, device, dir (`>` to the device, `<` from it, `!` opened, closed) and data.
+
+    `data` is latin-1 text, so that every byte survives the round trip. Time in seconds of the clock given.
+    """
+
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.time) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._lock = threading.Lock()
+
+    def record(self, device: str, direction: str, data: bytes) -> None:
+        row = {
+            "t_s": round(self._clock(), 6),
+            "device": device,
+            "dir": direction,
+            "data": data.decode("latin-1"),
+        }
+        with self._lock:
+            self._stream.write(json.dumps(row) + "\n")
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Host and port of a device, with the options of its URL (`?background=5002`)."""
+
+    host: str
+    port: int
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+def parse_url(url: str) -> Address:
+    """`tcp://host:port[?key=value]` as an Address. Raises ConfigError naming the part that is wrong."""
+    parts = urlsplit(url)
+    if parts.scheme != "tcp":
+        raise ConfigError(f"address {url!r} must begin with tcp://")
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise ConfigError(f"address {url!r}: {error}") from error
+    if not host or not _HOST.fullmatch(host) or parts.path not in ("", "/") or parts.username:
+        raise ConfigError(f"address {url!r} must have the form tcp://host:port")
+    if not port:
+        raise ConfigError(f"address {url!r} has no port")
+    return Address(host, port, dict(parse_qsl(parts.query)))
+
+
+class TcpLink:
+    """One connection to one device. Not shared between threads, except `close`, which is always safe."""
+
+    poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
+
+    def __init__(
+        self,
+        address: Address,
+        device: str,
+        *,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.address = address
+        self.device = device
+        self._wire = wire
+        self._clock = clock
+        self._socket: socket.socket | None = None
+        self._buffer = b""
+
+    @property
+    def is_open(self) -> bool:
+        return self._socket is not None
+
+    def open(self, *, connect_s: float) -> None:
+        """Connect afresh. Raises LinkTimeout or LinkLost."""
+        self.close()
+        where = f"{self.address.host}:{self.address.port}"
+        try:
+            self._socket = socket.create_connection((self.address.host, self.address.port), timeout=connect_s)
+        except TimeoutError as error:
+            raise LinkTimeout(
+                f"{where} did not accept within connect = {connect_s:g} s",
+                device=self.device,
+                command="connect",
+            ) from error
+        except OSError as error:
+            raise LinkLost(
+                f"{where} not reachable: {error}", device=self.device, command="connect"
+            ) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._log("!", b"open " + where.encode())
+
+    def close(self) -> None:
+        """Close; never raises, may be called at any time and from any thread."""
+        sock, self._socket = self._socket, None
+        self._buffer = b""
+        if sock is not None:
+            with suppress(OSError):
+                sock.shutdown(socket.SHUT_RDWR)  # wakes a reader in another thread
+            sock.close()
+            self._log("!", b"close")
+
+    @contextmanager
+    def question(self, command: str, *, unread_allowed: bool = False) -> Iterator[None]:
+        """Everything between asking and having understood the answer: any exception closes the link.
+
+        `unread_allowed` is for protocols whose device may speak unasked (events) and whose answers carry the
+        number of their question.
+        """
+        try:
+            if not unread_allowed:
+                self._nothing_unread(command)
+            yield
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, data: bytes, *, command: str, send_s: float) -> None:
+        """Send all bytes. Raises LinkTimeout or LinkLost."""
+        sock = self._open_socket(command)
+        self._log(">", data)
+        try:
+            sock.settimeout(send_s)
+            sock.sendall(data)
+        except TimeoutError as error:
+            raise LinkTimeout(
+                f"request not taken within send = {send_s:g} s", device=self.device, command=command
+            ) from error
+        except OSError as error:
+            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+
+    def read_until(
+        self,
+        terminator: bytes,
+        *,
+        command: str,
+        deadline: str,
+        seconds: float,
+        limit: int = 512,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> bytes:
+        """Bytes up to and without the terminator; the rest stays for the next call.
+
+        `meanwhile` is called every `poll_s` while waiting and may raise. Raises LinkTimeout (naming the
+        deadline), LinkLost (also at the end of the stream with half a line), ProtocolError (line too long).
+        """
+        end = self._clock() + seconds
+        while terminator not in self._buffer:
+            if len(self._buffer) > limit:
+                raise ProtocolError(
+                    f"no end of line within {limit} bytes",
+                    device=self.device,
+                    command=command,
+                    raw=self._buffer,
+                )
+            self._fill(command, deadline, seconds, end, meanwhile)
+        line, self._buffer = self._buffer.split(terminator, 1)
+        if len(line) > limit:
+            raise ProtocolError(
+                f"line longer than {limit} bytes", device=self.device, command=command, raw=line
+            )
+        return line
+
+    def read_reply(
+        self,
+        complete: re.Pattern[bytes],
+        *,
+        command: str,
+        deadline: str,
+        seconds: float,
+        possible: Callable[[bytes], bool],
+        quiet_s: float = 0.0,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> re.Match[bytes]:
+        """An answer without a terminator: all bytes received must match `complete` exactly.
+
+        `possible` says whether the bytes so far can still become an answer. Free text has no recognisable
+        end: with `quiet_s` it ends when nothing more came for so long. Raises like `read_until`.
+        """
+        end = self._clock() + seconds
+        while not (found := complete.fullmatch(self._buffer)) or self._more_within(quiet_s, command):
+            if found:
+                continue
+            if not possible(self._buffer):
+                raise ProtocolError(
+                    "answer to another question, or not an answer",
+                    device=self.device,
+                    command=command,
+                    raw=self._buffer,
+                )
+            self._fill(command, deadline, seconds, end, meanwhile)
+        self._buffer = b""
+        return found
+
+    def _nothing_unread(self, command: str) -> None:
+        sock = self._open_socket(command)
+        try:
+            if not self._buffer and select.select([sock], [], [], 0)[0]:
+                sock.settimeout(0)
+                self._take(sock.recv(_CHUNK), command)
+        except (OSError, ValueError) as error:
+            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+        if self._buffer:
+            raise ProtocolError(
+                "bytes that nobody asked for", device=self.device, command=command, raw=self._buffer
+            )
+
+    def _more_within(self, quiet_s: float, command: str) -> bool:
+        if quiet_s <= 0:
+            return False
+        sock = self._open_socket(command)
+        sock.settimeout(quiet_s)
+        try:
+            data = sock.recv(_CHUNK)
+        except TimeoutError:
+            return False
+        except OSError as error:
+            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+        self._take(data, command)
+        return True
+
+    def _fill(
+        self,
+        command: str,
+        deadline: str,
+        seconds: float,
+        end: float,
+        meanwhile: Callable[[], None] | None,
+    ) -> None:
+        sock = self._open_socket(command)
+        left = end - self._clock()
+        if left <= 0:
+            raise LinkTimeout(
+                f"no complete answer within {deadline} = {seconds:g} s",
+                device=self.device,
+                command=command,
+                raw=self._buffer,
+            )
+        try:
+            sock.settimeout(left if meanwhile is None else min(left, self.poll_s))
+            data = sock.recv(_CHUNK)
+        except TimeoutError:
+            if meanwhile is not None:
+                meanwhile()
+            return
+        except OSError as error:
+            raise LinkLost(
+                f"connection lost: {error}", device=self.device, command=command, raw=self._buffer
+            ) from error
+        self._take(data, command)
+
+    def _take(self, data: bytes, command: str) -> None:
+        if not data:
+            half = " in the middle of an answer" if self._buffer else ""
+            raise LinkLost(
+                f"device closed the connection{half}", device=self.device, command=command, raw=self._buffer
+            )
+        self._log("<", data)
+        self._buffer += data
+
+    def _open_socket(self, command: str) -> socket.socket:
+        if self._socket is None:
+            raise LinkLost("not connected", device=self.device, command=command)
+        return self._socket
+
+    def _log(self, direction: str, data: bytes) -> None:
+        if self._wire is not None:
+            self._wire.record(self.device, direction, data)

@@ -1,0 +1,113 @@
+"""The operator as a device: asked by prompts, answers confirm, skip, redo or abort.
+
+A person is never assumed: without a terminal, with its input closed or its page gone, asking raises
+NoOperator instead of going on as if somebody had confirmed.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import TextIO
+
+from drivers.errors import Busy, NoOperator, Refused
+from drivers.interfaces import Answer, Prompt
+
+_LETTERS = {answer.value[0]: answer for answer in Answer}
+
+
+class UnknownPrompt(Refused):
+    """An answer to a prompt that is not, or no longer, being asked, or one it does not expect."""
+
+    code = 3020
+    advice = "Look at the prompt shown now and answer that one."
+
+
+class TerminalOperator:
+    """Asks on a terminal. Answers: the word or its first letter; an empty line confirms nothing."""
+
+    def __init__(self, reader: TextIO | None = None, writer: TextIO | None = None) -> None:
+        self._reader = sys.stdin if reader is None else reader
+        self._writer = sys.stderr if writer is None else writer
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """Ask until one of the expected answers is given. Raises NoOperator."""
+        if self._reader is None or self._reader.closed or not self._reader.isatty():
+            raise NoOperator("no terminal to ask on", device="operator", command=prompt.id)
+        choices = ", ".join(f"[{answer.value[0]}]{answer.value[1:]}" for answer in prompt.expects)
+        while True:
+            self._writer.write(f"{prompt.text}\n  {choices}: ")
+            self._writer.flush()
+            line = self._reader.readline()
+            if not line:
+                raise NoOperator("input of the terminal ended", device="operator", command=prompt.id)
+            word = line.strip().lower()
+            answer = _LETTERS.get(word[:1]) if word else None
+            if answer in prompt.expects and word in (answer.value, answer.value[0]):
+                return answer
+
+
+class RemoteOperator:
+    """Asks by publishing the prompt; another thread (HTTP, a test) brings the answer by the prompt's id."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._pending: Prompt | None = None
+        self._answer: Answer | None = None
+        self._closed = False
+
+    @property
+    def pending(self) -> Prompt | None:
+        """The prompt being asked now."""
+        with self._changed:
+            return self._pending
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """Wait, for ever if need be. Raises NoOperator when closed, Busy when already asking."""
+        with self._changed:
+            if self._pending is not None:
+                raise Busy(f"already asking {self._pending.id}", device="operator", command=prompt.id)
+            self._pending, self._answer = prompt, None
+            self._changed.notify_all()
+            try:
+                self._changed.wait_for(lambda: self._answer is not None or self._closed)
+                if self._answer is None:
+                    raise NoOperator("the operator page was closed", device="operator", command=prompt.id)
+                return self._answer
+            finally:
+                self._pending = None
+                self._changed.notify_all()
+
+    def answer(self, prompt_id: str, answer: Answer) -> None:
+        """Answer the pending prompt. Raises UnknownPrompt for any other id or an unexpected answer."""
+        with self._changed:
+            pending = self._pending
+            if pending is None or pending.id != prompt_id or self._answer is not None:
+                raise UnknownPrompt(
+                    f"prompt {prompt_id} is not being asked", device="operator", command=prompt_id
+                )
+            if answer not in pending.expects:
+                raise UnknownPrompt(
+                    f"prompt {prompt_id} does not expect {answer.value}", device="operator", command=prompt_id
+                )
+            self._answer = answer
+            self._changed.notify_all()
+
+    def wait_pending(self, seconds: float) -> Prompt | None:
+        """The pending prompt, waiting up to so many seconds for one."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._pending is not None, seconds)
+            return self._pending
+
+    def close(self) -> None:
+        """Nobody will answer any more; who waits gets NoOperator."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+class RehearsalOperator:
+    """Confirms everything at once. Only for simulated cells: nobody looks."""
+
+    def ask(self, prompt: Prompt) -> Answer:
+        return Answer.CONFIRM

@@ -1,0 +1,290 @@
+MODULE CALSRV
+  ! Robot side of TruePose for ABB IRC5: motion task (T_ROB1), TCP 5000.
+  ! UNTESTED ON A CONTROLLER. Written from the published description of the protocol and of RAPID.
+  ! First trial: manual mode, reduced speed, finger on the enabling device, empty cell.
+  !
+  ! Needs: options PC Interface and Multitasking; CALBACK.mod in a second, non-motion task (TCP 5001);
+  !        a system output "Emergency Stop" named doCalEStop and one "Motors On" named doCalMotors.
+  ! Requests: "<code> <p1> ... <pn> #". Codes below 100 answer as open_abb does, without end mark.
+  ! Codes from 200 echo a sequence number 1..9999 and end with " #" and a line feed:
+  !   good     "<code> 1 <seq> <data> #"
+  !   refused  "<code> 0 <errno> <seq> #"   1 parameters, 2 range, 3 stopped, 4 mode or motors,
+  !                                         5 interrupted, 9 unknown code
+  ! An emergency stop or a supervision stop silences this task; CALBACK goes on answering.
+
+  ! Shared with CALBACK, same names and types there.
+  PERS bool calAbort:=FALSE;          ! set by CALBACK: stop asked for, or watchdog ran out
+  PERS num calWhy:=0;                 ! 5 stop asked for, 3 watchdog
+  PERS num calWatchdogS:=0;           ! 0: off
+  PERS bool calWord:=FALSE;           ! a request came in: feeds the watchdog
+  PERS bool calMoving:=FALSE;
+  PERS num calErrno:=0;
+
+  PERS tooldata calTool:=[TRUE,[[0,0,0],[1,0,0,0]],[2.7,[50,25,100],[1,0,0,0],0,0,0]];
+  PERS wobjdata calWobj:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PERS speeddata calSpeed:=[100,50,0,0];
+  PERS string calAddress:="192.168.125.1";
+  CONST num CAL_PORT:=5000;
+
+  VAR socketdev server;
+  VAR socketdev client;
+  VAR intnum abortInterrupt;
+  VAR bool armedInterrupt:=FALSE;
+  VAR bool connected:=FALSE;
+  VAR string heard:="";               ! received, not yet used: a request may come in pieces
+  VAR num code:=0;
+  VAR num params{10};
+  VAR num nParams:=0;
+  VAR num pendingSeq:=0;              ! of a 201 that was interrupted
+  VAR num settleS:=0;
+
+  PROC main()
+    IF NOT armedInterrupt THEN
+      CONNECT abortInterrupt WITH aborted;
+      IPers calAbort,abortInterrupt;
+      armedInterrupt:=TRUE;
+    ENDIF
+    ConfL\Off;
+    SingArea\Wrist;
+    calMoving:=FALSE;
+    IF NOT connected listen;
+    IF pendingSeq>0 THEN
+      ! Here after ExitCycle in the trap: the move of this number ended before its target.
+      refuse 201,calWhy,pendingSeq;
+      pendingSeq:=0;
+    ENDIF
+    WHILE TRUE DO
+      hear;
+      answer;
+    ENDWHILE
+  ERROR
+    IF ERRNO=ERR_SOCK_CLOSED OR ERRNO=ERR_SOCK_TIMEOUT THEN
+      calErrno:=ERRNO;
+      hangUp;
+      ExitCycle;
+    ENDIF
+  ENDPROC
+
+  TRAP aborted
+    IF calAbort THEN
+      calAbort:=FALSE;
+      StopMove;
+      ClearPath;
+      StartMove;
+      calMoving:=FALSE;
+      IF pendingSeq>0 ExitCycle;
+    ENDIF
+  ENDTRAP
+
+  PROC listen()
+    SocketCreate server;
+    SocketBind server,calAddress,CAL_PORT;
+    SocketListen server;
+    SocketAccept server,client\Time:=WAIT_MAX;
+    ! One client: nobody else is accepted while this one is served.
+    SocketClose server;
+    heard:="";
+    connected:=TRUE;
+  ENDPROC
+
+  PROC hangUp()
+    SocketClose client;
+    SocketClose server;
+    connected:=FALSE;
+    heard:="";
+  ENDPROC
+
+  ! One whole request up to "#" into code and params.
+  PROC hear()
+    VAR string piece;
+    VAR num mark;
+    mark:=StrFind(heard,1,"#");
+    WHILE mark>StrLen(heard) DO
+      SocketReceive client\Str:=piece\Time:=WAIT_MAX;
+      IF StrLen(heard)+StrLen(piece)>80 THEN
+        heard:="";                    ! longer than any request: a string holds 80 characters
+      ENDIF
+      heard:=heard+piece;
+      mark:=StrFind(heard,1,"#");
+    ENDWHILE
+    calWord:=TRUE;
+    parse StrPart(heard,1,mark);
+    IF mark<StrLen(heard) THEN
+      heard:=StrPart(heard,mark+1,StrLen(heard)-mark);
+    ELSE
+      heard:="";
+    ENDIF
+  ENDPROC
+
+  ! nParams = -1: not a request.
+  PROC parse(string text)
+    VAR num at:=1;
+    VAR num blank;
+    VAR num value;
+    VAR string word;
+    VAR bool good;
+    nParams:=-1;
+    WHILE at<=StrLen(text) DO
+      blank:=StrFind(text,at," #");
+      IF blank>at THEN
+        word:=StrPart(text,at,blank-at);
+        good:=StrToVal(word,value);
+        IF NOT good OR nParams=10 THEN
+          nParams:=-1;
+          RETURN;
+        ENDIF
+        IF nParams=-1 THEN
+          code:=value;
+          nParams:=0;
+        ELSE
+          nParams:=nParams+1;
+          params{nParams}:=value;
+        ENDIF
+      ENDIF
+      at:=blank+1;
+    ENDWHILE
+  ENDPROC
+
+  PROC answer()
+    VAR jointtarget here;
+    VAR robtarget pose;
+    IF nParams=-1 THEN
+      refuse code,1,0;
+      RETURN;
+    ENDIF
+    TEST code
+    CASE 0:
+      old nParams=0,"";
+    CASE 2:
+      IF nParams=6 move 1;
+      old nParams=6,"";
+    CASE 4:
+      old nParams=0,joints(2);
+    CASE 8:
+      IF nParams=2 OR nParams=4 THEN
+        calSpeed.v_tcp:=params{1};
+        calSpeed.v_ori:=params{2};
+      ENDIF
+      old nParams=2 OR nParams=4,"";
+    CASE 9:
+      old nParams=4,"";               ! every move of this server ends in a stop point
+    CASE 98:
+      old nParams=0,GetSysInfo(\SerialNo)+"*"+GetSysInfo(\SWVersion)+"*"+GetSysInfo(\RobotType);
+    CASE 99:
+      hangUp;
+      ExitCycle;
+    CASE 200:
+      send "200 1 CAL 1 5 #";
+    CASE 201:
+      IF nParams<>7 THEN
+        refuse 201,1,sequence();
+      ELSEIF OpMode()<>OP_AUTO OR DOutput(doCalMotors)=0 THEN
+        refuse 201,4,params{1};
+      ELSEIF NOT reachable() THEN
+        refuse 201,2,params{1};
+      ELSE
+        pendingSeq:=params{1};
+        move 2;
+        pendingSeq:=0;
+        good 201,params{1},"";
+      ENDIF
+    CASE 202:
+      IF nParams<>1 THEN
+        refuse 202,1,sequence();
+      ELSE
+        WaitTime settleS;
+        good 202,params{1},joints(5);
+      ENDIF
+    CASE 203:
+      pose:=CRobT(\Tool:=calTool\WObj:=calWobj);
+      good 203,sequence(),NumToStr(pose.trans.x,4)+" "+NumToStr(pose.trans.y,4)+" "+NumToStr(pose.trans.z,4);
+    CASE 206:
+      IF nParams=2 THEN
+        settleS:=params{2};
+        good 206,params{1},"";
+      ELSE
+        refuse 206,1,sequence();
+      ENDIF
+    CASE 208:
+      IF nParams=2 THEN
+        calWatchdogS:=params{2}/1000;
+        good 208,params{1},"";
+      ELSE
+        refuse 208,1,sequence();
+      ENDIF
+    DEFAULT:
+      IF code<100 THEN
+        old FALSE,"";
+      ELSE
+        refuse code,9,sequence();
+      ENDIF
+    ENDTEST
+  ENDPROC
+
+  FUNC num sequence()
+    IF nParams>0 RETURN params{1};
+    RETURN 0;
+  ENDFUNC
+
+  PROC move(num first)
+    VAR jointtarget target;
+    target:=asked(first);
+    calMoving:=TRUE;
+    MoveAbsJ target\NoEOffs,calSpeed,fine,calTool\WObj:=calWobj;
+    WaitRob\ZeroSpeed;
+    calMoving:=FALSE;
+  ENDPROC
+
+  FUNC jointtarget asked(num first)
+    VAR jointtarget target;
+    target:=CJointT();                ! keeps external axes where they are
+    target.robax.rax_1:=params{first};
+    target.robax.rax_2:=params{first+1};
+    target.robax.rax_3:=params{first+2};
+    target.robax.rax_4:=params{first+3};
+    target.robax.rax_5:=params{first+4};
+    target.robax.rax_6:=params{first+5};
+    RETURN target;
+  ENDFUNC
+
+  ! CalcRobT raises ERR_OUTSIDE_REACH for joints outside their limits.
+  FUNC bool reachable()
+    VAR robtarget unused;
+    unused:=CalcRobT(asked(2),calTool\WObj:=calWobj);
+    RETURN TRUE;
+  ERROR
+    RETURN FALSE;
+  ENDFUNC
+
+  FUNC string joints(num decimals)
+    VAR jointtarget here;
+    here:=CJointT();
+    RETURN NumToStr(here.robax.rax_1,decimals)+" "+NumToStr(here.robax.rax_2,decimals)+" "
+      +NumToStr(here.robax.rax_3,decimals)+" "+NumToStr(here.robax.rax_4,decimals)+" "
+      +NumToStr(here.robax.rax_5,decimals)+" "+NumToStr(here.robax.rax_6,decimals);
+  ENDFUNC
+
+  PROC old(bool ok,string data)
+    IF ok THEN
+      SocketSend client\Str:=NumToStr(code,0)+" 1 "+data;
+    ELSE
+      SocketSend client\Str:=NumToStr(code,0)+" 0 ";
+    ENDIF
+  ENDPROC
+
+  PROC good(num which,num seq,string data)
+    IF data="" THEN
+      send NumToStr(which,0)+" 1 "+NumToStr(seq,0)+" #";
+    ELSE
+      send NumToStr(which,0)+" 1 "+NumToStr(seq,0)+" "+data+" #";
+    ENDIF
+  ENDPROC
+
+  PROC refuse(num which,num number,num seq)
+    send NumToStr(which,0)+" 0 "+NumToStr(number,0)+" "+NumToStr(seq,0)+" #";
+  ENDPROC
+
+  PROC send(string line)
+    SocketSend client\Str:=line+"\0A";
+  ENDPROC
+ENDMODULE

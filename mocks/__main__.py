@@ -1,0 +1,80 @@
+"""`python -m mocks cell CELL.toml | abb | faro`: serve simulated devices until SIGTERM or SIGINT.
+
+Prints one JSON line per endpoint on standard output. Ends with 0; 2 for a wrong file; 1 for a taken port.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import signal
+import sys
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mocks.cell import Cell
+from mocks.cell_file import CellFile, read_cell
+
+DEVICES = {"cell": ("abb", "faro"), "abb": ("abb",), "faro": ("faro",)}
+
+
+def arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="mocks", description="simulated devices on their real wire protocols"
+    )
+    parser.add_argument("name", choices=sorted(DEVICES))
+    parser.add_argument("file", nargs="?", type=Path, help="CELL.toml, needed for `cell`")
+    parser.add_argument("--port", type=int, default=0, help="of the first device; 0: a free one")
+    parser.add_argument("--stock", action="store_true", help="ABB: open_abb without our superset")
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--time-scale", type=float)
+    parsed = parser.parse_args(argv)
+    if parsed.name == "cell" and parsed.file is None:
+        parser.error("cell needs CELL.toml")
+    if parsed.time_scale is not None and not parsed.time_scale > 0:
+        parser.error("--time-scale must be positive")
+    return parsed
+
+
+def described(chosen: argparse.Namespace) -> CellFile:
+    """The cell of the command line. Raises OSError, ValueError."""
+    cell = CellFile() if chosen.file is None else read_cell(chosen.file)
+    if chosen.seed is not None:
+        cell = replace(cell, seed=chosen.seed)
+    if chosen.time_scale is not None:
+        cell = replace(cell, time_scale=chosen.time_scale)
+    return cell
+
+
+async def serve(cell: Cell, port: int) -> None:
+    """Serve until told to end by a signal."""
+    loop, end = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(end.set))
+    for endpoint in await cell.start(port):
+        sys.stdout.write(json.dumps(endpoint.line()) + "\n")
+    sys.stdout.flush()
+    await end.wait()
+    await cell.stop()
+
+
+def main(argv: Sequence[str]) -> int:
+    chosen = arguments(argv)
+    try:
+        cell = Cell(described(chosen), stock=chosen.stock, devices=DEVICES[chosen.name])
+    except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
+        sys.stderr.write(f"mocks: {error}\n")
+        return 2
+    try:
+        asyncio.run(serve(cell, chosen.port))
+    except OSError as error:
+        sys.stderr.write(f"mocks: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

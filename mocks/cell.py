@@ -1,0 +1,136 @@
+"""One cell: a world, and the servers of all its devices over it, in one event loop on loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import numpy as np
+
+from mocks.abb import AbbController
+from mocks.arm_device import ArmDevice
+from mocks.backdoor import BackDoor
+from mocks.cell_file import CellFile
+from mocks.clock import CellClock
+from mocks.faro import FaroBridge
+from mocks.sockets import Endpoint, Servers
+from mocks.tracker_device import TrackerDevice
+from mocks.world import Session, World, random_label, robot_named
+
+LABEL_STREAM = 22
+
+
+def make_world(cell: CellFile) -> World:
+    """The world of a cell file; without effects named, one label is drawn from the seed."""
+    labels: Sequence[str] = cell.effects
+    if not labels:
+        labels = [random_label(robot_named(cell.robot), np.random.default_rng([cell.seed, LABEL_STREAM]))]
+    cog = cell.tool_cog_mm
+    return World(
+        cell.robot,
+        cell.seed,
+        [label for label in labels if label != "none"],
+        size=cell.effect_size,
+        station_mm=cell.station_mm,
+        targets=cell.targets,
+        tool_mass_kg=cell.tool_mass_kg,
+        tool_cog_mm=None if cog is None else (cog[0], cog[1], cog[2]),
+        session=Session(cell.readings, cell.seconds_per_reading),
+    )
+
+
+class Cell:
+    """Devices of one cell; `start` and `stop` belong to the running event loop."""
+
+    def __init__(
+        self, cell: CellFile, *, stock: bool = False, devices: Sequence[str] = ("abb", "faro")
+    ) -> None:
+        self.clock = CellClock(cell.time_scale)
+        self.world = make_world(cell)
+        self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
+        self.tracker = TrackerDevice(self.world, self.arm, self.clock, cell.nests)
+        self.abb = AbbController(self.arm, self.clock, stock=stock)
+        self.faro = FaroBridge(self.tracker, self.clock)
+        self.backdoor = BackDoor(self.abb, self.faro)
+        self.devices = devices
+        self._servers = Servers()
+
+    async def start(self, port: int = 0) -> list[Endpoint]:
+        """Listen; `port` is the first device's, 0 for free ones. Raises OSError when it is taken."""
+        ends: list[Endpoint] = []
+        try:
+            if "abb" in self.devices:
+                one, two = await self._servers.listen_pair(
+                    self.abb.serve_main, self.abb.serve_background, port
+                )
+                stock = self.abb.stock
+                ends.append(Endpoint("abb", "open_abb" if stock else "calsrv", one))
+                ends.append(Endpoint("abb-background", "open_abb-log" if stock else "calsrv", two))
+            if "faro" in self.devices:
+                first = port if not ends else 0
+                ends.append(Endpoint("faro", "mbp1", await self._servers.listen(self.faro.serve, first)))
+            ends.append(Endpoint("backdoor", "jsonl", await self._servers.listen(self.backdoor.serve)))
+        except OSError:
+            await self.stop()
+            raise
+        return ends
+
+    async def stop(self) -> None:
+        """Close every server and connection."""
+        await self._servers.close()
+
+
+class CellThread:
+    """A cell in a thread of its own, for tests: `with CellThread(CellFile(...)) as cell: cell.url("abb")`."""
+
+    def __init__(
+        self, cell: CellFile, *, stock: bool = False, devices: Sequence[str] = ("abb", "faro")
+    ) -> None:
+        self._make: Callable[[], Cell] = lambda: Cell(cell, stock=stock, devices=devices)
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._main()))
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._finish: asyncio.Event | None = None
+        self.endpoints: list[Endpoint] = []
+        self.cell: Cell | None = None
+
+    async def _main(self) -> None:
+        self._loop, self._finish = asyncio.get_running_loop(), asyncio.Event()
+        try:
+            self.cell = self._make()
+            self.endpoints = await self.cell.start()
+        finally:
+            self._ready.set()
+        await self._finish.wait()
+        await self.cell.stop()
+
+    def __enter__(self) -> CellThread:
+        self._thread.start()
+        self._ready.wait()
+        if not self.endpoints:
+            self._thread.join()
+            raise RuntimeError("the cell did not start")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._loop is not None
+        assert self._finish is not None
+        self._loop.call_soon_threadsafe(self._finish.set)
+        self._thread.join()
+
+    def port(self, device: str) -> int:
+        return next(end.port for end in self.endpoints if end.device == device)
+
+    def url(self, device: str) -> str:
+        return f"tcp://127.0.0.1:{self.port(device)}"
+
+    def do(self, what: str, **order: object) -> dict[str, object]:
+        """An order of the back door, carried out in the cell's own loop."""
+        assert self._loop is not None
+        assert self.cell is not None
+        doing = asyncio.run_coroutine_threadsafe(self.cell.backdoor.do({"do": what} | order), self._loop)
+        return doing.result(timeout=10)

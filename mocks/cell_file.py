@@ -1,0 +1,51 @@
+"""What a simulator needs of a `cell.toml` (format truepose-cell/1), read by the simplest means."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
+STATION_MM = (2400.0, -900.0, 350.0)
+
+
+@dataclass(frozen=True)
+class CellFile:
+    """One cell. `effects` empty: drawn from the seed; `none` among them: none at all."""
+
+    robot: str = "abb-irb120"
+    station_mm: tuple[float, ...] = STATION_MM
+    nests: dict[str, tuple[float, ...]] = field(default_factory=lambda: dict(NESTS))
+    targets: dict[str, tuple[float, ...]] | None = None
+    tool_mass_kg: float | None = None
+    tool_cog_mm: tuple[float, ...] | None = None
+    seed: int = 1
+    time_scale: float = 1.0
+    effects: tuple[str, ...] = ()
+    effect_size: float = 3.0  # RMS of the effect's displacement per axis over the noise
+    readings: int = 300  # length of the campaign that steps and drifts are scaled to
+    seconds_per_reading: float = 20.0
+
+
+def read_cell(path: Path) -> CellFile:
+    """Read a cell file. Raises ValueError naming the key, OSError."""
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if table.get("format") != "truepose-cell/1":
+        raise ValueError(f"{path}: format is {table.get('format')!r}, needed 'truepose-cell/1'")
+    robot, tool, simulation = table.get("robot", {}), table.get("tool", {}), table.get("simulation", {})
+    values: dict[str, Any] = {
+        "robot": robot.get("model"),
+        "station_mm": table.get("instrument", {}).get("station_mm"),
+        "nests": table.get("world", {}).get("nests"),
+        "targets": tool.get("targets"),
+        "tool_mass_kg": tool.get("mass_kg"),
+        "tool_cog_mm": tool.get("cog_mm"),
+        **{
+            key: simulation.get(key)
+            for key in ("seed", "time_scale", "effect_size", "readings", "seconds_per_reading")
+        },
+        "effects": tuple(simulation.get("effects", ())),
+    }
+    return CellFile(**{key: value for key, value in values.items() if value is not None})

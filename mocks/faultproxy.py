@@ -1,0 +1,243 @@
+"""A TCP proxy between driver and simulator that spoils answers, one message at a time.
+
+A message is what arrives from the device up to `boundary`, or one received piece where the protocol has none.
+Requests pass untouched, except in a black hole. Faults are chosen by name, for so many messages or at a rate.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable
+from types import TracebackType
+
+from mocks.sockets import Servers, drop
+
+GAP_S = 0.01
+
+
+class Spoiler:
+    """One connection: forwards answers to `writer`; each fault is a method that takes one message."""
+
+    def __init__(self, writer: asyncio.StreamWriter, delay_s: float, rng: random.Random) -> None:
+        self.writer = writer
+        self.delay_s = delay_s
+        self.rng = rng
+        self.previous = b""
+        self.held = b""
+        self.silent = False
+
+    async def send(self, data: bytes) -> None:
+        if not self.silent:
+            held, self.held = self.held, b""
+            self.writer.write(data + held)
+            await self.writer.drain()
+
+    async def delay(self, data: bytes) -> None:
+        await asyncio.sleep(self.delay_s)
+        await self.send(data)
+
+    async def drip(self, data: bytes) -> None:
+        for i in range(len(data)):
+            await self.send(data[i : i + 1])
+            await asyncio.sleep(0.0005)
+
+    async def split(self, data: bytes) -> None:
+        await self.send(data[: len(data) // 2])
+        await asyncio.sleep(GAP_S)
+        await self.send(data[len(data) // 2 :])
+
+    async def glue(self, data: bytes) -> None:
+        """The answer before comes again, in one piece with this one."""
+        await self.send(self.previous + data)
+
+    async def stale(self, data: bytes) -> None:
+        """The answer before comes again instead of this one."""
+        await self.send(self.previous)
+
+    async def reorder(self, data: bytes) -> None:
+        """This answer comes behind the next one."""
+        self.held += data
+
+    async def duplicate(self, data: bytes) -> None:
+        await self.send(data + data)
+
+    async def duplicate_late(self, data: bytes) -> None:
+        await self.send(data)
+        await asyncio.sleep(GAP_S)
+        await self.send(data)
+
+    async def drop(self, data: bytes) -> None:
+        return
+
+    async def garbage(self, data: bytes) -> None:
+        await self.send(self.rng.randbytes(self.rng.randint(1, 12)) + data)
+
+    async def flip(self, data: bytes) -> None:
+        """One bit of one byte is wrong."""
+        at = self.rng.randrange(len(data))
+        await self.send(data[:at] + bytes([data[at] ^ (1 << self.rng.randrange(7))]) + data[at + 1 :])
+
+    async def half(self, data: bytes) -> None:
+        await self.send(data[: len(data) // 2])
+
+    async def half_close(self, data: bytes) -> None:
+        await self.half(data)
+        raise ConnectionAbortedError
+
+    async def close(self, data: bytes) -> None:
+        raise ConnectionAbortedError
+
+    async def reset(self, data: bytes) -> None:
+        await self.half(data)
+        raise ConnectionResetError
+
+    async def black_hole(self, data: bytes) -> None:
+        """From now on nothing passes on this connection, which stays open."""
+        self.silent = True
+
+
+FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
+    name: getattr(Spoiler, name)
+    for name in (
+        "delay",
+        "drip",
+        "split",
+        "glue",
+        "stale",
+        "reorder",
+        "duplicate",
+        "duplicate_late",
+        "drop",
+        "garbage",
+        "flip",
+        "half",
+        "half_close",
+        "close",
+        "reset",
+        "black_hole",
+    )
+}
+
+
+class FaultProxy:
+    """Proxy in a thread of its own: `with FaultProxy(port) as proxy: proxy.spoil("half", times=1)`."""
+
+    def __init__(
+        self, device_port: int, *, boundary: bytes = b"", delay_s: float = 0.2, seed: int = 1, port: int = 0
+    ) -> None:
+        self.device_port = device_port
+        self.port = port
+        self.spoiled = 0
+        self._boundary = boundary
+        self._delay_s = delay_s
+        self._rng = random.Random(seed)
+        self._plan: tuple[tuple[str, ...], int | None, float, int] = ((), 0, 1.0, 0)
+        self._lock = threading.Lock()
+        self._refusing = False
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._main()))
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._finish: asyncio.Event | None = None
+
+    def spoil(self, *faults: str, times: int | None = 1, rate: float = 1.0, after: int = 0) -> None:
+        """From now on: leave `after` messages alone, then spoil the next `times` (None: all) at this rate."""
+        for fault in faults:
+            FAULTS[fault]
+        with self._lock:
+            self._plan = (faults, times, rate, after)
+
+    def heal(self) -> None:
+        """No more faults."""
+        self.spoil(times=0)
+        self._refusing = False
+
+    def refuse(self) -> None:
+        """Accept connections and close them at once, as a device that is booting does."""
+        self._refusing = True
+
+    def _next_fault(self) -> str | None:
+        with self._lock:
+            faults, times, rate, after = self._plan
+            if not faults or times == 0:
+                return None
+            if after > 0:
+                self._plan = (faults, times, rate, after - 1)
+                return None
+            if self._rng.random() >= rate:
+                return None
+            self._plan = (faults, None if times is None else times - 1, rate, 0)
+            self.spoiled += 1
+            return self._rng.choice(faults)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if self._refusing:
+            return
+        device_reader, device_writer = await asyncio.open_connection("127.0.0.1", self.device_port)
+        spoiler = Spoiler(writer, self._delay_s, self._rng)
+        pumps = [
+            asyncio.create_task(self._requests(reader, device_writer, spoiler)),
+            asyncio.create_task(self._answers(device_reader, spoiler)),
+        ]
+        try:
+            done, _ = await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+            if any(isinstance(task.exception(), ConnectionResetError) for task in done):
+                writer.transport.abort()
+        finally:
+            device_writer.close()  # before the first await: this may run while being cancelled itself
+            for pump in pumps:
+                pump.cancel()
+            await asyncio.gather(*pumps, return_exceptions=True)
+            await drop(device_writer)
+
+    async def _requests(
+        self, reader: asyncio.StreamReader, device: asyncio.StreamWriter, spoiler: Spoiler
+    ) -> None:
+        while data := await reader.read(4096):
+            if not spoiler.silent:
+                device.write(data)
+                await device.drain()
+
+    async def _answers(self, device: asyncio.StreamReader, spoiler: Spoiler) -> None:
+        async for message in self._messages(device):
+            fault = self._next_fault()
+            if fault is None:
+                await spoiler.send(message)
+            else:
+                await FAULTS[fault](spoiler, message)
+            spoiler.previous = message
+
+    async def _messages(self, device: asyncio.StreamReader) -> AsyncIterator[bytes]:
+        if not self._boundary:
+            while data := await device.read(4096):
+                yield data
+            return
+        while True:
+            try:
+                yield await device.readuntil(self._boundary)
+            except asyncio.IncompleteReadError:
+                return
+
+    async def _main(self) -> None:
+        self._loop, self._finish = asyncio.get_running_loop(), asyncio.Event()
+        servers = Servers()
+        try:
+            self.port = await servers.listen(self._serve, self.port)
+        finally:
+            self._ready.set()
+        await self._finish.wait()
+        await servers.close()
+
+    def __enter__(self) -> FaultProxy:
+        self._thread.start()
+        self._ready.wait()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._loop is not None
+        assert self._finish is not None
+        self._loop.call_soon_threadsafe(self._finish.set)
+        self._thread.join()

@@ -1,0 +1,87 @@
+"""TCP servers of the simulators on loopback: started, listed and closed in one place."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where a simulated device listens."""
+
+    device: str
+    protocol: str
+    port: int
+    host: str = "127.0.0.1"
+
+    def line(self) -> dict[str, str | int]:
+        return {"device": self.device, "protocol": self.protocol, "host": self.host, "port": self.port}
+
+
+class Servers:
+    """All servers of one cell. A handler that ends, or fails on a lost peer, has its connection closed."""
+
+    def __init__(self) -> None:
+        self._servers: list[asyncio.Server] = []
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._writers: set[asyncio.StreamWriter] = set()
+
+    async def listen(self, handler: Handler, port: int = 0) -> int:
+        """Listen on a port, 0 for a free one; the port. Raises OSError when it is taken."""
+
+        async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            task = asyncio.current_task()
+            assert task is not None
+            self._tasks.add(task)
+            self._writers.add(writer)
+            try:
+                await handler(reader, writer)
+            except (ConnectionError, asyncio.IncompleteReadError, asyncio.CancelledError):
+                pass  # the peer is gone, or the cell is shutting down
+            finally:
+                self._tasks.discard(task)
+                self._writers.discard(writer)
+                await drop(writer)
+
+        server = await asyncio.start_server(connected, "127.0.0.1", port)
+        self._servers.append(server)
+        return int(server.sockets[0].getsockname()[1])
+
+    async def listen_pair(self, first: Handler, second: Handler, port: int = 0) -> tuple[int, int]:
+        """Two neighbouring ports, as 5000 and 5001 of an IRC5. Raises OSError."""
+        for _ in range(100):
+            one = await self.listen(first, port)
+            try:
+                return one, await self.listen(second, one + 1)
+            except (OSError, OverflowError):
+                if port:
+                    raise
+                last = self._servers.pop()
+                last.close()
+                await last.wait_closed()
+        raise OSError("no two neighbouring ports free")
+
+    async def close(self) -> None:
+        """Close servers and connections."""
+        for server in self._servers:
+            server.close()
+        for task in list(self._tasks):
+            task.cancel()
+        if self._tasks:
+            await asyncio.wait(list(self._tasks))
+        for server in self._servers:
+            await server.wait_closed()
+
+
+async def drop(writer: asyncio.StreamWriter, *, reset: bool = False) -> None:
+    """Close a connection; `reset` sends RST instead of FIN, as a rebooting controller does."""
+    if reset:
+        writer.transport.abort()
+    writer.close()
+    with contextlib.suppress(ConnectionError, asyncio.CancelledError):
+        await writer.wait_closed()

@@ -1,0 +1,68 @@
+"""A hidden effect: a label of the contract, a law, its amplitudes and its shape constants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+Values = Mapping[str, float]
+
+STAGES = ("loads", "arm", "point", "instrument")
+"""When a law acts: before the torques are taken, on the arm, on the true point, on what the tracker sees."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One hidden effect.
+
+    `act(target, values)` changes an Arm (stages "loads" and "arm") or a Sight (stages "point" and
+    "instrument") in place. `amplitudes` are linear: all of them zero means the effect is absent.
+    `constants` are shape parameters (order, reading of a step, time constant) and are never scaled.
+    `units` gives the unit of every amplitude and constant; `shape` is "textbook" or a departure's name.
+    """
+
+    label: str
+    stage: str
+    act: Callable[[Any, Values], None]
+    amplitudes: dict[str, float]
+    units: dict[str, str]
+    constants: dict[str, float] = field(default_factory=dict)
+    shape: str = "textbook"
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Amplitudes and constants together."""
+        return {**self.amplitudes, **self.constants}
+
+    def times(self, factor: float) -> Effect:
+        """The same effect with all amplitudes multiplied by `factor`."""
+        return replace(self, amplitudes={name: factor * v for name, v in self.amplitudes.items()})
+
+    def with_values(self, **values: float) -> Effect:
+        """The same effect with some amplitudes or constants set, in the units of `units`."""
+        unknown = set(values) - set(self.values)
+        if unknown:
+            raise ValueError(f"{self.label} has no parameter {sorted(unknown)}, only {sorted(self.values)}")
+        return replace(
+            self,
+            amplitudes={k: values.get(k, v) for k, v in self.amplitudes.items()},
+            constants={k: values.get(k, v) for k, v in self.constants.items()},
+        )
+
+    def truth(self) -> dict[str, Any]:
+        """The effect as plain data: label, parameters with units, shape."""
+        parameters = {n: {"value": v, "unit": self.units[n]} for n, v in self.values.items()}
+        return {"label": self.label, "parameters": parameters, "shape": self.shape}
+
+
+def joint_number(text: str) -> int:
+    """6 from "j6"; ValueError for anything that is not a joint from 1 to 6."""
+    if len(text) != 2 or text[0] != "j" or text[1] not in "123456":
+        raise ValueError(f"{text!r} is not a joint j1..j6")
+    return int(text[1])
+
+
+def order_text(order: float) -> str:
+    """The order as the labels write it: n3, n100.25."""
+    return f"n{order:g}"

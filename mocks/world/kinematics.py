@@ -1,0 +1,116 @@
+"""Forward kinematics, link by link.
+
+Modified DH (Craig):  A_i = Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)
+Standard DH:          A_i = Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)
+beta is Hayati's rotation, needed because nearly parallel axes have no stable common normal.
+
+The base of the modified-DH robots follows equation (I.2) of Nubiola's thesis: d_1 stands before the base
+rotations,  T(x_b, y_b, z_b + d_1) Rx Ry Rz(gamma_b + theta_1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from mocks.world.robots import Robot
+from mocks.world.transforms import Matrix, Vector, rx, ry, rz, shift, turn
+
+
+@dataclass
+class Geometry:
+    """The DH numbers of one arm (rad, mm), `theta` without the joint angle, and its base in the world.
+
+    `base_mm` and `base_rad` are x, y, z and the angles of Rx Ry Rz. Index 0 is link 1.
+    """
+
+    alpha: list[float]
+    a: list[float]
+    theta: list[float]
+    d: list[float]
+    beta: list[float]
+    base_mm: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    base_rad: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+    def copy(self) -> Geometry:
+        """A copy whose lists may be changed."""
+        return Geometry(
+            list(self.alpha),
+            list(self.a),
+            list(self.theta),
+            list(self.d),
+            list(self.beta),
+            list(self.base_mm),
+            list(self.base_rad),
+        )
+
+
+def nominal_geometry(robot: Robot) -> Geometry:
+    """The DH numbers of the maker's drawing in rad and mm, base at the world's origin."""
+    return Geometry(
+        alpha=[math.radians(link.alpha_deg) for link in robot.links],
+        a=[link.a_mm for link in robot.links],
+        theta=[math.radians(link.theta_deg) for link in robot.links],
+        d=[link.d_mm for link in robot.links],
+        beta=[0.0] * len(robot.links),
+    )
+
+
+def link_transform(convention: str, alpha: float, beta: float, a: float, theta: float, d: float) -> Matrix:
+    """One link, (4, 4), as the product of its elementary motions (rad, mm)."""
+    if convention == "mdh":
+        fixed = rx(alpha) if beta == 0.0 else rx(alpha) @ ry(beta)
+        moving = rz(theta)
+        moving[2, 3] = d  # Rz Tz: the shift along z is untouched by the rotation about z
+        fixed[:3, 3] = a * fixed[:3, 0]  # R Tx(a): a mm along the rotated x axis
+        return fixed @ moving
+    fixed = rx(alpha) if beta == 0.0 else rx(alpha) @ ry(beta)
+    fixed[0, 3] = a  # Tx Rx Ry: the shift comes before the rotations
+    moving = rz(theta)
+    moving[2, 3] = d
+    return moving @ fixed
+
+
+def foot(convention: str, geometry: Geometry, lean: Sequence[float] | Vector | None = None) -> Matrix:
+    """Frame 0 in the world, (4, 4). `lean` is a rotation vector (rad) of a soft pedestal about the foot."""
+    x, y, z = geometry.base_mm
+    frame = shift(x, y, z)
+    if lean is not None:
+        frame = frame @ turn(lean)
+    if convention == "mdh":
+        frame = frame @ shift(0.0, 0.0, geometry.d[0])  # (I.2): d_1 before the rotations
+    a, b, c = geometry.base_rad
+    return frame @ rx(a) @ ry(b) @ rz(c)
+
+
+def frames(
+    convention: str,
+    geometry: Geometry,
+    angles: Sequence[float],
+    lean: Sequence[float] | Vector | None = None,
+    tilts: Mapping[int, Sequence[float] | Vector] | None = None,
+) -> list[Matrix]:
+    """Frames 0..N in the world, each (4, 4), at joint `angles` (N,) rad.
+
+    `tilts` maps a joint number K to a rotation vector (rad, in the frame that carries axis K) by which its
+    bearing gives way about the origin of that frame: frame K in modified DH, frame K-1 in standard DH.
+    """
+    tilts = tilts or {}
+    chain = [foot(convention, geometry, lean)]
+    for i, angle in enumerate(angles):
+        joint = i + 1
+        if convention == "dh" and joint in tilts:
+            chain[-1] = chain[-1] @ turn(tilts[joint])
+        d = 0.0 if convention == "mdh" and i == 0 else geometry.d[i]  # d_1 is already in the foot
+        theta = geometry.theta[i] + angle
+        step = link_transform(convention, geometry.alpha[i], geometry.beta[i], geometry.a[i], theta, d)
+        chain.append(chain[-1] @ step)
+        if convention == "mdh" and joint in tilts:
+            chain[-1] = chain[-1] @ turn(tilts[joint])
+    return chain
+
+
+def axis_frame(convention: str, chain: list[Matrix], joint: int) -> Matrix:
+    """The frame whose z is the axis of `joint` (1-based): frame K in modified, K-1 in standard DH."""
+    return chain[joint] if convention == "mdh" else chain[joint - 1]

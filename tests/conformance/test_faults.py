@@ -1,0 +1,120 @@
+"""Every driver x its simulator x every fault of the proxy.
+
+Never a wrong reading, never an answer to another question, always an end within the deadline with an error of
+the right class, and working again after a reconnect.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from drivers import LinkError, LinkLost, LinkTimeout, ProtocolError, Unmeasurable
+from mocks.faultproxy import FAULTS
+from tests.conformance.rigs import RIGS, SLACK_S, Rig
+
+# What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
+CLASSES: dict[str, tuple[type[LinkError], ...]] = {
+    "delay": (),
+    "drip": (),
+    "split": (),
+    "glue": (ProtocolError,),
+    "stale": (ProtocolError, LinkTimeout),
+    "reorder": (LinkTimeout, ProtocolError),
+    "duplicate": (ProtocolError,),
+    "duplicate_late": (ProtocolError,),
+    "drop": (LinkTimeout, ProtocolError),
+    "garbage": (ProtocolError,),
+    "flip": (ProtocolError, LinkTimeout),
+    "half": (LinkTimeout, ProtocolError),
+    "half_close": (LinkLost,),
+    "close": (LinkLost,),
+    "reset": (LinkLost,),
+    "black_hole": (LinkTimeout,),
+}
+LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage"}
+UNDETECTABLE = {("abb-calsrv", "flip"), ("abb-stock", "flip")}  # the dialect has no checksum
+
+
+@pytest.fixture(scope="module", params=sorted(RIGS))
+def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
+    with ExitStack() as stack:
+        yield request.param, RIGS[request.param](stack)
+
+
+def test_every_fault_has_its_classes() -> None:
+    assert set(CLASSES) == set(FAULTS)
+
+
+@pytest.mark.parametrize("after", [0, 1, 2])
+@pytest.mark.parametrize("fault", sorted(FAULTS))
+def test_one_fault(named_rig: tuple[str, Rig], fault: str, after: int) -> None:
+    name, rig = named_rig
+    if (name, fault) in UNDETECTABLE:
+        return
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    assert rig.ask(after) <= rig.tolerance
+    if LinkTimeout in CLASSES[fault]:  # these cost a deadline; the others must do without one
+        rig.hurry()
+    hit = rig.proxy.spoiled
+    rig.proxy.spoil(fault, times=1, after=after)
+    begin = time.monotonic()
+    failure: LinkError | None = None
+    for i in range(3):  # the second question meets what the first left behind
+        try:
+            assert rig.ask(10 + i) <= rig.tolerance
+        except CLASSES[fault] as error:
+            failure = error
+            break
+    assert rig.proxy.spoiled == hit + 1
+    assert time.monotonic() - begin < 3 * rig.longest_s + SLACK_S
+    assert failure or fault not in LOUD
+    if failure is not None:
+        assert failure.device.startswith(rig.driver.name)
+        assert failure.command
+        assert failure.what_to_do
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    assert rig.ask(50) <= rig.tolerance
+
+
+def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
+    name, rig = named_rig
+    faults = [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    rig.proxy.spoil(*faults, times=None, rate=0.03)
+    good = bad = 0
+    for i in range(120):
+        try:
+            assert rig.ask(i) <= rig.tolerance
+            good += 1
+        except (LinkError, Unmeasurable):
+            bad += 1
+            rig.proxy.heal()
+            rig.be_patient()
+            rig.restart()
+            rig.hurry()
+            rig.proxy.spoil(*faults, times=None, rate=0.03)
+    assert good > 20
+    assert bad > 2
+
+
+def test_booting_device(named_rig: tuple[str, Rig]) -> None:
+    _, rig = named_rig
+    rig.be_patient()
+    rig.proxy.refuse()
+    with pytest.raises(LinkLost):
+        rig.driver.connect()
+    rig.proxy.heal()
+    begin = time.monotonic()
+    rig.restart()
+    assert time.monotonic() - begin < 1.0 + SLACK_S
+    assert rig.ask(1) <= rig.tolerance

@@ -1,0 +1,77 @@
+"""The operator as a device: never a confirmation that nobody gave."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from drivers import (
+    Answer,
+    Busy,
+    NoOperator,
+    Operator,
+    Prompt,
+    RehearsalOperator,
+    RemoteOperator,
+    TerminalOperator,
+    UnknownPrompt,
+)
+from tests.drivers.waiting import in_thread
+
+SEAT = Prompt("p1", "Seat the SMR in T1 and press confirm", (Answer.CONFIRM, Answer.SKIP, Answer.ABORT))
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_all_are_operators() -> None:
+    assert all(isinstance(o, Operator) for o in (TerminalOperator(), RemoteOperator(), RehearsalOperator()))
+    assert RehearsalOperator().ask(SEAT) is Answer.CONFIRM
+
+
+@pytest.mark.parametrize(
+    ("typed", "answer"),
+    [("confirm\n", Answer.CONFIRM), ("S\n", Answer.SKIP), ("\nyes\nredo\nabort\n", Answer.ABORT)],
+)
+def test_terminal_asks_until_it_understands(typed: str, answer: Answer) -> None:
+    shown = io.StringIO()
+    assert TerminalOperator(Terminal(typed), shown).ask(SEAT) is answer
+    assert SEAT.text in shown.getvalue()
+
+
+def test_terminal_refuses_without_a_terminal() -> None:
+    closed = Terminal("confirm\n")
+    closed.close()
+    for reader in (io.StringIO("confirm\n"), closed, Terminal("")):
+        with pytest.raises(NoOperator) as caught:
+            TerminalOperator(reader, io.StringIO()).ask(SEAT)
+        assert caught.value.exit_code == 4
+
+
+def test_remote_answer_reaches_the_one_who_asks() -> None:
+    operator = RemoteOperator()
+    asked = in_thread(lambda: operator.ask(SEAT))
+    assert operator.wait_pending(5) == SEAT
+    with pytest.raises(UnknownPrompt):
+        operator.answer("p0", Answer.CONFIRM)
+    with pytest.raises(UnknownPrompt, match="redo"):
+        operator.answer("p1", Answer.REDO)
+    with pytest.raises(Busy):
+        operator.ask(SEAT)
+    operator.answer("p1", Answer.SKIP)
+    assert asked.result(timeout=5) is Answer.SKIP
+    assert operator.pending is None
+    with pytest.raises(UnknownPrompt):
+        operator.answer("p1", Answer.CONFIRM)
+
+
+def test_remote_closed_is_not_a_confirmation() -> None:
+    operator = RemoteOperator()
+    asked = in_thread(lambda: operator.ask(SEAT))
+    assert operator.wait_pending(5)
+    operator.close()
+    with pytest.raises(NoOperator):
+        asked.result(timeout=5)

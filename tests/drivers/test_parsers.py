@@ -1,0 +1,149 @@
+"""Parsers fed with anything: only errors of ours come out, and what was written reads back."""
+
+from __future__ import annotations
+
+import string
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import AcquisitionError, ConfigError, ProtocolError, mbp
+from drivers.abb_conversation import parse_numbered
+from drivers.link import parse_url
+from mocks import mbp as bridge
+
+NAMES = st.text(string.ascii_lowercase, min_size=1, max_size=8)
+VALUES = st.one_of(
+    st.integers(-(10**9), 10**9),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.text(string.ascii_letters + string.digits + "_.,-", min_size=1, max_size=12),
+)
+
+
+def test_checksum_of_the_specification() -> None:
+    assert mbp.checksum(b"123456789") == "29B1"
+    assert bridge.crc(b"123456789") == 0x29B1
+
+
+@given(st.binary(max_size=600))
+def test_any_bytes_as_mbp(data: bytes) -> None:
+    try:
+        message = mbp.parse(data)
+    except ProtocolError:
+        return
+    assert message.kind in ("OK", "ERR", "ACK", "EVENT", "SAMPLE")
+
+
+@given(st.binary(max_size=100))
+def test_any_body_with_a_good_sum(body: bytes) -> None:
+    try:
+        mbp.parse(body + b"*" + mbp.checksum(body).encode())
+    except ProtocolError:
+        return
+
+
+@given(st.integers(1, 2**31 - 1), st.dictionaries(NAMES, VALUES, max_size=8))
+def test_requests_are_read_by_the_bridge(number: int, fields: dict[str, object]) -> None:
+    got = bridge.request(mbp.encode(number, "MEASURE", fields))
+    assert got is not None
+    assert got[:2] == (number, "MEASURE")
+    for key, value in fields.items():
+        assert type(value)(got[2][key]) == value  # type: ignore[call-arg]
+
+
+@given(st.integers(1, 2**31 - 1), st.dictionaries(NAMES, VALUES, max_size=8))
+def test_answers_of_the_bridge_are_read(number: int, fields: dict[str, object]) -> None:
+    data = bridge.line(f"{number} OK {bridge.pairs(**fields)}".rstrip())
+    message = mbp.parse(data.removesuffix(b"\n"), checksum_needed=True)
+    assert (message.kind, message.number) == ("OK", number)
+    for key, value in fields.items():
+        assert type(value)(message.fields[key]) == value  # type: ignore[call-arg]
+
+
+@given(st.integers(0, 60), st.integers(0, 7))
+def test_every_wrong_bit_is_seen(at: int, bit: int) -> None:
+    good = bridge.line("17 OK x=1.25 y=-3.5 z=2.0 t=12.0 age=0.0").removesuffix(b"\n")
+    at %= len(good)
+    bad = good[:at] + bytes([good[at] ^ (1 << bit)]) + good[at + 1 :]
+    try:
+        message = mbp.parse(bad, checksum_needed=True)
+    except ProtocolError:
+        return
+    assert message.fields == mbp.parse(good).fields  # only the case of a digit of the sum may differ
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"1 OK x=1  y=2",
+        b"1 OK x=1 ",
+        b"1 OK x=1 x=2",
+        b"1 OK x",
+        b"1 OK =1",
+        b'1 ERR code=1 text="open',
+        b"1 DONE x=1",
+        b"OK x=1",
+        b"1",
+        b"",
+        b"1 OK x=\xff",
+    ],
+)
+def test_lines_that_are_not_messages(line: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        mbp.parse(line)
+
+
+def test_quoted_text_and_events() -> None:
+    message = mbp.parse(b'7 ERR code=302 text="target lost, look" retry=1\r')
+    assert message.fields["text"] == "target lost, look"
+    event = mbp.parse(b"! 3 BEAM_BROKEN t=1.5")
+    assert (event.kind, event.event, event.number) == ("EVENT", "BEAM_BROKEN", 3)
+    assert mbp.parse(b"# 12 t=0.5").kind == "SAMPLE"
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "x", "11"])
+def test_numbers_are_finite_and_in_range(text: str) -> None:
+    with pytest.raises(ProtocolError, match="x"):
+        mbp.number(mbp.parse(f"1 OK x={text}".encode()), "x", 0.0, 10.0)
+
+
+@given(st.binary(max_size=90))
+def test_any_bytes_as_calsrv(data: bytes) -> None:
+    try:
+        answer = parse_numbered(data, 202, 17)
+    except ProtocolError:
+        return
+    assert data.startswith(b"202 0 " if b" 0 " in data[:6] else b"202 1 17")
+    assert answer.raw == data
+
+
+@given(st.integers(0, 1), st.integers(1, 9999), st.integers(200, 208))
+def test_calsrv_answers_to_other_questions(ok: int, number: int, code: int) -> None:
+    line = f"{code} {ok} {'' if ok else '2 '}{number}".encode()
+    if (number, code) != (17, 202):
+        with pytest.raises(ProtocolError):
+            parse_numbered(line, 202, 17)
+
+
+@given(st.text(max_size=40))
+def test_any_text_as_address(text: str) -> None:
+    try:
+        address = parse_url(text)
+    except ConfigError:
+        return
+    assert 0 < address.port < 65536
+
+
+def test_errors_describe_themselves() -> None:
+    def kinds(kind: type[AcquisitionError]) -> list[type[AcquisitionError]]:
+        return [kind, *(k for sub in kind.__subclasses__() for k in kinds(sub))]
+
+    every = kinds(AcquisitionError)
+    codes = [kind.code for kind in every]
+    assert len(set(codes)) == len(codes)
+    for kind in every:
+        error = kind("message", device="d", command="c", raw=b"\xff")
+        assert error.what_to_do.endswith(".")
+        assert error.as_dict()["raw"] == "\xff"
+        assert f"[{kind.code}]" in str(error)

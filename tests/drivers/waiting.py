@@ -1,0 +1,26 @@
+"""Waiting for a condition with a deadline, and running a verb that blocks in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+
+def until(condition: Callable[[], Any], seconds: float = 10.0) -> None:
+    """Poll until the condition holds; fail after so many seconds."""
+    end = time.monotonic() + seconds
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < end, "condition did not come true"
+        pause.wait(0.005)
+
+
+def in_thread(verb: Callable[[], Any]) -> Future[Any]:
+    """The outcome of a verb that runs beside the test."""
+    pool = ThreadPoolExecutor(max_workers=1)
+    future = pool.submit(verb)
+    pool.shutdown(wait=False)
+    return future
