@@ -1,0 +1,34 @@
+"""Acquisition: what to measure, in which order, and a record that loses nothing. `acquisition.run` is the door."""
+
+from acquisition.campaign import Campaign, campaign_from, read_campaign
+from acquisition.cell import Cell, cell_from, read_cell
+from acquisition.clock import Clock, ScaledClock
+from acquisition.devices import Devices, open_devices
+from acquisition.export import export
+from acquisition.interrupt import pausing_on_interrupt
+from acquisition.run import Outcome, Run, checked_plan
+from acquisition.states import State
+from acquisition.status import RunStatus, read_status
+from acquisition.store import Event
+
+__all__ = [
+    "Campaign",
+    "Cell",
+    "Clock",
+    "Devices",
+    "Event",
+    "Outcome",
+    "Run",
+    "RunStatus",
+    "ScaledClock",
+    "State",
+    "campaign_from",
+    "cell_from",
+    "checked_plan",
+    "export",
+    "open_devices",
+    "pausing_on_interrupt",
+    "read_campaign",
+    "read_cell",
+    "read_status",
+]

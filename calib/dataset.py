@@ -92,7 +92,11 @@ class _Columns:
         twice = {name for name in self.names if name and self.names.count(name) > 1}
         if twice:
             raise DataError(f"column '{min(twice)}' stands twice.", do="Keep one.", file=path, line=1)
-        rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if any(cell.strip() for cell in line)]
+        rows = [
+            (number, line)
+            for number, line in enumerate(lines[1:], start=2)
+            if any(cell.strip() for cell in line)
+        ]
         for number, line in rows:
             if len(line) != len(self.names):
                 raise DataError(
@@ -136,9 +140,13 @@ class _Columns:
             try:
                 out[i] = float(cell)
             except ValueError as error:
-                raise self.refuse(i, name, f"is {cell.strip()!r}, not a number", "Use a decimal point") from error
+                raise self.refuse(
+                    i, name, f"is {cell.strip()!r}, not a number", "Use a decimal point"
+                ) from error
             if not math.isfinite(out[i]):
-                raise self.refuse(i, name, f"is {cell.strip()!r}", "Leave the cell empty when nothing was measured")
+                raise self.refuse(
+                    i, name, f"is {cell.strip()!r}", "Leave the cell empty when nothing was measured"
+                )
         return out
 
     def refuse(self, row: int, name: str, what: str, do: str) -> DataError:
@@ -202,7 +210,9 @@ def read_dataset(path: Path | str) -> Dataset:
         points=points,
         orientation=orientation,
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
-        sha256=hashlib.sha256((table.sha256 + path.with_suffix(".toml").read_text("utf-8")).encode()).hexdigest(),
+        sha256=hashlib.sha256(
+            (table.sha256 + path.with_suffix(".toml").read_text("utf-8")).encode()
+        ).hexdigest(),
     )
     _refuse_unfit(dataset, table)
     return dataset
@@ -233,7 +243,9 @@ def _refuse_without_units(table: _Columns) -> None:
 def _joints(table: _Columns, header: Header) -> Array:
     count = header.robot.joints
     for k in range(1, count + 1):
-        table.require(f"j{k}_deg", f"The robot {header.robot.name} has {count} joints: give j1_deg to j{count}_deg.")
+        table.require(
+            f"j{k}_deg", f"The robot {header.robot.name} has {count} joints: give j1_deg to j{count}_deg."
+        )
     if f"j{count + 1}_deg" in table:
         raise DataError(
             f"column 'j{count + 1}_deg' is there, but the robot {header.robot.name} has {count} joints.",
@@ -254,13 +266,17 @@ def _joints(table: _Columns, header: Header) -> Array:
 
 def _measured(table: _Columns) -> tuple[Array, Array]:
     for axis in "xyz":
-        table.require(f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured).")
+        table.require(
+            f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
+        )
     points = np.column_stack([table.numbers(f"{axis}_mm") for axis in "xyz"])
     for i in np.flatnonzero(np.isfinite(points).any(axis=1) & ~np.isfinite(points).all(axis=1)):
         raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are only partly filled", "Fill all three or none")
     zero = np.all(points == 0.0, axis=1)
     for i in np.flatnonzero(zero):
-        raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty")
+        raise table.refuse(
+            int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty"
+        )
     orientation = np.column_stack([table.numbers(f"rot_{q}") for q in "wxyz"])
     norm = np.linalg.norm(orientation, axis=1)
     for i in np.flatnonzero(np.abs(norm - 1.0) > 1e-3):
@@ -277,7 +293,7 @@ def _names(table: _Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[n
     if not everything:
         raise DataError(
             "names no tool target.",
-            do='Add [tool_targets] with their nominal positions in the flange frame, e.g. T1 = [0.0, 0.0, 125.0].',
+            do="Add [tool_targets] with their nominal positions in the flange frame, e.g. T1 = [0.0, 0.0, 125.0].",
             file=table.path.with_suffix(".toml"),
             key="tool_targets",
         )
@@ -285,7 +301,11 @@ def _names(table: _Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[n
     target = table.text("tool_target", only)
     for i, (name, of_series) in enumerate(zip(target, series, strict=True)):
         if name not in header.targets_of(of_series):
-            what = f"names {name!r}, which the header does not" if name else "is empty, and the header has several targets"
+            what = (
+                f"names {name!r}, which the header does not"
+                if name
+                else "is empty, and the header has several targets"
+            )
             raise table.refuse(i, "tool_target", what, f"Use one of {', '.join(sorted(everything))}")
     return series, target
 
@@ -293,11 +313,15 @@ def _names(table: _Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[n
 def _order(time: Array) -> NDArray[np.int64]:
     """Rank of every row in time; by line where the time is missing."""
     order = np.empty(len(time), dtype=np.int64)
-    order[np.argsort(time, kind="stable") if np.all(np.isfinite(time)) else np.arange(len(time))] = np.arange(len(time))
+    order[np.argsort(time, kind="stable") if np.all(np.isfinite(time)) else np.arange(len(time))] = np.arange(
+        len(time)
+    )
     return order
 
 
-def _arrivals(table: _Columns, header: Header, joints: Array, order: NDArray[np.int64]) -> tuple[Array, Array]:
+def _arrivals(
+    table: _Columns, header: Header, joints: Array, order: NDArray[np.int64]
+) -> tuple[Array, Array]:
     """Side of approach and previous angles: as recorded, else derived from the order of the rows."""
     count = header.robot.joints
     in_time = np.argsort(order)
@@ -309,7 +333,9 @@ def _arrivals(table: _Columns, header: Header, joints: Array, order: NDArray[np.
     previous = np.where(np.isfinite(recorded), recorded, before)
     side = np.column_stack([table.numbers(f"approach{k}") for k in range(1, count + 1)])
     for i, k in np.argwhere(np.isfinite(side) & ~np.isin(side, (-1.0, 1.0))):
-        raise table.refuse(int(i), f"approach{k + 1}", f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)")
+        raise table.refuse(
+            int(i), f"approach{k + 1}", f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)"
+        )
     if header.coupling != "none":
         side = side * np.sign(np.diag(np.array(header.robot.joint_matrices[header.coupling].matrix)))
     moved = np.sign(joints - previous)
@@ -331,10 +357,20 @@ def _refuse_unfit(dataset: Dataset, table: _Columns) -> None:
             file=table.path,
             key="set",
         )
-    if len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1 or np.ptp(dataset.points[rows], axis=0).max() < 1.0:
+    if (
+        len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1
+        or np.ptp(dataset.points[rows], axis=0).max() < 1.0
+    ):
         raise DataError(
-            "all calibration readings are the same.", do="Measure poses all over the joint ranges.", file=table.path
+            "all calibration readings are the same.",
+            do="Measure poses all over the joint ranges.",
+            file=table.path,
         )
     if dataset.header.noise.kind == "per-row":
         for i in np.flatnonzero(dataset.usable & ~np.all(dataset.u_point > 0.0, axis=1)):
-            raise table.refuse(int(i), "u_x_mm", "is empty or zero, and [noise] kind is 'per-row'", "Give u_x_mm, u_y_mm, u_z_mm")
+            raise table.refuse(
+                int(i),
+                "u_x_mm",
+                "is empty or zero, and [noise] kind is 'per-row'",
+                "Give u_x_mm, u_y_mm, u_z_mm",
+            )

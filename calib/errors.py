@@ -13,7 +13,13 @@ class DataError(ValueError):
     """Input that cannot be used as it is. `str(error)` is the whole sentence for the operator."""
 
     def __init__(
-        self, what: str, *, do: str, file: Path | str | None = None, line: int | None = None, key: str | None = None
+        self,
+        what: str,
+        *,
+        do: str,
+        file: Path | str | None = None,
+        line: int | None = None,
+        key: str | None = None,
     ) -> None:
         place = "" if file is None else str(file)
         if line is not None:

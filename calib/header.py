@@ -65,8 +65,15 @@ class _Table:
         value = self.values.get(key, default)
         if value is None:
             raise self.refuse(key, "is missing.", "Give a number; the unit is in the key's name.")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0.0:
-            raise self.refuse(key, f"is {value!r}.", "Give a number, zero or above; the unit is in the key's name.")
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+            or value < 0.0
+        ):
+            raise self.refuse(
+                key, f"is {value!r}.", "Give a number, zero or above; the unit is in the key's name."
+            )
         return float(value)
 
     def vector(self, key: str, default: Vector | None = None) -> Vector:
@@ -74,7 +81,9 @@ class _Table:
         if (
             not isinstance(value, list | tuple)
             or len(value) != 3
-            or not all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in value)
+            or not all(
+                isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in value
+            )
         ):
             raise self.refuse(key, f"is {value!r}.", "Give three numbers, [x, y, z].")
         return (float(value[0]), float(value[1]), float(value[2]))
@@ -164,8 +173,11 @@ def _noise(table: _Table) -> Noise:
         length_mm=table.number("length_mm", 0.0),
     )
     zero = (kind == "isotropic" and noise.sigma_mm == 0.0) or (
-        tracker and (noise.range_mm + noise.range_ppm == 0.0 or noise.transverse_mm + noise.transverse_ppm == 0.0)
+        tracker
+        and (noise.range_mm + noise.range_ppm == 0.0 or noise.transverse_mm + noise.transverse_ppm == 0.0)
     )
     if zero:
-        raise table.refuse("kind", "declares a noise of zero.", "Give the instrument's noise, 1 sigma per axis.")
+        raise table.refuse(
+            "kind", "declares a noise of zero.", "Give the instrument's noise, 1 sigma per axis."
+        )
     return noise

@@ -16,10 +16,9 @@ from calib import robust
 from calib.conditions import Conditions
 from calib.dataset import Dataset
 from calib.effects import base_model
-from calib.effects.effect import Effect
 from calib.errors import DataError
 from calib.kinematics import Array, forward
-from calib.least_squares import Dropped, Solution, find_dependent, solve
+from calib.least_squares import MAX_ITERATIONS, Dropped, Solution, find_dependent, solve
 from calib.model import Design, RobotModel
 from calib.noise import whitener
 from calib.observations import Points
@@ -104,7 +103,9 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
             continue
         nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in conditions.target_names])
         which = conditions.target[rows]
-        pose, tool = base_and_tool(flange[rows], nominal, which, dataset.points[rows], tool_unknown="tool" in groups)
+        pose, tool = base_and_tool(
+            flange[rows], nominal, which, dataset.points[rows], tool_unknown="tool" in groups
+        )
         placements[name] = pose
         if "tool" in groups:
             found = {t: tuple(tool[i]) for i, t in enumerate(conditions.target_names) if t in seen}
@@ -115,13 +116,22 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
 
 def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Array]:
     """The nominal robot in its place: base (and tool, where freed) fitted, nothing else. Returns model and estimate."""
-    placed = replace(model, effects=tuple(e for e in model.effects if e.label.partition("[")[0] in ("base", "tool")))
+    placed = replace(
+        model, effects=tuple(e for e in model.effects if e.label.partition("[")[0] in ("base", "tool"))
+    )
     start = np.zeros(len(placed.parameters))
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
     design = Design(placed, readings.conditions)
     active, _ = find_dependent(design, readings.points, start)
     for _ in range(4):
-        solution = solve(design, readings.points, start, active, weights=robust.huber(points_residual(design, readings, start)), max_iterations=4)
+        solution = solve(
+            design,
+            readings.points,
+            start,
+            active,
+            weights=robust.huber(points_residual(design, readings, start)),
+            max_iterations=4,
+        )
         start = solution.estimate
     return placed, start
 
@@ -131,7 +141,9 @@ def points_residual(design: Design, readings: Readings, estimate: Array) -> Arra
     return readings.points.residual(design.frames(estimate))
 
 
-def identify(dataset: Dataset, *, groups: Sequence[str] | None = None, progress: Progress = silent) -> Identification:
+def identify(
+    dataset: Dataset, *, groups: Sequence[str] | None = None, progress: Progress = silent
+) -> Identification:
     """Identify the base model of a data set.
 
     groups: which groups to free, default those of the header. Raises DataError when the readings cannot carry
@@ -156,19 +168,30 @@ def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:
 
 
 def fit(
-    dataset: Dataset, model: RobotModel, readings: Readings, start: Array, *, progress: Progress = silent
+    dataset: Dataset,
+    model: RobotModel,
+    readings: Readings,
+    start: Array,
+    *,
+    settled: tuple[Dropped, ...] | None = None,
+    progress: Progress = silent,
 ) -> Identification:
-    """Fit any model to readings from a start: robust first, then plain least squares on what belongs."""
+    """Fit any model to readings from a start: robust first, then plain least squares on what belongs.
+
+    settled: what an earlier fit dropped of the base model, which then stands.
+    """
     progress("fitting, robust to gross errors")
     design = Design(model, readings.conditions)
-    active, dropped = find_dependent(design, readings.points, start)
+    active, dropped = find_dependent(design, readings.points, start, settled)
     solution = None
     estimate = start
     for weigh, rounds in ((robust.huber, 3), (robust.bisquare, 3)):
         for _ in range(rounds):
             residual = points_residual(design, readings, estimate)
             scale = robust.noise_scale(residual)
-            solution = solve(design, readings.points, estimate, active, weigh(residual), scale, max_iterations=2)
+            solution = solve(
+                design, readings.points, estimate, active, weigh(residual), scale, max_iterations=2
+            )
             estimate = solution.estimate
     progress("fitting")
     residual = points_residual(design, readings, estimate)
@@ -189,11 +212,12 @@ def fit_plain(
     dropped: tuple[Dropped, ...],
     faulty: tuple[str, ...] = (),
     relabelled: tuple[tuple[str, str, str], ...] = (),
+    max_iterations: int = MAX_ITERATIONS,
 ) -> Identification:
     """Plain least squares on readings that belong; nothing is screened."""
     design = Design(model, readings.conditions)
     scale = robust.noise_scale(points_residual(design, readings, start))
-    solution = solve(design, readings.points, start, active, scale=scale)
+    solution = solve(design, readings.points, start, active, scale=scale, max_iterations=max_iterations)
     return _result(dataset, model, readings, solution, active, dropped, faulty, relabelled)
 
 
@@ -215,7 +239,9 @@ def _result(
         share = len(faulty) / (len(faulty) + len(readings.rows))
         warnings.append(f"{len(faulty)} readings ({share:.1%}) do not fit and were left out.")
     if relabelled:
-        warnings.append(f"{len(relabelled)} readings fit only when another tool target is assumed; relabelled.")
+        warnings.append(
+            f"{len(relabelled)} readings fit only when another tool target is assumed; relabelled."
+        )
     return Identification(
         model=model,
         estimate=solution.estimate,
@@ -235,13 +261,21 @@ def _result(
 
 
 def _warnings(
-    model: RobotModel, active: NDArray[np.bool_], dropped: tuple[Dropped, ...], covariance: Array, solution: Solution
+    model: RobotModel,
+    active: NDArray[np.bool_],
+    dropped: tuple[Dropped, ...],
+    covariance: Array,
+    solution: Solution,
 ) -> list[str]:
     out = []
     if not solution.converged:
         out.append("The fit did not converge; do not use its parameters.")
     for drop in dropped:
-        reason = f"confounded with {', '.join(drop.confounded_with)}" if drop.confounded_with else "it moves nothing here"
+        reason = (
+            f"confounded with {', '.join(drop.confounded_with)}"
+            if drop.confounded_with
+            else "it moves nothing here"
+        )
         out.append(f"{drop.name} was dropped: these readings cannot tell it ({reason}).")
     spread = np.sqrt(np.diag(covariance))
     for position, parameter in enumerate(model.parameters):
@@ -260,7 +294,9 @@ def _relabel(
     target = conditions.target.copy()
     relabelled = []
     for t, name in enumerate(conditions.target_names):
-        known = np.array([name in model.targets[conditions.series_names[s]] for s in conditions.series[suspects]])
+        known = np.array(
+            [name in model.targets[conditions.series_names[s]] for s in conditions.series[suspects]]
+        )
         trial = suspects[known] if len(suspects) else suspects
         if not len(trial):
             continue
@@ -298,7 +334,7 @@ def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
     if max(off_axis) < 1.0 and not any(e.label.startswith("tool") for e in model.effects):
         raise DataError(
             "all readings were taken with tool targets on the axis of the last joint, whose turning they cannot see.",
-            do="Measure a second tool target at least some 50 mm off that axis, or leave 'geometry' out of [model] fit.",
+            do="Measure a second target, some 50 mm or more off that axis, or leave 'geometry' out of [model] fit.",
             file=dataset.name,
             key="tool_targets",
         )

@@ -37,7 +37,11 @@ class Motion:
 
 
 def _six(name: str) -> tuple[Motion, ...]:
-    return tuple(Motion(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k) for turns in (False, True) for k in range(3))
+    return tuple(
+        Motion(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k)
+        for turns in (False, True)
+        for k in range(3)
+    )
 
 
 def _link(robot: Robot, k: int) -> tuple[Motion, ...]:
@@ -128,10 +132,10 @@ class Frames:
     def _place(self, rotation: Array, translation: Array) -> None:
         """Compose with constants: rotation (3, 3, n or 1), translation (3, n or 1)."""
         self._shift(translation)
-        columns = (self.x, self.y, self.z)
-        self.x, self.y, self.z = (
-            sum(columns[i] * rotation[i, j] for i in range(3)) for j in range(3)  # type: ignore[misc]
-        )
+        x, y, z = self.x, self.y, self.z
+        self.x = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
+        self.y = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
+        self.z = x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2]
 
 
 def cross(u: Array, v: Array) -> Array:
@@ -195,7 +199,10 @@ def forward(robot: Robot, joints: Array) -> Array:
 
 
 def gravity_torques(
-    robot: Robot, joints: Array, loads: tuple[Load, ...] | None = None, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    robot: Robot,
+    joints: Array,
+    loads: tuple[Load, ...] | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Array:
     """(n, N) torque of gravity about each joint, N.mm, positive in the direction in which gravity pushes.
 

@@ -54,6 +54,9 @@ class Noise:
 
 
 def whitener(covariance: Array) -> Array:
-    """(3, 3, n) lower-triangular W with W C W' = I, from covariances (n, 3, 3). Raises LinAlgError when one is singular."""
+    """(3, 3, n) lower-triangular W with W C W' = I, from covariances C (n, 3, 3).
+
+    Raises LinAlgError when one is singular.
+    """
     lower = np.linalg.cholesky(covariance)
-    return np.ascontiguousarray(np.linalg.inv(lower).transpose(1, 2, 0))
+    return np.ascontiguousarray(np.linalg.inv(lower).transpose(1, 2, 0), dtype=np.float64)

@@ -37,5 +37,9 @@ class Points:
         w = self.whiten
         # lower-triangular product, written out: einsum spends most of its time on the small axes
         return np.stack(
-            [w[0, 0] * v[0], w[1, 0] * v[0] + w[1, 1] * v[1], w[2, 0] * v[0] + w[2, 1] * v[1] + w[2, 2] * v[2]]
+            [
+                w[0, 0] * v[0],
+                w[1, 0] * v[0] + w[1, 1] * v[1],
+                w[2, 0] * v[0] + w[2, 1] * v[1] + w[2, 2] * v[2],
+            ]
         )

@@ -118,7 +118,9 @@ def load_robot(name: str, beside: Path | None = None) -> Robot:
 def _robot_from(table: dict[str, Any], path: Path) -> Robot:
     if table.get("format") != FORMAT:
         raise DataError(
-            f"format is {table.get('format')!r}.", do=f'A robot file starts with format = "{FORMAT}".', file=path
+            f"format is {table.get('format')!r}.",
+            do=f'A robot file starts with format = "{FORMAT}".',
+            file=path,
         )
     try:
         links = table["link"]
@@ -151,10 +153,14 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
             source=table["source"],
         )
     except KeyError as error:
-        raise DataError("key is missing.", do="Add it; see the built-in robot files.", file=path, key=error.args[0]) from error
+        raise DataError(
+            "key is missing.", do="Add it; see the built-in robot files.", file=path, key=error.args[0]
+        ) from error
     for low, high in zip(robot.lower, robot.upper, strict=True):
         if not low < high:
-            raise DataError("a joint's min_deg is not below its max_deg.", do="Correct the limits.", file=path)
+            raise DataError(
+                "a joint's min_deg is not below its max_deg.", do="Correct the limits.", file=path
+            )
     return robot
 
 
@@ -163,7 +169,9 @@ def parse_load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
     try:
         load = Load(int(entry["link"]), float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"]))  # type: ignore[arg-type]
     except KeyError as error:
-        raise DataError("a load lacks this key.", do="Give link, mass_kg, cog_mm.", file=path, key=error.args[0]) from error
+        raise DataError(
+            "a load lacks this key.", do="Give link, mass_kg, cog_mm.", file=path, key=error.args[0]
+        ) from error
     if not 1 <= load.link <= joints or len(load.cog_mm) != 3:
         raise DataError(
             f"a load names link {load.link} with {len(load.cog_mm)} coordinates.",
@@ -173,6 +181,9 @@ def parse_load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
         )
     if not (load.mass_kg > 0.0 and all(math.isfinite(x) for x in (load.mass_kg, *load.cog_mm))):
         raise DataError(
-            f"a load of {load.mass_kg} kg cannot be.", do="Give its mass in kg, above zero.", file=path, key="loads"
+            f"a load of {load.mass_kg} kg cannot be.",
+            do="Give its mass in kg, above zero.",
+            file=path,
+            key="loads",
         )
     return load

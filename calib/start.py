@@ -7,6 +7,7 @@ alternates with the linear solution for them. Weights (Huber) keep gross errors 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.kinematics import Array
 
@@ -23,7 +24,7 @@ def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array
 
 
 def base_and_tool(
-    flange: Array, targets: Array, which: Array, measured: Array, *, tool_unknown: bool
+    flange: Array, targets: Array, which: NDArray[np.int64], measured: Array, *, tool_unknown: bool
 ) -> tuple[Array, Array]:
     """Base pose (4, 4) and tool targets (T, 3), mm, of one series.
 

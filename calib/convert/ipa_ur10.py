@@ -67,7 +67,11 @@ def read(path: Path) -> Table:
     lines = list(csv.reader(text.splitlines(), delimiter=delimiter))
     names = [name.strip() for name in lines[0]] if lines else []
     layout = next((known for known in (_PUBLISHED, _CLEANED) if known["timestamp"] in names), None)
-    wanted = [] if layout is None else [layout["temperature"], *layout["joints"], *layout["point"], *layout["euler"]]
+    wanted = (
+        []
+        if layout is None
+        else [layout["temperature"], *layout["joints"], *layout["point"], *layout["euler"]]
+    )
     missing = [name for name in wanted if name not in names]
     if layout is None or missing:
         raise DataError(
@@ -87,7 +91,10 @@ def read(path: Path) -> Table:
                     out[i, k] = float(line[place].replace(",", "."))
                 except (ValueError, IndexError) as error:
                     raise DataError(
-                        f"column '{columns[k]}' is not a number.", do="Mend that line.", file=path, line=number
+                        f"column '{columns[k]}' is not a number.",
+                        do="Mend that line.",
+                        file=path,
+                        line=number,
                     ) from error
         return out
 
@@ -112,5 +119,5 @@ def _seconds(stamps: list[str]) -> list[str]:
     """Seconds since the first stamp; empty where the source rounded its stamps to the month."""
     if not all(re.fullmatch(r"20\d{12}", stamp) for stamp in stamps) or len(set(stamps)) < len(stamps) // 2:
         return [""] * len(stamps)
-    times = [datetime.strptime(stamp, "%Y%m%d%H%M%S").timestamp() for stamp in stamps]  # noqa: DTZ007 (differences only)
+    times = [datetime.strptime(stamp, "%Y%m%d%H%M%S").timestamp() for stamp in stamps]
     return [f"{time - times[0]:.0f}" for time in times]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -12,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from calib.errors import DataError
+from calib.files import replace_file
 
 Holdout = Literal["random", "block"]
 BLOCKS = 20
@@ -33,7 +33,9 @@ class Table:
         A random hold-out flatters: its neighbours took part in the fit. Raises DataError for a share outside (0, 1).
         """
         if not 0.0 < share < 1.0:
-            raise DataError(f"a share of {share:g} cannot be held out.", do="Give a share between 0 and 1.", key="--share")
+            raise DataError(
+                f"a share of {share:g} cannot be held out.", do="Give a share between 0 and 1.", key="--share"
+            )
         n, random = len(self), np.random.default_rng(seed)
         held = np.zeros(n, dtype=bool)
         if kind == "random":
@@ -57,10 +59,3 @@ class Table:
         writer.writerows(zip(*self.columns.values(), strict=True))
         replace_file(path.with_suffix(".toml"), self.header)
         replace_file(path, text.getvalue())
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a text file whole or not at all: to a neighbour first, then rename."""
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, encoding="utf-8", newline="\n")
-    os.replace(partial, path)

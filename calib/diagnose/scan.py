@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.diagnose.evidence import WHOLE_ORDER
 from calib.diagnose.space import Space
 from calib.diagnose.trigsums import TrigSums
 from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Steps
@@ -40,6 +41,10 @@ class FixedScores:
         """(1, p, p): X'X."""
         return (self.columns.T @ self.columns)[None]
 
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The only place."""
+        return 0
+
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
         return self.candidate.effect
@@ -52,7 +57,9 @@ class HarmonicScores:
         self.label = family.label
         self.family = family
         self.theta = space.fitted.readings.conditions.joints[:, family.joint - 1]
-        self.slot_columns = sum((weight * space.slot(slot) for slot, weight in family.slots), np.zeros((1, 1)))
+        self.slot_columns = sum(
+            (weight * space.slot(slot) for slot, weight in family.slots), np.zeros((1, 1))
+        )
         self.size = np.sum(self.slot_columns**2, axis=0)
         self.sums = TrigSums(self.theta, family.orders)
         total = float(np.sum(self.size))
@@ -73,6 +80,16 @@ class HarmonicScores:
         gram[:, 0, 1] = gram[:, 1, 0] = 0.5 * twice.imag
         return gram
 
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The best order: whole, unless the readings insist that it is not."""
+        orders = self.family.orders
+        best = int(np.argmax(gain))
+        whole = int(np.argmin(np.abs(orders - round(orders[best]))))
+        lost = scores.space.rows * np.log(
+            max(scores.rss - gain[whole], 1e-300) / max(scores.rss - gain[best], 1e-300)
+        )
+        return whole if lost < WHOLE_ORDER else best
+
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
         return self.family.at(float(self.family.orders[place]))
@@ -88,7 +105,9 @@ class StepScores:
         ranks = space.fitted.readings.conditions.order[self.order]
         self.first = np.searchsorted(ranks, family.ranks)
         self.slot_columns = [space.slot(slot) for slot in family.slots]
-        self.raw = np.stack([self._from_here(np.sum(g**2, axis=0)[:, None])[:, 0] for g in self.slot_columns], axis=1)
+        self.raw = np.stack(
+            [self._from_here(np.sum(g**2, axis=0)[:, None])[:, 0] for g in self.slot_columns], axis=1
+        )
 
     def _from_here(self, values: Array) -> Array:
         """(ranks, c): sums of (n, c) values over the readings from every rank on."""
@@ -107,6 +126,10 @@ class StepScores:
             for j, h in enumerate(self.slot_columns[: i + 1]):
                 gram[:, i, j] = gram[:, j, i] = self._from_here(np.sum(g * h, axis=0)[:, None])[:, 0]
         return gram
+
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The best change point."""
+        return int(np.argmax(gain))
 
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
@@ -174,7 +197,7 @@ class Scores:
     def best_of(self, index: int) -> Score:
         """The best place of one family."""
         gain, freedom = self.gains(index)
-        place = int(np.argmax(gain))
+        place = self.families[index].choose(gain, self)
         return self.at(index, place, float(gain[place]), int(freedom[place]))
 
     def at(self, index: int, place: int, gain: float, freedom: int) -> Score:
@@ -190,7 +213,22 @@ def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
     Returns gains (c,) and the number of directions that count (c,).
     """
     scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
-    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
-    along = np.einsum("cij,ci->cj", vectors, b * scale)
+    a, b = a * scale[:, :, None] * scale[:, None, :], b * scale
+    if a.shape[1] == 2:
+        return _gain_of_two(a, b)
+    values, vectors = np.linalg.eigh(a)
+    along = np.einsum("cij,ci->cj", vectors, b)
     counts = values > _ABSORBED
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)
+
+
+def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
+    """The same for two columns, written out: harmonics are by far the most numerous."""
+    middle, half = 0.5 * (a[:, 0, 0] + a[:, 1, 1]), 0.5 * (a[:, 0, 0] - a[:, 1, 1])
+    radius = np.hypot(half, a[:, 0, 1])
+    angle = 0.5 * np.arctan2(a[:, 0, 1], half)
+    c, s = np.cos(angle), np.sin(angle)
+    values = np.stack([middle + radius, middle - radius])
+    along = np.stack([c * b[:, 0] + s * b[:, 1], c * b[:, 1] - s * b[:, 0]])
+    counts = values > _ABSORBED
+    return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=0), counts.sum(axis=0)

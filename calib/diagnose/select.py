@@ -7,14 +7,15 @@ that another candidate explains better are swapped; then forward again, until no
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.dataset import Dataset
-from calib.diagnose.evidence import CLAIM, WHOLE_ORDER, ebic_gain, p_value
+from calib.diagnose.evidence import CLAIM, ebic_gain, p_value
 from calib.diagnose.refine import joint_of, refine_orders, refine_steps
-from calib.diagnose.scan import HarmonicScores, Score, Scores
+from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
 from calib.effects import Survey, offers
 from calib.effects.effect import Effect
@@ -23,10 +24,14 @@ from calib.kinematics import Array
 from calib.least_squares import find_dependent
 from calib.model import Design
 
-MOST_EFFECTS = 120
+MOST_EFFECTS = 100
 _ROUNDS = 60
+_PATIENCE = 2  # rounds without a better model before the best so far is kept
+_MANY = 12  # with more effects than this, the first round without a better model is the last
+_LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
+_STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
 _SWAP_MARGIN = 1.0  # extended BIC that a rival must gain to take an effect's place
-_NEIGHBOUR = 1.0  # cycles a turn within which two orders of a joint are one effect under refinement
+_RESOLUTION = 0.6  # cycles over the measured range within which two orders of a joint are one effect
 
 
 @dataclass(frozen=True)
@@ -45,18 +50,32 @@ def select(
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
     seen = {labels(chosen)}
+    best = Selection(start, chosen)
+    lowest, waited = math.inf, 0
     for _ in range(_ROUNDS):
         space = Space.of(fitted)
         scores = Scores(library, space)
+        total = _total(space, scores, chosen)
+        if total < lowest:
+            best, lowest, waited = Selection(fitted, chosen), total, 0
+        else:
+            waited += 1
         proposal = _forward(scores, chosen, most, progress)
         if proposal == chosen:
             proposal = _swap(space, scores, _backward(space, scores, chosen))
-        if labels(proposal) in seen:
+        if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 0):
             break
         seen.add(labels(proposal))
         fitted, chosen = _settle(dataset, fitted, proposal)
         seen.add(labels(chosen))
-    return Selection(fitted, chosen)
+    return best
+
+
+def _total(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> float:
+    """Extended BIC of the model as it stands, up to a constant."""
+    tries = sum(math.log(multiplicity_of(scores, effect)) for effect in chosen)
+    parameters = space.basis.shape[1]
+    return space.rows * math.log(space.rss) + parameters * math.log(space.rows) + 2.0 * tries
 
 
 def labels(chosen: tuple[Effect, ...]) -> frozenset[str]:
@@ -69,9 +88,18 @@ def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) 
     base = tuple(e for e in fitted.model.effects if e.group == "base model")
     model = replace(fitted.model, effects=(*base, *chosen))
     estimate = carry(fitted.model, fitted.estimate, model)
-    active, dropped = find_dependent(Design(model, fitted.readings.conditions), fitted.readings.points, estimate)
+    design = Design(model, fitted.readings.conditions)
+    active, dropped = find_dependent(design, fitted.readings.points, estimate, fitted.dropped)
     return fit_plain(
-        dataset, model, fitted.readings, estimate, active, dropped, fitted.faulty_rows, fitted.relabelled_rows
+        dataset,
+        model,
+        fitted.readings,
+        estimate,
+        active,
+        dropped,
+        fitted.faulty_rows,
+        fitted.relabelled_rows,
+        _STEPS,
     )
 
 
@@ -94,30 +122,21 @@ def evidence(score: Score, scores: Scores) -> float:
 
 def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
     """The best of every family that is not in the model already."""
-    found = [refine_place(scores, index, scores.best_of(index)) for index in range(len(scores.families))]
-    return [score for score in found if score.freedom > 0 and not _present(score.effect, chosen)]
+    found = [scores.best_of(index) for index in range(len(scores.families))]
+    return [score for score in found if score.freedom > 0 and not _present(scores, score.effect, chosen)]
 
 
-def _present(effect: Effect, chosen: tuple[Effect, ...]) -> bool:
-    """Whether an effect, or a harmonic so close that refinement would merge them, is chosen already."""
-    if "order" not in effect.shape:
-        return effect.label in labels(chosen)
-    orders = [e.shape["order"] for e in chosen if "order" in e.shape and joint_of(e) == joint_of(effect)]
-    return any(abs(order - effect.shape["order"]) < 1e-6 for order in orders)
+def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool:
+    """Whether an effect, or a harmonic that the measured range cannot tell from it, is chosen already."""
+    return effect.label in labels(chosen) or any(one_order(scores, effect, other) for other in chosen)
 
 
-def refine_place(scores: Scores, index: int, score: Score) -> Score:
-    """A harmonic's order: whole, unless the place of the scan beats the nearest whole order by enough."""
-    family = scores.families[index]
-    if not isinstance(family, HarmonicScores):
-        return score
-    orders = family.family.orders
-    whole = int(np.argmin(np.abs(orders - round(score.effect.shape["order"]))))
-    gain, freedom = scores.gains(index)
-    lost = scores.space.rows * np.log(max(scores.rss - gain[whole], 1e-300) / max(scores.rss - score.gain, 1e-300))
-    if lost < WHOLE_ORDER:
-        return scores.at(index, whole, float(gain[whole]), int(freedom[whole]))
-    return score
+def one_order(scores: Scores, one: Effect, other: Effect) -> bool:
+    """Whether two harmonics of one joint differ by less than the measured range resolves."""
+    if "order" not in one.shape or "order" not in other.shape or joint_of(one) != joint_of(other):
+        return False
+    turns = np.ptp(scores.space.fitted.readings.conditions.joints[:, joint_of(one) - 1]) / (2.0 * np.pi)
+    return bool(abs(one.shape["order"] - other.shape["order"]) * turns < _RESOLUTION)
 
 
 def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress) -> tuple[Effect, ...]:
@@ -128,7 +147,10 @@ def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Pr
         if not found:
             break
         best = max(found, key=lambda score: evidence(score, scores))
-        if p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity) > CLAIM:
+        if (
+            best.gain < _LEAST_SHARE * scores.rss
+            or p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity) > CLAIM
+        ):
             break
         wider = (*wider, best.effect)
         progress(f"effect {len(wider)}: {best.effect.label}")
@@ -165,16 +187,17 @@ def multiplicity_of(scores: Scores, effect: Effect) -> int:
 
 
 def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Drop the weakest effect, if it no longer passes by itself."""
-    weakest, worst = None, CLAIM
+    """Drop the weaker half of the effects that no longer pass by themselves (the others may pass without them)."""
+    failing = []
     for effect in chosen:
         _, coefficients = space.own_direction(effect)
         gain, columns = float(coefficients @ coefficients), len(coefficients)
         tries = multiplicity_of(scores, effect)
         chance = p_value(gain, columns, scores.rss + gain, scores.freedom + columns, tries)
-        if chance > worst:
-            weakest, worst = effect, chance
-    return tuple(effect for effect in chosen if effect is not weakest)
+        if chance > CLAIM:
+            failing.append((chance, -gain, effect.label))
+    weaker = {label for _, _, label in sorted(failing, reverse=True)[: (len(failing) + 1) // 2]}
+    return tuple(effect for effect in chosen if effect.label not in weaker)
 
 
 def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -186,15 +209,10 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
         without, gain, columns = leave_one_out(space, scores, effect)
         own = ebic_gain(gain, columns, without.rss, space.rows, multiplicity_of(scores, effect))
         others = tuple(other for j, other in enumerate(out) if j != i)
-        rivals = [score for score in candidates(without, others) if not _neighbours(score.effect, effect)]
+        rivals = [
+            score for score in candidates(without, others) if not one_order(scores, score.effect, effect)
+        ]
         best = max(rivals, key=lambda score: evidence(score, without), default=None)
         if best is not None and evidence(best, without) > own + _SWAP_MARGIN:
             out[i] = best.effect
     return tuple(out)
-
-
-def _neighbours(one: Effect, other: Effect) -> bool:
-    """Whether two harmonics of one joint lie so close that refinement, not a swap, moves one to the other."""
-    if "order" not in one.shape or "order" not in other.shape or joint_of(one) != joint_of(other):
-        return False
-    return abs(one.shape["order"] - other.shape["order"]) < _NEIGHBOUR

@@ -14,7 +14,7 @@ from scipy.linalg import solve_triangular
 from calib.effects.effect import Effect
 from calib.identify import Identification
 from calib.kinematics import Array, Frames
-from calib.least_squares import jacobian
+from calib.least_squares import fast_factors, jacobian
 from calib.model import Design
 from calib.regressors import Regressor
 
@@ -42,7 +42,7 @@ class Space:
         prior = np.where(active, max(fitted.noise_scale, 1.0) / fitted.model.prior_std, 0.0)
         size = np.sqrt(np.sum(columns**2, axis=0) + prior**2)[active]
         stacked = np.vstack([columns[:, active] / size, np.diag(prior[active] / size)])
-        q, r = np.linalg.qr(stacked)
+        q, r = fast_factors(stacked)
         inverse = solve_triangular(r, np.eye(len(r))) / size[:, None]
         covariance = np.zeros((len(active), len(active)))
         covariance[np.ix_(active, active)] = inverse @ inverse.T

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.fft
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from calib.kinematics import Array
@@ -24,7 +25,7 @@ class TrigSums:
         self.count = len(orders)
         spacing = float(orders[1] - orders[0]) if self.count > 1 else 1.0
         modes = max(self.count, 4 * _HALF_WIDTH)
-        self.grid = scipy.fft.next_fast_len(_OVERSAMPLING * modes, real=False)
+        self.grid = int(scipy.fft.next_fast_len(_OVERSAMPLING * modes, real=False) or 0)
         ratio = self.grid / modes
         width = np.pi * _HALF_WIDTH / (modes**2 * ratio * (ratio - 0.5))
         middle = self.count // 2
@@ -38,13 +39,14 @@ class TrigSums:
         weights = np.exp(-((points * step - angle[:, None]) ** 2) / (4.0 * width))
         sample = np.broadcast_to(np.arange(len(theta))[:, None], points.shape)
         self.spread = csr_array(
-            (weights.ravel(), (np.mod(points, self.grid).ravel(), sample.ravel())), shape=(self.grid, len(theta))
+            (weights.ravel(), (np.mod(points, self.grid).ravel(), sample.ravel())),
+            shape=(self.grid, len(theta)),
         )
         mode = np.arange(self.count) - middle
         self.places = np.mod(mode, self.grid)
         self.undo = (np.sqrt(np.pi / width) * np.exp(mode**2 * width))[:, None]
 
-    def of(self, values: Array) -> np.ndarray:
+    def of(self, values: Array) -> NDArray[np.complex128]:
         """(J, c) complex sums of values (n, c) x exp(i order theta)."""
         grid = self.spread @ (values * self.carrier)
         return scipy.fft.ifft(grid, axis=0)[self.places] * self.undo

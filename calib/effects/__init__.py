@@ -1,7 +1,6 @@
 """The library of effects: one file a kind. A new kind is one file with a function, named in `LIBRARY`."""
 
 from calib.effects import backlash, drift, encoder_scale, periodic, shift, thermal_growth
-from calib.effects.check import check_effect
 from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Parameter, Steps, Term, effect
 from calib.effects.survey import Survey
 
@@ -30,7 +29,6 @@ __all__ = [
     "Steps",
     "Survey",
     "Term",
-    "check_effect",
     "effect",
     "offers",
 ]

@@ -15,7 +15,7 @@ from calib.robot import Robot
 GROUPS = ("base", "geometry", "parallel_twist", "compliance", "tool", "joint_offsets", "encoder_scale")
 DEFAULT_GROUPS = ("base", "geometry", "parallel_twist", "compliance")
 
-_GEOMETRY = {"alpha": ("deg", 0.3), "a": ("mm", 3.0), "theta": ("deg", 3.0), "d": ("mm", 3.0)}
+_GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 
 
 def base(series: str, several: bool) -> Effect:
@@ -37,28 +37,29 @@ def tool(series: str, targets: Sequence[str], several: bool) -> Effect:
         for target in targets
         for axis in "xyz"
     }
-    return effect(f"tool{suffix}", "base model", "mounting", "The tool targets sit elsewhere on the flange.", acts)
+    return effect(
+        f"tool{suffix}", "base model", "mounting", "The tool targets sit elsewhere on the flange.", acts
+    )
 
 
 def geometry(robot: Robot) -> Effect:
     """DH numbers of the links that the base pose cannot absorb."""
     acts = {
-        f"{kind}{link}": (*_GEOMETRY[kind], [(f"{kind}{link}", Constant())]) for kind, link in robot.geometric_links
+        f"{kind}{link}": (*_GEOMETRY[kind], [(f"{kind}{link}", Constant())])
+        for kind, link in robot.geometric_links
     }
     return effect("geometry", "base model", "robot", "Links are longer, offset or twisted.", acts)
 
 
 def parallel_twist(robot: Robot) -> Effect:
     """Hayati's beta where two axes are meant to be parallel."""
-    acts = {f"beta{k}": ("deg", 0.3, [(f"beta{k}", Constant())]) for k in robot.parallel_axes}
+    acts = {f"beta{k}": ("deg", 0.2, [(f"beta{k}", Constant())]) for k in robot.parallel_axes}
     return effect("parallel_twist", "base model", "robot", "Axes meant to be parallel are twisted.", acts)
 
 
 def compliance(robot: Robot) -> Effect:
     """Gear compliance of every joint that gravity loads: joints 2..N turn by c x torque."""
-    acts = {
-        f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in range(2, robot.joints + 1)
-    }
+    acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in range(2, robot.joints + 1)}
     return effect("compliance", "base model", "robot", "Gears yield to gravity.", acts)
 
 
@@ -74,7 +75,9 @@ def encoder_scale(robot: Robot) -> Effect:
     return effect("encoder_scale", "base model", "robot", "Joints turn more or less than they count.", acts)
 
 
-def build(groups: Sequence[str], robot: Robot, series: Sequence[str], targets: Sequence[Sequence[str]]) -> tuple[Effect, ...]:
+def build(
+    groups: Sequence[str], robot: Robot, series: Sequence[str], targets: Sequence[Sequence[str]]
+) -> tuple[Effect, ...]:
     """The effects of a base model. series: names; targets: names of the targets measured in each series.
 
     Raises KeyError for an unknown group.

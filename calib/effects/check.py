@@ -22,18 +22,24 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
     exact chain (central differences, relative 1e-5); it survives JSON. Raises AssertionError naming what fails.
     """
     assert effect.label, "the effect has no label"
-    assert effect.label == effect.label.strip() and " " not in effect.label, f"{effect.label!r}: a label has no spaces"
-    assert effect.meaning.endswith("."), f"{effect.label}: its meaning is one sentence and ends in a full stop"
+    assert not any(c.isspace() for c in effect.label), f"{effect.label!r}: a label has no spaces"
+    assert effect.meaning.endswith("."), (
+        f"{effect.label}: its meaning is one sentence and ends in a full stop"
+    )
     assert effect.parameters, f"{effect.label}: it has no parameter"
     for parameter in effect.parameters:
         assert parameter.unit in FACTORS, f"{parameter.name}: unknown unit {parameter.unit!r}"
-        assert parameter.size is None or parameter.size > 0.0, f"{parameter.name}: its size must be above zero"
+        assert parameter.size is None or parameter.size > 0.0, (
+            f"{parameter.name}: its size must be above zero"
+        )
     assert {t.parameter for t in effect.terms} == {p.name for p in effect.parameters}, (
         f"{effect.label}: terms and parameters do not name each other"
     )
     unknown = {t.slot for t in effect.terms} - set(model.chain.slots)
     assert not unknown, f"{effect.label}: no such slot: {', '.join(sorted(unknown))}"
-    assert Effect.from_json(json.loads(json.dumps(effect.to_json()))) == effect, f"{effect.label}: JSON changes it"
+    assert Effect.from_json(json.loads(json.dumps(effect.to_json()))) == effect, (
+        f"{effect.label}: JSON changes it"
+    )
 
     plain = Design(model, conditions)
     extended = Design(model.append(effect), conditions)
@@ -42,7 +48,9 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
     assert np.array_equal(before, extended.predict(at_zero)), f"{effect.label}: it acts although it is zero"
 
     frames = extended.frames(at_zero)
-    jacobian = extended.columns(lambda slot: np.broadcast_to(frames.twist(slot)[0], (3, len(conditions))), before.size)
+    jacobian = extended.columns(
+        lambda slot: np.broadcast_to(frames.twist(slot)[0], (3, len(conditions))), before.size
+    )
     for position in extended.model.positions(effect):
         parameter = extended.model.parameters[position]
         step = _DIFFERENCE * to_internal(1.0 if parameter.size is None else parameter.size, parameter.unit)

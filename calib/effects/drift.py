@@ -13,13 +13,21 @@ from calib.regressors import Time
 def drift_translation() -> Effect:
     """The instrument's frame shifts; parameters x, y, z, mm/h."""
     acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time())]) for axis in "xyz"}
-    return effect("drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts)
+    return effect(
+        "drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts
+    )
 
 
 def drift_rotation() -> Effect:
     """The instrument's frame turns about the station; parameters rx, ry, rz, deg/h."""
     acts = {axis: ("deg/h", 0.02, [(f"frame.{axis}", Time())]) for axis in ("rx", "ry", "rz")}
-    return effect("drift_rotation", "instrument", "instrument", "The instrument turns about its station with time.", acts)
+    return effect(
+        "drift_rotation",
+        "instrument",
+        "instrument",
+        "The instrument turns about its station with time.",
+        acts,
+    )
 
 
 def offer(survey: Survey) -> list[Candidate]:

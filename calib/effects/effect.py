@@ -20,7 +20,9 @@ from calib.regressors import Regressor
 from calib.units import FACTORS, to_display
 
 Owner = Literal["robot", "mounting", "instrument"]
-Group = Literal["base model", "transmission", "structure", "frames and tool", "instrument", "thermal", "procedure"]
+Group = Literal[
+    "base model", "transmission", "structure", "frames and tool", "instrument", "thermal", "procedure"
+]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,9 @@ from calib.effects.survey import Survey
 from calib.regressors import Cosine, Sine
 
 LOWEST, HIGHEST = 0.5, 330.0
-SPACING = 0.25  # divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
+SPACING = (
+    0.25  # divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
+)
 
 
 def order_name(order: float) -> str:

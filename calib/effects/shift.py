@@ -21,7 +21,9 @@ _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a chan
 def _shift(name: str, meaning: str, rank: float) -> Effect:
     step = StepAt(int(rank))
     acts = {
-        axis: ("mm", 0.5, [(f"{name}.{axis}", step)]) if len(axis) == 1 else ("deg", 0.1, [(f"{name}.{axis}", step)])
+        axis: ("mm", 0.5, [(f"{name}.{axis}", step)])
+        if len(axis) == 1
+        else ("deg", 0.1, [(f"{name}.{axis}", step)])
         for axis in _AXES
     }
     return effect(f"{name}_shift", "frames and tool", "mounting", meaning, acts, {"rank": float(int(rank))})

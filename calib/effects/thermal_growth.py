@@ -15,7 +15,9 @@ from calib.robot import Robot
 
 def arm_lengths(robot: Robot) -> list[tuple[str, float]]:
     """The slots of all link lengths with their nominal lengths, mm."""
-    lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [(f"d{k + 1}", d) for k, d in enumerate(robot.d)]
+    lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [
+        (f"d{k + 1}", d) for k, d in enumerate(robot.d)
+    ]
     return [(slot, length) for slot, length in lengths if length != 0.0]
 
 

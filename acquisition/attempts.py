@@ -1,0 +1,128 @@
+"""Attempts and prompts of a record: written before the act, closed by its outcome."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from typing import Any
+
+from acquisition.plan import Visit
+from acquisition.states import State
+from acquisition.store import Planned, Store
+from drivers.errors import AcquisitionError
+from drivers.interfaces import JointReading, PointReading, Prompt
+
+VOID = "void"  # the answer of a prompt that nobody waits for any more
+
+
+class Attempts:
+    """The attempts of one record."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def begin_arrival(self, visit: Visit) -> int:
+        """The robot is about to go to the approach point and on to the pose."""
+        return self._begin("arrive", visit.number, None, None)
+
+    def begin_reading(self, planned: Planned, arrival: int | None) -> int:
+        """The instrument is about to measure. `arrival`: the good arrival it relies on; None for a nest."""
+        return self._begin("measure", planned.visit.number, planned.id, arrival)
+
+    def _begin(self, kind: str, visit: int, pose: int | None, arrival: int | None) -> int:
+        now = self._store.moment()
+        with self._store.changing() as db:
+            row = db.execute(
+                "INSERT INTO attempt (kind, visit, pose, arrival, began_utc, began_t_s) "
+                "VALUES (?, ?, ?, ?, ?, ?) RETURNING id",
+                (kind, visit, pose, arrival, now.utc, now.t_s),
+            ).fetchone()
+        return row[0]
+
+    def arrived(self, attempt: int, reached: JointReading) -> None:
+        """The robot stands in the pose."""
+        with self._store.changing() as db:
+            self._close(db, attempt, "good", raw=reached.raw, read_deg=json.dumps(list(reached.joints_deg)))
+            self._store.note(db, "arrived", attempt=attempt, read_deg=list(reached.joints_deg))
+
+    def measured(
+        self, attempt: int, planned: Planned, reading: PointReading, world: tuple[float, ...] | None
+    ) -> dict[str, Any]:
+        """A good reading: durable, and the planned reading done, when this returns. Returns its event's data."""
+        data = {
+            "attempt": attempt,
+            "pose": planned.id,
+            "name": planned.visit.name,
+            "set": planned.visit.set,
+            "target": planned.target,
+            "tracker_mm": list(reading.xyz_mm),
+            "world_mm": None if world is None else list(world),
+            "t_air_c": reading.t_air_c,
+        }
+        values: dict[str, Any] = {
+            "raw": reading.raw,
+            "samples": reading.samples,
+            "device_t_s": reading.t_s,
+            "t_air_c": reading.t_air_c,
+            "pressure_hpa": reading.pressure_hpa,
+            "humidity_percent": reading.humidity_percent,
+        }
+        for axis, place, scatter in zip("xyz", reading.xyz_mm, reading.std_mm, strict=True):
+            values |= {f"tracker_{axis}_mm": place, f"std_{axis}_mm": scatter}
+        if world is not None:
+            values |= {f"world_{axis}_mm": place for axis, place in zip("xyz", world, strict=True)}
+        with self._store.changing() as db:
+            self._close(db, attempt, "good", **values)
+            db.execute("UPDATE pose SET status = 'measured', reason = '' WHERE id = ?", (planned.id,))
+            self._store.note(db, "reading", **data)
+        return data
+
+    def failed(self, attempt: int, error: AcquisitionError) -> None:
+        """It came to nothing; why, and the raw reply, are kept."""
+        with self._store.changing() as db:
+            self._close(db, attempt, "failed", raw=error.raw, error_code=error.code, error=error.message)
+            self._store.note(db, "attempt_failed", attempt=attempt, error=error.as_dict())
+
+    def _close(self, db: sqlite3.Connection, attempt: int, status: str, **values: Any) -> None:
+        now = self._store.moment()
+        values |= {"status": status, "ended_utc": now.utc, "ended_t_s": now.t_s}
+        assignments = ", ".join(f"{name} = ?" for name in values)
+        db.execute(f"UPDATE attempt SET {assignments} WHERE id = ?", (*values.values(), attempt))
+
+    # -- prompts ------------------------------------------------------------------------------------------
+
+    def ask(self, prompt: Prompt) -> None:
+        """A question is about to be put to a person."""
+        with self._store.changing() as db:
+            expects = [answer.value for answer in prompt.expects]
+            db.execute(
+                "INSERT INTO prompt (id, text, picture, expects, asked_utc) VALUES (?, ?, ?, ?, ?)",
+                (prompt.id, prompt.text, prompt.picture, json.dumps(expects), self._store.moment().utc),
+            )
+            self._store.note(db, "prompt", id=prompt.id, text=prompt.text, expects=expects)
+            self._store.change_state(db, State.WAITING, prompt.text)
+
+    def answered(self, prompt_id: str, answer: str, by: str) -> None:
+        """The answer, with which the campaign goes on; or VOID."""
+        with self._store.changing() as db:
+            db.execute(
+                "UPDATE prompt SET answer = ?, answered_by = ?, answered_utc = ? "
+                "WHERE id = ? AND answer IS NULL",
+                (answer, by, self._store.moment().utc, prompt_id),
+            )
+            self._store.note(db, "answer", id=prompt_id, answer=answer, by=by)
+            if answer != VOID:
+                self._store.change_state(db, State.RUNNING, "")
+
+    def open_prompt(self) -> dict[str, Any] | None:
+        """The prompt that waits for its answer: id, text, picture, expects."""
+        rows = self._store.database.query("SELECT * FROM prompt WHERE answer IS NULL ORDER BY rowid DESC")
+        if not rows:
+            return None
+        row = rows[0]
+        return {
+            "id": row["id"],
+            "text": row["text"],
+            "picture": row["picture"],
+            "expects": json.loads(row["expects"]),
+        }

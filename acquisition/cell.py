@@ -1,0 +1,204 @@
+"""The cell file `cell.toml` (`truepose-cell/1`): which robot, which instrument, where, and what must not be hit.
+
+Lengths mm, angles deg, speeds mm/s and deg/s. Everything is checked here, by file and key, so that the rest
+of the program can believe a `Cell`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from acquisition.toml_table import TomlTable, Vector, parse_toml
+from calib.errors import DataError
+from calib.robot import Load, Robot, load_robot
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+FORMAT = "truepose-cell/1"
+SPEED_CAP_MM_S, SPEED_CAP_DEG_S = 500.0, 20.0  # Nubiola, thesis 2.5: faster moves warm and shake the arm
+_NAMES = {"faro": "faro-ion"}
+
+
+@dataclass(frozen=True)
+class NoiseFigures:
+    """Declared noise of a tracker, 1 sigma: mm and ppm of the distance."""
+
+    range_mm: float = 0.010
+    range_ppm: float = 2.0
+    transverse_mm: float = 0.010
+    transverse_ppm: float = 6.0
+
+
+@dataclass(frozen=True)
+class RobotSection:
+    """The robot of the cell and how fast and how far it may go."""
+
+    model: Robot
+    driver: str
+    url: str
+    speed_mm_s: float
+    speed_deg_s: float
+    limits_deg: tuple[tuple[float, float], ...]
+    table_z_mm: float
+    keep_out_mm: tuple[tuple[Vector, Vector], ...]
+    repeatability_deg: float
+
+
+@dataclass(frozen=True)
+class InstrumentSection:
+    """The instrument of the cell. `one_smr`: a person moves the only SMR from nest to nest."""
+
+    name: str
+    driver: str
+    url: str
+    station_mm: Vector
+    noise: NoiseFigures
+    one_smr: bool
+
+
+@dataclass(frozen=True)
+class ToolSection:
+    """Targets on the tool, flange frame; mass and centre None: as in the robot file."""
+
+    targets: Mapping[str, Vector]
+    normals: Mapping[str, Vector]
+    mass_kg: float | None
+    cog_mm: Vector | None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell. `source` is the text of its file, kept in the record; `time_scale` only counts simulated."""
+
+    name: str
+    robot: RobotSection
+    instrument: InstrumentSection
+    nests: Mapping[str, Vector]
+    tool: ToolSection
+    time_scale: float
+    source: str = field(repr=False)
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Masses that load the joints: the robot's own, with its tool replaced by the cell's."""
+        if self.tool.mass_kg is None or self.tool.cog_mm is None:
+            return self.robot.model.loads
+        last = self.robot.model.joints
+        own = tuple(load for load in self.robot.model.loads if load.link != last)
+        return (*own, Load(last, self.tool.mass_kg, self.tool.cog_mm))
+
+
+def read_cell(path: Path) -> Cell:
+    """Read `cell.toml`. Raises ConfigError naming file and key."""
+    text, table = parse_toml(path)
+    return cell_from(table, str(path), beside=path.parent, source=text)
+
+
+def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None, source: str = "") -> Cell:
+    """A cell from a parsed table. `file` is named in refusals; `beside`: where a robot file is looked for."""
+    top = TomlTable(table, file)
+    top.text("format", allowed=(FORMAT,))
+    top.only(("format", "name", "robot", "instrument", "world", "tool", "simulation"))
+    nests = top.table("world").vectors("nests")
+    if len(nests) < 3:
+        raise top.refuse("world.nests", f"names {len(nests)} nests; the world frame needs three.")
+    origin, second, third = (np.array(nest) for nest in list(nests.values())[:3])
+    if np.linalg.norm(np.cross(second - origin, third - origin)) < 100.0**2:
+        raise top.refuse("world.nests", "do not span a frame: put them at least 100 mm apart, not in a row.")
+    return Cell(
+        name=top.text("name"),
+        robot=_robot(top.table("robot"), beside),
+        instrument=_instrument(top.table("instrument")),
+        nests=nests,
+        tool=_tool(top.table("tool"), nests),
+        time_scale=top.table("simulation").number("time_scale", 1.0, low=1e-3, high=1e6),
+        source=source or tomli_w.dumps(table),
+    )
+
+
+def cell_of_record(source: str, where: str) -> Cell:
+    """The cell of a record, from the text stored there. Raises ConfigError."""
+    return cell_from(tomllib.loads(source), where, beside=Path(where).parent, source=source)
+
+
+def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
+    known = "model driver url speed_mm_s speed_deg_s limits_deg table_z_mm keep_out repeatability_deg"
+    table.only(known.split())
+    try:
+        robot = load_robot(table.text("model"), beside)
+    except DataError as error:
+        raise ConfigError(f"{table.file}, key 'robot.model': {error}") from error
+    own = [(low / DEG, high / DEG) for low, high in zip(robot.lower, robot.upper, strict=True)]
+    rows = table.rows("limits_deg", 2, default=own)
+    if len(rows) != robot.joints:
+        raise table.refuse("limits_deg", f"has {len(rows)} pairs for {robot.joints} joints.")
+    for i, ((low, high), (least, most)) in enumerate(zip(rows, own, strict=True), start=1):
+        if not least - 1e-9 <= low < high <= most + 1e-9:
+            raise table.refuse(
+                "limits_deg",
+                f"joint {i} [{low:g}, {high:g}] is not within the robot's [{least:g}, {most:g}].",
+            )
+    boxes = []
+    for i, box in enumerate(table.values.get("keep_out", ())):
+        corners = TomlTable({"keep_out": box}, table.file, table.prefix).rows("keep_out", 3)
+        if len(corners) != 2 or not all(a < b for a, b in zip(*corners, strict=True)):
+            raise table.refuse("keep_out", f"box {i} needs two corners, the lower one first.")
+        boxes.append(((*corners[0],), (*corners[1],)))
+    return RobotSection(
+        model=robot,
+        driver=table.text("driver"),
+        url=table.text("url"),
+        speed_mm_s=table.number("speed_mm_s", SPEED_CAP_MM_S, low=1.0, high=SPEED_CAP_MM_S),
+        speed_deg_s=table.number("speed_deg_s", SPEED_CAP_DEG_S, low=0.1, high=SPEED_CAP_DEG_S),
+        limits_deg=tuple((low, high) for low, high in rows),
+        table_z_mm=table.number("table_z_mm", 0.0),
+        keep_out_mm=tuple(boxes),
+        repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
+    )
+
+
+def _instrument(table: TomlTable) -> InstrumentSection:
+    noise = NoiseFigures()
+    figures = ("range_mm", "range_ppm", "transverse_mm", "transverse_ppm")
+    table.only(("driver", "url", "station_mm", "one_smr", *figures))
+    driver = table.text("driver")
+    return InstrumentSection(
+        name=_NAMES.get(driver, driver),
+        driver=driver,
+        url=table.text("url"),
+        station_mm=table.vector("station_mm"),
+        noise=NoiseFigures(*(table.number(name, getattr(noise, name), low=0.0) for name in figures)),
+        one_smr=table.flag("one_smr", False),
+    )
+
+
+def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
+    table.only(("targets", "normals", "mass_kg", "cog_mm"))
+    targets = table.vectors("targets")
+    if not targets:
+        raise table.refuse("targets", "is missing: name the targets on the tool, e.g. T1 = [0, 0, 125].")
+    for name in (*targets, *nests):
+        if not (name.isidentifier() and name.isascii()):
+            raise table.refuse("targets", f"{name!r} is not a name; use letters and digits.")
+    if both := set(targets) & set(nests):
+        raise table.refuse("targets", f"{min(both)} is the name of a nest as well.")
+    normals = table.vectors("normals")
+    for name in normals:
+        if name not in targets:
+            raise table.refuse("normals", f"names {name}, which is no target.")
+    if ("mass_kg" in table.values) != ("cog_mm" in table.values):
+        raise table.refuse("mass_kg", "and cog_mm belong together: give both or none.")
+    weighed = "mass_kg" in table.values
+    return ToolSection(
+        targets=targets,
+        normals=normals,
+        mass_kg=table.number("mass_kg", low=1e-6) if weighed else None,
+        cog_mm=table.vector("cog_mm") if weighed else None,
+    )

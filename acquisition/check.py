@@ -1,0 +1,55 @@
+"""The whole plan is checked before the first motion: limits, table, keep-out boxes, of poses and approach points.
+
+A pose that fails refuses the campaign (exit code 5) and is named; nothing has moved. The approach point is a
+pose like any other: 5 deg beside a legal pose it can leave the limits or touch the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acquisition.cell import Cell
+from acquisition.errors import UnsafePlan
+from acquisition.plan import Visit
+from acquisition.workspace import above_table, outside_boxes, points_of_arm
+
+
+def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
+    """Raises UnsafePlan naming the first pose that may not be driven, and why."""
+    standing = [visit for visit in visits if visit.kind == "pose"]
+    if not standing:
+        return
+    for what, joints in (
+        ("", np.array([visit.joints_deg for visit in standing])),
+        ("the approach point of ", np.array([visit.approach_deg for visit in standing])),
+    ):
+        _within_limits(cell, standing, joints, what)
+        points = points_of_arm(cell, joints)
+        for good, why in (
+            (above_table(cell, points), f"lower than table_z_mm = {cell.robot.table_z_mm:g}"),
+            (outside_boxes(cell, points), "inside a keep-out box"),
+        ):
+            if not good.all():
+                i = int(np.argmin(good))
+                raise UnsafePlan(
+                    f"{what}{standing[i].name} ({_angles(joints[i])}) brings arm or tool {why}",
+                    command="check",
+                )
+
+
+def _within_limits(cell: Cell, standing: Sequence[Visit], joints: np.ndarray, what: str) -> None:
+    low, high = np.array(cell.robot.limits_deg).T
+    outside = ~((joints >= low) & (joints <= high))  # NaN is outside
+    if outside.any():
+        i, k = (int(index) for index in np.argwhere(outside)[0])
+        raise UnsafePlan(
+            f"{what}{standing[i].name}: joint {k + 1} at {joints[i, k]:g} deg, "
+            f"allowed {low[k]:g} to {high[k]:g}",
+            command="check",
+        )
+
+
+def _angles(joints: np.ndarray) -> str:
+    return ", ".join(f"{q:g}" for q in joints) + " deg"

@@ -1,0 +1,107 @@
+"""From a record to a data set: `OUT.csv` and `OUT.toml` (`truepose-dataset/1`), each written whole or not at all.
+
+Points in the world frame of the nests; angles as commanded, with the approach point before them and the side of
+approach; the controller's read-back beside them. Readings that were given up stay in the file as
+`rejected:REASON` without a point.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from acquisition.cell import Cell, cell_of_record
+from acquisition.errors import RecordError
+from acquisition.store import Store
+from calib.convert.table import Table
+from calib.effects.base_model import DEFAULT_GROUPS
+
+_ROWS = """
+SELECT attempt.*, pose.set_name, pose.target, pose.joints_deg, pose.sides, pose.approach_deg,
+       pose.status AS outcome, pose.reason, arrival.read_deg AS reached_deg
+FROM attempt JOIN pose ON pose.id = attempt.pose LEFT JOIN attempt AS arrival ON arrival.id = attempt.arrival
+WHERE pose.kind = 'pose' AND (attempt.status = 'good' OR (pose.status = 'skipped' AND attempt.id = (
+      SELECT max(id) FROM attempt AS last WHERE last.pose = pose.id)))
+ORDER BY attempt.id
+"""
+
+
+def export(record_dir: Path, out: Path) -> Path:
+    """Write the data set of a record, finished or not. Returns the path of its CSV.
+
+    Raises RecordError (no record, or no reading in it), StorageError, OSError.
+    """
+    store = Store.open(record_dir, writer=False)
+    try:
+        rows = [dict(row) for row in store.database.query(_ROWS)]
+        cell = cell_of_record(store.campaign["cell"], str(store.database.path))
+        world = store.world
+    finally:
+        store.close()
+    if world is None or not any(row["status"] == "good" for row in rows):
+        raise RecordError(f"{record_dir}: holds no reading of a pose yet")
+    station = tuple(float(x) for x in world.origin)
+    out = out.with_suffix(".csv")
+    Table(_columns(rows, cell.robot.model.joints), tomli_w.dumps(_header(cell, station))).write(out)
+    return out
+
+
+def _columns(rows: list[dict[str, Any]], joints: int) -> dict[str, list[str]]:
+    columns: dict[str, list[str]] = {
+        "reading_id": [str(row["id"]) for row in rows],
+        "set": [row["set_name"] for row in rows],
+        "t_s": [
+            _text(row["ended_t_s"] if row["ended_t_s"] is not None else row["began_t_s"], 3) for row in rows
+        ],
+    }
+    for name, key, decimals in (
+        ("j{}_deg", "joints_deg", 6),
+        ("j{}_read_deg", "reached_deg", 5),
+        ("approach{}", "sides", 0),
+        ("prev{}_deg", "approach_deg", 6),
+    ):
+        values = [json.loads(row[key]) if row[key] else [None] * joints for row in rows]
+        for k in range(joints):
+            columns[name.format(k + 1)] = [_text(each[k], decimals) for each in values]
+    columns["tool_target"] = [row["target"] for row in rows]
+    for axis in "xyz":
+        columns[f"{axis}_mm"] = [_text(row[f"world_{axis}_mm"], 6) for row in rows]
+    columns["t_air_c"] = [_text(row["t_air_c"], 3) for row in rows]
+    columns["status"] = ["ok" if row["status"] == "good" else f"rejected:{row['reason']}" for row in rows]
+    return columns
+
+
+def _text(value: float | None, decimals: int) -> str:
+    if value is None or not math.isfinite(value):
+        return ""
+    return f"{value:.{decimals}f}"
+
+
+def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+    noise = cell.instrument.noise
+    return {
+        "format": "truepose-dataset/1",
+        "robot": cell.robot.model.name,
+        "instrument": cell.instrument.name,
+        "world": "nominal",
+        "joint_coupling": "none",
+        "gravity_base": [0.0, 0.0, -9.81],
+        "model": {"fit": list(DEFAULT_GROUPS)},
+        "noise": {
+            "kind": "tracker",
+            "station_mm": list(station_mm),
+            "range_mm": noise.range_mm,
+            "range_ppm": noise.range_ppm,
+            "transverse_mm": noise.transverse_mm,
+            "transverse_ppm": noise.transverse_ppm,
+            "repeatability_deg": cell.robot.repeatability_deg,
+        },
+        "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
+        "loads": [
+            {"link": load.link, "mass_kg": load.mass_kg, "cog_mm": list(load.cog_mm)} for load in cell.loads
+        ],
+    }

@@ -1,0 +1,103 @@
+"""Robot and instrument as the sequencer uses them: it knows which of them must be connected or armed anew.
+
+The drivers' rules: after a LinkError connect and arm; any error of a commanded robot disarms it. A device is
+only ever armed on the way to an approach, so that nothing moves without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+
+from acquisition.control import Control
+from acquisition.devices import Devices
+from drivers.errors import AcquisitionError, LinkError, Unmeasurable
+from drivers.interfaces import Device, Identity, JointReading, PointReading
+
+
+class Rig:
+    """The devices of one execution. `met` is told who answers, and whether it can be stopped, on connecting."""
+
+    def __init__(
+        self, devices: Devices, control: Control, met: Callable[[str, Identity, bool], None]
+    ) -> None:
+        self._devices = devices
+        self._control = control
+        self._met = met
+        self._connected: set[str] = set()
+        self._armed: set[str] = set()
+        self._can_stop = True
+        self.moving = False
+        self.lost_in_move = False
+
+    def make_ready(self) -> None:
+        """Connect and arm what is not. Raises AcquisitionError, Stopping."""
+        for role, device in (("robot", self._devices.robot), ("instrument", self._devices.instrument)):
+            with self._using(role):
+                if role not in self._connected:
+                    device.connect()
+                    self._connected.add(role)
+                    if role == "robot":
+                        self._can_stop = self._devices.robot.can_stop
+                    self._met(role, device.identify(), self._can_stop)
+                self._control.check_stop()
+                if role not in self._armed:
+                    device.arm()
+                    self._armed.add(role)
+        # A stop between the look above and the arming must not be undone by it.
+        self._control.check_stop()
+
+    def move(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go there and stand. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        self.lost_in_move = False
+        with self._using("robot"):
+            self.moving = True
+            try:
+                reached = self._devices.robot.move_to(joints_deg)
+            except LinkError:
+                # A robot that cannot be stopped may still be moving: nobody but a person may say go on.
+                self.lost_in_move = not self._can_stop
+                raise
+            finally:
+                self.moving = False
+        self._control.check_stop()
+        return reached
+
+    def measure(self, target: str, samples: int, near_mm: Sequence[float] | None) -> PointReading:
+        """A whole measurement. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self._using("instrument"):
+            return self._devices.instrument.measure(target, samples=samples, near_mm=near_mm)
+
+    @contextmanager
+    def _using(self, role: str) -> Iterator[None]:
+        try:
+            yield
+        except Unmeasurable:
+            raise
+        except LinkError:
+            self._connected.discard(role)
+            self._armed.discard(role)
+            raise
+        except AcquisitionError:
+            self._armed.discard(role)
+            raise
+
+    def halt(self) -> list[AcquisitionError]:
+        """Robot and instrument stop now; from any thread. Returns what could not be stopped."""
+        problems = []
+        both: tuple[Device, ...] = (self._devices.robot, self._devices.instrument)
+        for device in both:
+            try:
+                device.stop()  # type: ignore[attr-defined]
+            except AcquisitionError as error:
+                problems.append(error)
+        return problems
+
+    def release(self) -> None:
+        """Disarm and disconnect both."""
+        for device in (self._devices.robot, self._devices.instrument):
+            with suppress(AcquisitionError):
+                device.disarm()
+                device.disconnect()

@@ -1,0 +1,293 @@
+"""One run of a campaign: the interface on which command line, HTTP service and closed loop are built.
+
+    run = Run.create(folder, cell, campaign)          # or Run.open(folder): comes back paused after a crash
+    outcome = run.execute(open_devices(cell), on_event=show)
+    run.resume(by="anna"); run.execute(...)           # a paused run moves only after an explicit resume
+
+`execute` blocks until the run is paused, stopped or done, and leaves the devices disarmed and disconnected.
+Everything else may be called from any thread meanwhile.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from acquisition.attempts import Attempts
+from acquisition.campaign import Campaign, campaign_of_record
+from acquisition.cell import Cell, cell_of_record
+from acquisition.check import check_plan
+from acquisition.clock import Clock, ScaledClock
+from acquisition.control import Control, Pausing, Stopping
+from acquisition.desk import Desk
+from acquisition.devices import Devices
+from acquisition.errors import NotResumed
+from acquisition.plan import Visit, make_plan
+from acquisition.rig import Rig
+from acquisition.sequencer import Sequencer
+from acquisition.states import State
+from acquisition.status import Pace, RunStatus, status_of
+from acquisition.store import Event, Moment, Store
+from drivers.errors import AcquisitionError, StorageError
+from drivers.interfaces import Answer, Identity
+from drivers.operator import UnknownPrompt
+
+LEAST_FREE_BYTES = 50_000_000
+
+
+def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
+    """What a campaign would do in this cell, without a record: a dry run. Raises ConfigError, UnsafePlan."""
+    visits = make_plan(cell, campaign)
+    check_plan(cell, visits)
+    return visits
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an execution ended. `error` None: done, or as somebody asked."""
+
+    state: State
+    reason: str
+    error: AcquisitionError | None = None
+
+    @property
+    def exit_code(self) -> int:
+        """Of the command line: 0 done, the error's own, 130 paused or stopped by a person, 1 failed."""
+        if self.error is not None:
+            return self.error.exit_code
+        return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
+
+
+@dataclass
+class _Execution:
+    """What lives only while devices are in use."""
+
+    control: Control
+    rig: Rig
+    desk: Desk
+    pace: Pace
+
+
+class Run:
+    """A record and, while it executes, its devices."""
+
+    def __init__(self, store: Store, cell: Cell, campaign: Campaign) -> None:
+        self._store = store
+        self.cell = cell
+        self.campaign = campaign
+        self._mutex = threading.Lock()  # who executes; taken for moments only
+        self._execution: _Execution | None = None
+        self._resumed = False
+        self._trouble: str | None = None  # what the record could not be told
+
+    @classmethod
+    def create(
+        cls,
+        record_dir: Path,
+        cell: Cell,
+        campaign: Campaign,
+        *,
+        simulated: bool = False,
+        name: str = "",
+    ) -> Run:
+        """Plan, check everything, and make the record. Nothing moves, no device is touched.
+
+        Raises ConfigError, UnsafePlan, RecordError, RecordInUse, StorageError.
+        """
+        visits = checked_plan(cell, campaign)
+        store = Store.create(
+            record_dir, name or cell.name, cell.source, campaign.source, visits, simulated=simulated
+        )
+        return cls(store, cell, campaign)
+
+    @classmethod
+    def open(cls, record_dir: Path) -> Run:
+        """An existing record; one that was running when its program ended is paused now.
+
+        Raises RecordError, RecordInUse, StorageError.
+        """
+        store = Store.open(record_dir)
+        try:
+            store.recover()
+            row = store.campaign
+            where = str(store.database.path)
+            return cls(store, cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where))
+        except BaseException:
+            store.close()
+            raise
+
+    def close(self) -> None:
+        """Give the record up. Not while executing."""
+        self._store.close()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- execution ----------------------------------------------------------------------------------------
+
+    def execute(
+        self,
+        devices: Devices,
+        clock: Clock | None = None,
+        on_event: Callable[[Event], None] | None = None,
+    ) -> Outcome:
+        """Measure what is left; blocks. `clock` None: real, or scaled for a simulated run.
+
+        Raises NotResumed where nobody resumed it, StorageError where the record cannot even be started; later
+        errors of devices and record are in the outcome.
+        """
+        simulated = bool(self._store.campaign["simulated"])
+        clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
+        with self._store.listening(on_event or _ignore):
+            execution = self._begin(devices, clock)
+            sequencer = Sequencer(
+                self._store,
+                self.cell,
+                self.campaign,
+                execution.rig,
+                execution.control,
+                execution.desk,
+                clock,
+            )
+            ending, error = State.PAUSED, None
+            reason = "The program was interrupted."
+            try:
+                sequencer.run()
+                ending, reason = self._verdict()
+            except Pausing:
+                reason = "Paused on request."
+            except Stopping:
+                ending, reason = State.STOPPED, "Stopped on request."
+            except AcquisitionError as caught:
+                error, reason = caught, f"{caught.message}. {caught.what_to_do}"
+                execution.rig.halt()
+            finally:
+                # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.
+                execution.rig.release()
+                error = self._end(ending, reason) or error
+        return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
+
+    def _begin(self, devices: Devices, clock: Clock) -> _Execution:
+        with self._mutex:
+            state = self._store.state
+            if self._execution is not None or not (state is State.READY or self._resumed):
+                raise NotResumed(f"the campaign is {state.value}", command="execute")
+            self._check_disk()
+            self._trouble = None
+            self._store.recover()
+            self._store.moment = self._moments(clock)
+            self._store.start()
+            self._resumed = False
+            control = Control(clock)
+            rig = Rig(devices, control, self._met)
+            desk = Desk(Attempts(self._store), devices.operator, control)
+            pace = Pace(clock, sum(self._store.counts().get(s, 0) for s in ("measured", "skipped")))
+            self._execution = _Execution(control, rig, desk, pace)
+            return self._execution
+
+    def _end(self, ending: State, reason: str) -> StorageError | None:
+        with self._mutex:
+            self._execution = None
+            try:
+                self._store.become(ending, reason)
+            except StorageError as error:
+                self._trouble = f"{error.message}. {error.what_to_do}"
+                return error
+        return None
+
+    def _verdict(self) -> tuple[State, str]:
+        counts = self._store.counts()
+        if not counts.get("measured"):
+            return State.FAILED, "Not one pose could be measured."
+        skipped = counts.get("skipped", 0)
+        return State.SUCCEEDED, f"{skipped} readings were skipped." if skipped else ""
+
+    def _check_disk(self) -> None:
+        folder = self._store.database.path.parent
+        if shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
+            raise StorageError(f"{folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
+
+    def _moments(self, clock: Clock) -> Callable[[], Moment]:
+        """Campaign time goes on through a pause; the calendar is asked once, so its jumps do no harm."""
+        row = self._store.campaign
+        since = 0.0 if row["started_utc"] is None else clock.utc() - row["started_utc"]
+        last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
+        base = max(last, since * clock.time_scale) - clock.now()
+        return lambda: Moment(clock.utc(), base + clock.now())
+
+    def _met(self, role: str, who: Identity, can_stop: bool) -> None:
+        """Told before anything moves: a robot that no program can stop needs a hand at its button."""
+        self._store.tell("connected", role=role, **asdict(who), can_stop=can_stop)
+
+    # -- from any thread ----------------------------------------------------------------------------------
+
+    def pause(self, by: str = "", key: str | None = None) -> None:
+        """End after the reading in hand. `key`: an idempotency key; the second time nothing happens."""
+        if self._store.command("pause", by, key):
+            with self._mutex:
+                execution = self._execution
+            if execution is not None:
+                execution.control.pause()
+
+    def resume(self, by: str = "", key: str | None = None) -> None:
+        """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states."""
+        if not self._store.command("resume", by, key):
+            return
+        with self._mutex:
+            state = self._store.state
+            if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
+                raise NotResumed(f"a campaign that is {state.value} cannot be resumed", command="resume")
+            self._resumed = True
+
+    def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
+        """Halt the robot now and end the run. Returns what could not be stopped (CannotStop: use the button)."""
+        with self._mutex:
+            execution = self._execution
+        problems: list[AcquisitionError] = []
+        if execution is not None:
+            moving = execution.rig.moving
+            execution.control.stop()
+            problems = [e for e in execution.rig.halt() if moving]
+        self._store.command("stop", by, key)
+        if execution is None:
+            with self._mutex:
+                self._resumed = False
+                if self._execution is None and self._store.state not in (
+                    State.STOPPED,
+                    State.SUCCEEDED,
+                    State.FAILED,
+                ):
+                    self._store.become(State.STOPPED, "Stopped on request.")
+        return problems
+
+    def answer(self, prompt_id: str, answer: Answer, by: str = "") -> None:
+        """Answer the prompt that is being asked. Raises UnknownPrompt."""
+        with self._mutex:
+            execution = self._execution
+        if execution is None:
+            raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
+        execution.desk.answer(prompt_id, answer, by)
+
+    def status(self) -> RunStatus:
+        """State, progress, prompt, last reading."""
+        with self._mutex:
+            execution = self._execution
+        return status_of(self._store, None if execution is None else execution.pace, self._trouble)
+
+    def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
+        """What happened since event `after`, oldest first."""
+        return self._store.events(after, limit)
+
+    def wait(self, after: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds for one beyond `after`."""
+        return self._store.wait_beyond(after, seconds)
+
+
+def _ignore(_: Event) -> None:
+    """Nobody listens."""

@@ -1,0 +1,118 @@
+"""The tables of a record, as numbered scripts; `PRAGMA user_version` says how many of them a file has seen.
+
+    campaign   one row: what was asked, the state, the world frame
+    pose       one planned reading a row: a target in a visit of the robot to joint angles (none for a nest)
+    attempt    append-only: written before the act (`open`), closed once by its outcome
+    prompt     questions to a person and their answers
+    command    what people and programs asked of the campaign
+    event      what happened, in order; its id is the version of the record
+
+An attempt of kind `arrive` is one approach; each `measure` of a pose names the arrival it relies on. Angles
+deg, lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
+"""
+
+from __future__ import annotations
+
+_FIRST = """
+CREATE TABLE campaign (
+  id TEXT NOT NULL PRIMARY KEY,
+  one INTEGER NOT NULL DEFAULT 1 UNIQUE CHECK (one = 1),
+  name TEXT NOT NULL,
+  created_utc REAL NOT NULL,
+  started_utc REAL,
+  simulated INTEGER NOT NULL CHECK (simulated IN (0, 1)),
+  cell TEXT NOT NULL,
+  campaign TEXT NOT NULL,
+  state TEXT NOT NULL CHECK (state IN ('draft', 'ready', 'running', 'waiting_for_operator', 'paused',
+                                       'succeeded', 'failed', 'stopped')),
+  reason TEXT NOT NULL DEFAULT '',
+  world TEXT
+) STRICT;
+
+CREATE TABLE pose (
+  id INTEGER NOT NULL PRIMARY KEY,
+  visit INTEGER NOT NULL,
+  name TEXT NOT NULL,
+  kind TEXT NOT NULL CHECK (kind IN ('nest', 'pose')),
+  set_name TEXT NOT NULL,
+  block INTEGER NOT NULL,
+  target TEXT NOT NULL,
+  joints_deg TEXT NOT NULL,
+  sides TEXT NOT NULL,
+  approach_deg TEXT NOT NULL,
+  status TEXT NOT NULL DEFAULT 'planned' CHECK (status IN ('planned', 'deferred', 'measured', 'skipped')),
+  reason TEXT NOT NULL DEFAULT ''
+) STRICT;
+
+CREATE TABLE attempt (
+  id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+  kind TEXT NOT NULL CHECK (kind IN ('arrive', 'measure')),
+  visit INTEGER NOT NULL,
+  pose INTEGER REFERENCES pose (id),
+  arrival INTEGER REFERENCES attempt (id),
+  status TEXT NOT NULL DEFAULT 'open' CHECK (status IN ('open', 'good', 'failed', 'died')),
+  began_utc REAL NOT NULL,
+  began_t_s REAL NOT NULL,
+  ended_utc REAL,
+  ended_t_s REAL,
+  error_code INTEGER,
+  error TEXT,
+  raw BLOB,
+  read_deg TEXT,
+  tracker_x_mm REAL, tracker_y_mm REAL, tracker_z_mm REAL,
+  world_x_mm REAL, world_y_mm REAL, world_z_mm REAL,
+  std_x_mm REAL, std_y_mm REAL, std_z_mm REAL,
+  samples INTEGER,
+  device_t_s REAL,
+  t_air_c REAL, pressure_hpa REAL, humidity_percent REAL,
+  CHECK (kind = 'arrive' OR pose IS NOT NULL),
+  CHECK (kind = 'measure' OR (pose IS NULL AND arrival IS NULL)),
+  CHECK (status <> 'good' OR kind = 'arrive' OR tracker_x_mm IS NOT NULL)
+) STRICT;
+CREATE UNIQUE INDEX one_good_reading ON attempt (pose) WHERE kind = 'measure' AND status = 'good';
+CREATE INDEX attempts_open ON attempt (status) WHERE status = 'open';
+CREATE TRIGGER attempt_closed BEFORE UPDATE ON attempt WHEN old.status <> 'open'
+  BEGIN SELECT RAISE(ABORT, 'a closed attempt never changes'); END;
+CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
+  BEGIN SELECT RAISE(ABORT, 'an attempt is never deleted'); END;
+CREATE TRIGGER reading_needs_arrival BEFORE INSERT ON attempt
+  WHEN new.kind = 'measure' AND (SELECT kind FROM pose WHERE id = new.pose) = 'pose'
+   AND NOT EXISTS (SELECT 1 FROM attempt AS a WHERE a.id = new.arrival AND a.kind = 'arrive'
+                   AND a.status = 'good' AND a.visit = new.visit)
+  BEGIN SELECT RAISE(ABORT, 'a reading needs its approach'); END;
+
+CREATE TABLE prompt (
+  id TEXT NOT NULL PRIMARY KEY,
+  text TEXT NOT NULL,
+  picture TEXT,
+  expects TEXT NOT NULL,
+  asked_utc REAL NOT NULL,
+  answer TEXT,
+  answered_by TEXT,
+  answered_utc REAL
+) STRICT;
+
+CREATE TABLE command (
+  id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+  utc REAL NOT NULL,
+  verb TEXT NOT NULL,
+  by TEXT NOT NULL,
+  key TEXT UNIQUE
+) STRICT;
+
+CREATE TABLE event (
+  id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+  utc REAL NOT NULL,
+  t_s REAL,
+  kind TEXT NOT NULL,
+  data TEXT NOT NULL
+) STRICT;
+CREATE INDEX readings ON event (id) WHERE kind = 'reading';
+CREATE TRIGGER event_kept BEFORE DELETE ON event
+  BEGIN SELECT RAISE(ABORT, 'an event is never deleted'); END;
+CREATE TRIGGER event_fixed BEFORE UPDATE ON event
+  BEGIN SELECT RAISE(ABORT, 'an event never changes'); END;
+"""
+
+SCRIPTS: tuple[str, ...] = (_FIRST,)
+"""Script n takes a file from version n to n + 1."""

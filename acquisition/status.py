@@ -1,0 +1,81 @@
+"""The state of a run as people and programs see it (the contract's fields)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from acquisition.attempts import Attempts
+from acquisition.clock import Clock
+from acquisition.states import State
+from acquisition.store import Store
+
+
+@dataclass(frozen=True)
+class RunStatus:
+    """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall."""
+
+    id: str
+    name: str
+    state: str
+    state_code: int
+    reason: str
+    version: int
+    done: int
+    total: int
+    skipped: int
+    prompt: dict[str, Any] | None
+    last_reading: dict[str, Any] | None
+    seconds_left: float | None
+    simulated: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+class Pace:
+    """How fast an execution gets on. `done` at its start."""
+
+    def __init__(self, clock: Clock, done: int) -> None:
+        self._clock, self._done, self._since = clock, done, clock.now()
+
+    def seconds_left(self, done: int, total: int) -> float | None:
+        """Seconds on the wall; None before the first reading."""
+        if done <= self._done:
+            return None
+        each = (self._clock.now() - self._since) / (done - self._done)
+        return each * (total - done) / self._clock.time_scale
+
+
+def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
+    """`pace` None: it does not execute. `trouble`: why the record could not be told of a pause."""
+    row, counts = store.campaign, store.counts()
+    state = State.PAUSED if trouble else State(row["state"])
+    skipped = counts.get("skipped", 0)
+    done, total = counts.get("measured", 0) + skipped, sum(counts.values())
+    return RunStatus(
+        id=row["id"],
+        name=row["name"],
+        state=state.value,
+        state_code=state.code,
+        reason=trouble or row["reason"],
+        version=store.version,
+        done=done,
+        total=total,
+        skipped=skipped,
+        prompt=Attempts(store).open_prompt() if state is State.WAITING else None,
+        last_reading=store.last_reading(),
+        seconds_left=None if pace is None else pace.seconds_left(done, total),
+        simulated=bool(row["simulated"]),
+    )
+
+
+def read_status(record_dir: Path) -> RunStatus:
+    """The state of a record that another program may be running. Raises RecordError, StorageError."""
+    store = Store.open(record_dir, writer=False)
+    try:
+        return status_of(store)
+    finally:
+        store.close()

@@ -1,0 +1,289 @@
+"""The record of a campaign: its state, its plan, what was attempted and what came of it.
+
+Intent before act: an attempt is written before the robot moves or the instrument measures, and closed by its
+outcome. One transaction a change, with the events that tell of it; listeners hear of an event only after it is
+durable. No reading that was acknowledged is ever lost; at most the one in flight is repeated, and it is known.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from acquisition.database import Database
+from acquisition.plan import Visit
+from acquisition.states import State, check_transition
+from acquisition.world_frame import WorldFrame
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened; `id` grows without end and is the version of the record."""
+
+    id: int
+    utc: float
+    t_s: float | None
+    kind: str
+    data: Mapping[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON lines and server-sent events."""
+        return {"id": self.id, "utc": self.utc, "t_s": self.t_s, "kind": self.kind, "data": dict(self.data)}
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Now: on the calendar (s since 1970) and in the campaign (s; None before its start)."""
+
+    utc: float
+    t_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One planned reading: a target in a visit, and what became of it."""
+
+    id: int
+    visit: Visit
+    target: str
+    status: str
+
+
+class Store:
+    """The one writer of a record. Thread-safe. `moment` tells the time of what is written."""
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self.moment: Callable[[], Moment] = lambda: Moment(time.time())
+        self._listeners: list[Callable[[Event], None]] = []
+        self._fresh: list[Event] = []
+        self._changed = threading.Condition()
+
+    @classmethod
+    def create(
+        cls, folder: Path, name: str, cell: str, campaign: str, visits: Sequence[Visit], *, simulated: bool
+    ) -> Store:
+        """A new record, in state `ready`. Raises RecordError where there is one, RecordInUse, StorageError."""
+        store = cls(Database(folder, writer=True, new=True))
+        with store.changing() as db:
+            db.execute(
+                "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state) "
+                "VALUES (?, ?, ?, ?, ?, ?, 'draft')",
+                (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign),
+            )
+            for visit in visits:
+                columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
+                shared = (visit.number, visit.name, visit.kind, visit.set, visit.block, *columns)
+                for target in visit.targets:
+                    db.execute(
+                        "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, "
+                        "approach_deg, target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                        (*shared, target),
+                    )
+            store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
+            store.change_state(db, State.READY, "")
+        return store
+
+    @classmethod
+    def open(cls, folder: Path, *, writer: bool = True) -> Store:
+        """An existing record. Raises RecordError, RecordInUse, StorageError."""
+        return cls(Database(folder, writer=writer))
+
+    def close(self) -> None:
+        self.database.close()
+
+    # -- changes and events -------------------------------------------------------------------------------
+
+    @contextmanager
+    def changing(self) -> Iterator[sqlite3.Connection]:
+        """One durable change; the events noted in it reach the listeners once it is."""
+        with self.database.transaction() as db:
+            self._fresh = []
+            yield db
+            fresh, self._fresh = self._fresh, []
+        with self._changed:
+            self._changed.notify_all()
+        for event in fresh:
+            for listener in tuple(self._listeners):
+                listener(event)
+
+    def note(self, db: sqlite3.Connection, kind: str, **data: Any) -> None:
+        """Write an event within a change."""
+        now = self.moment()
+        row = db.execute(
+            "INSERT INTO event (utc, t_s, kind, data) VALUES (?, ?, ?, ?) RETURNING id",
+            (now.utc, now.t_s, kind, json.dumps(data)),
+        ).fetchone()
+        self._fresh.append(Event(row[0], now.utc, now.t_s, kind, data))
+
+    def tell(self, kind: str, **data: Any) -> None:
+        """An event by itself."""
+        with self.changing() as db:
+            self.note(db, kind, **data)
+
+    @contextmanager
+    def listening(self, listener: Callable[[Event], None]) -> Iterator[None]:
+        """Call `listener` with every event, in the thread that caused it."""
+        self._listeners.append(listener)
+        try:
+            yield
+        finally:
+            self._listeners.remove(listener)
+
+    def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
+        """Events with a greater id than `after`, oldest first."""
+        rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
+        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], json.loads(r["data"])) for r in rows]
+
+    @property
+    def version(self) -> int:
+        """Id of the last event."""
+        return self.database.query("SELECT coalesce(max(id), 0) FROM event")[0][0]
+
+    def wait_beyond(self, version: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds on the wall for one beyond `version`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.version > version, seconds)
+        return self.version
+
+    def last_reading(self) -> dict[str, Any] | None:
+        """Data of the last `reading` event."""
+        rows = self.database.query("SELECT data FROM event WHERE kind = 'reading' ORDER BY id DESC LIMIT 1")
+        return json.loads(rows[0][0]) if rows else None
+
+    # -- state --------------------------------------------------------------------------------------------
+
+    @property
+    def campaign(self) -> sqlite3.Row:
+        """The row of the campaign."""
+        return self.database.query("SELECT * FROM campaign")[0]
+
+    @property
+    def state(self) -> State:
+        return State(self.campaign["state"])
+
+    def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
+        """Within a change. Raises IllegalTransition."""
+        old = State(db.execute("SELECT state FROM campaign").fetchone()[0])
+        check_transition(old, new)
+        db.execute("UPDATE campaign SET state = ?, reason = ?", (new.value, reason))
+        self.note(db, "state", state=new.value, code=new.code, reason=reason)
+
+    def become(self, new: State, reason: str = "") -> None:
+        """Change the state. Raises IllegalTransition, StorageError."""
+        with self.changing() as db:
+            self.change_state(db, new, reason)
+
+    def start(self) -> None:
+        """To `running`; the first time, the campaign's clock starts."""
+        with self.changing() as db:
+            db.execute("UPDATE campaign SET started_utc = coalesce(started_utc, ?)", (self.moment().utc,))
+            self.change_state(db, State.RUNNING, "")
+
+    def recover(self) -> None:
+        """After a crash: open attempts are marked, open prompts void, the campaign is paused."""
+        with self.changing() as db:
+            for row in db.execute(
+                "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
+            ).fetchall():
+                db.execute("UPDATE attempt SET status = 'died' WHERE id = ?", (row["id"],))
+                self.note(db, "attempt_died", attempt=row["id"], act=row["kind"], pose=row["pose"])
+            db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
+            if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
+                self.change_state(db, State.PAUSED, "The program ended in mid-campaign; nothing moves.")
+
+    def command(self, verb: str, by: str, key: str | None = None) -> bool:
+        """Note what somebody asked for; False when this idempotency key was seen before."""
+        with self.changing() as db:
+            if key is not None and db.execute("SELECT 1 FROM command WHERE key = ?", (key,)).fetchone():
+                return False
+            db.execute(
+                "INSERT INTO command (utc, verb, by, key) VALUES (?, ?, ?, ?)",
+                (self.moment().utc, verb, by, key),
+            )
+            self.note(db, "command", verb=verb, by=by)
+        return True
+
+    # -- plan ---------------------------------------------------------------------------------------------
+
+    def plan(self) -> list[Planned]:
+        """Every planned reading, in the order of the plan."""
+        rows = self.database.query("SELECT * FROM pose ORDER BY kind = 'pose', id")
+        targets: dict[int, list[str]] = {}
+        for row in rows:
+            targets.setdefault(row["visit"], []).append(row["target"])
+        out, visit = [], None
+        for row in rows:
+            if visit is None or visit.number != row["visit"]:
+                joints, sides, approach = (
+                    tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
+                )
+                visit = Visit(
+                    row["visit"],
+                    row["name"],
+                    row["kind"],
+                    row["set_name"],
+                    row["block"],
+                    tuple(targets[row["visit"]]),
+                    joints,
+                    sides,
+                    approach,
+                )
+            out.append(Planned(row["id"], visit, row["target"], row["status"]))
+        return out
+
+    def counts(self) -> dict[str, int]:
+        """Planned readings of robot poses by status."""
+        rows = self.database.query("SELECT status, count(*) FROM pose WHERE kind = 'pose' GROUP BY status")
+        return {row[0]: row[1] for row in rows}
+
+    def mark(self, pose: int, status: str, reason: str) -> None:
+        """A planned reading is put off (`deferred`) or given up (`skipped`)."""
+        with self.changing() as db:
+            db.execute("UPDATE pose SET status = ?, reason = ? WHERE id = ?", (status, reason, pose))
+            self.note(db, status, pose=pose, reason=reason)
+
+    @property
+    def world(self) -> WorldFrame | None:
+        """The tracker's place in the world, once the nests were measured."""
+        text = self.campaign["world"]
+        return None if text is None else WorldFrame.from_json(text)
+
+    def set_world(self, world: WorldFrame) -> None:
+        """Readings from now on are turned into the world by it."""
+        with self.changing() as db:
+            db.execute("UPDATE campaign SET world = ?", (world.as_json(),))
+            self.note(db, "world_frame", **json.loads(world.as_json()))
+
+    def nests_mm(self) -> dict[str, tuple[float, float, float]]:
+        """The nests of the world frame as measured last, tracker frame, mm."""
+        rows = self.database.query(
+            "SELECT target, tracker_x_mm, tracker_y_mm, tracker_z_mm FROM attempt JOIN pose ON "
+            "pose.id = attempt.pose WHERE pose.kind = 'nest' AND pose.status = 'measured' "
+            "AND attempt.status = 'good'"
+        )
+        return {row[0]: (row[1], row[2], row[3]) for row in rows}
+
+    def plan_nests_again(self, reason: str) -> None:
+        """Measure the nests once more; what was measured of them stays in the record, out of use."""
+        with self.changing() as db:
+            old = db.execute(
+                "SELECT * FROM pose WHERE kind = 'nest' AND status <> 'skipped' ORDER BY id"
+            ).fetchall()
+            number = db.execute("SELECT max(visit) + 1 FROM pose").fetchone()[0]
+            for i, row in enumerate(old):
+                db.execute("UPDATE pose SET status = 'skipped', reason = ? WHERE id = ?", (reason, row["id"]))
+                db.execute(
+                    "INSERT INTO pose (visit, name, kind, set_name, block, target, joints_deg, sides, "
+                    "approach_deg) VALUES (?, ?, 'nest', 'nest', -1, ?, '[]', '[]', '[]')",
+                    (number + i, row["name"], row["target"]),
+                )
+            self.note(db, "nests_again", reason=reason)

@@ -1,0 +1,56 @@
+"""Which parts of arm and tool are above the table and outside the keep-out boxes at some joint angles.
+
+The arm is taken as the straight lines between the origins of its link frames from the elbow on, and from the
+flange to every target: points a few centimetres apart along them are looked at, on the nominal robot. It has
+no thickness here; leave that as a margin in `table_z_mm` and the boxes. Lengths mm, angles deg.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.cell import Cell
+from calib.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.units import DEG
+
+Array = NDArray[np.float64]
+_ELBOW = 2  # frames before the elbow stand on the pedestal and never come near the table
+_PER_SEGMENT = 5
+
+
+def targets_at(cell: Cell, joints_deg: Array) -> Array:
+    """(n, m, 3) mm: where the m targets are in the world for joint angles (n, N) of the nominal robot."""
+    poses = forward(cell.robot.model, np.asarray(joints_deg, dtype=np.float64) * DEG)
+    targets = np.array(list(cell.tool.targets.values()))
+    return np.einsum("nij,mj->nmi", poses[:, :3, :3], targets) + poses[:, None, :3, 3]
+
+
+def points_of_arm(cell: Cell, joints_deg: Array) -> Array:
+    """(n, k, 3) mm: points along arm and tool that must stay clear."""
+    joints = np.asarray(joints_deg, dtype=np.float64) * DEG
+    robot = cell.robot.model
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    origins = [np.broadcast_to(frame[3], (3, len(joints))).T for frame in frames.link_frames[_ELBOW:]]
+    flange = origins[-1]
+    segments = list(pairwise(origins))
+    segments += [(flange, target) for target in targets_at(cell, joints_deg).transpose(1, 0, 2)]
+    shares = np.linspace(0.0, 1.0, _PER_SEGMENT)
+    return np.concatenate(
+        [start[:, None] + shares[None, :, None] * (end - start)[:, None] for start, end in segments], axis=1
+    )
+
+
+def above_table(cell: Cell, points: Array) -> NDArray[np.bool_]:
+    """(n,) all points (n, k, 3) higher than the table."""
+    return np.all(points[:, :, 2] > cell.robot.table_z_mm, axis=1)
+
+
+def outside_boxes(cell: Cell, points: Array) -> NDArray[np.bool_]:
+    """(n,) no point (n, k, 3) in a keep-out box."""
+    inside = np.zeros(points.shape[:2], dtype=bool)
+    for low, high in cell.robot.keep_out_mm:
+        inside |= np.all((points > np.array(low)) & (points < np.array(high)), axis=2)
+    return ~np.any(inside, axis=1)

@@ -1,0 +1,99 @@
+"""What carries over: the effects found on one series, judged on another set of readings of the same robot.
+
+Three models are fitted to the calibration rows of the other data set and judged on its validation rows: its own
+base model without effects; everything of the robot frozen as found, base and tool alone fitted; the same with
+the base model and the amplitudes of the effects fitted anew, at the orders found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib import robust
+from calib.dataset import Dataset
+from calib.diagnose.diagnosis import Diagnosis
+from calib.effects.effect import Effect
+from calib.errors import DataError
+from calib.identify import (
+    Identification,
+    base_model_of,
+    carry,
+    identify,
+    place_nominal,
+    readings_of,
+)
+from calib.kinematics import Array
+from calib.least_squares import find_dependent, solve
+from calib.model import Design, RobotModel
+from calib.statistics import ErrorStatistics, distances, statistics_of
+
+
+@dataclass(frozen=True)
+class CarryOver:
+    """Errors on the validation rows of the other data set, mm."""
+
+    name: str
+    base: ErrorStatistics | None
+    frozen: ErrorStatistics | None
+    refitted: ErrorStatistics | None
+
+
+def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
+    """Judge the effects of `diagnosis` on another data set. Raises DataError when it is of another robot."""
+    if other.header.robot.name != diagnosis.dataset.header.robot.name:
+        raise DataError(
+            f"is of the robot '{other.header.robot.name}', not '{diagnosis.dataset.header.robot.name}'.",
+            do="Give another data set of the same robot.",
+            file=other.name,
+            key="robot",
+        )
+    own = identify(other)
+    effects = tuple(f.effect for f in diagnosis.effects if _carries(f.effect))
+    base = base_model_of(other)
+    model = replace(base, effects=(*base.effects, *effects))
+    placed, placed_estimate = place_nominal(other, base)
+    start = carry(placed, placed_estimate, model)
+    found = diagnosis.final.model
+    for effect in model.effects:
+        if effect.owner == "robot":
+            for parameter in effect.parameters:
+                if parameter.name in found.index:
+                    start[model.index[parameter.name]] = diagnosis.final.estimate[found.index[parameter.name]]
+    mounting = [i for e in model.effects if e.owner == "mounting" for i in model.positions(e)]
+    frozen = _fit(other, model, start, mounting, own)
+    refitted = _fit(other, model, start, range(len(start)), own)
+    rows = other.validation_rows
+    conditions, measured = other.conditions.take(rows), other.points[rows]
+    design = Design(model, conditions)
+    return CarryOver(
+        name=other.name,
+        base=statistics_of(distances(own.predict(conditions), measured)),
+        frozen=statistics_of(distances(design.predict(frozen), measured)),
+        refitted=statistics_of(distances(design.predict(refitted), measured)),
+    )
+
+
+def _carries(effect: Effect) -> bool:
+    """A robot keeps its gears; drifts, steps and temperatures belong to one session."""
+    return effect.owner == "robot" and effect.group != "thermal"
+
+
+def _fit(
+    other: Dataset, model: RobotModel, start: Array, free: list[int] | range, own: Identification
+) -> Array:
+    """Least squares over the `free` parameters, on the readings that fitted the other set's own base model."""
+    belongs = np.zeros(len(other), dtype=bool)
+    belongs[own.readings.rows] = True
+    readings = readings_of(other, belongs, model, start)
+    design = Design(model, readings.conditions)
+    active, _ = find_dependent(design, readings.points, start)
+    allowed = np.zeros(len(start), dtype=bool)
+    allowed[list(free)] = True
+    estimate = start
+    for _ in range(2):
+        residual = readings.points.residual(design.frames(estimate))
+        scale = robust.noise_scale(residual)
+        estimate = solve(design, readings.points, estimate, active & allowed, scale=scale).estimate
+    return estimate

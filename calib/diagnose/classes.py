@@ -1,0 +1,79 @@
+"""Equivalence classes: which other candidates explain the same as well, and with what weight.
+
+Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in extended
+BIC belongs to its class, with weight exp(-delta/2), normalised. One survivor is a name; several are ambiguous.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.diagnose.evidence import CLASS_WIDTH, ebic_gain, p_value
+from calib.diagnose.scan import HarmonicScores, Score, Scores
+from calib.diagnose.select import candidates, evidence, leave_one_out, multiplicity_of, one_order
+from calib.diagnose.space import Space
+from calib.effects.effect import Effect
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for one effect of the model, all others being there."""
+
+    candidates: dict[str, float]  # label -> weight, heaviest first
+    delta_bic: float
+    p_value: float
+    explained_variance: float
+
+
+def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> Evidence:
+    """The class of one effect and the evidence for it. `scores` are those of the whole model."""
+    without, gain, columns = leave_one_out(space, scores, effect)
+    tries = multiplicity_of(scores, effect)
+    own = ebic_gain(gain, columns, without.rss, space.rows, tries)
+    costs = {effect.label: 0.0}
+    others = tuple(other for other in chosen if other is not effect)
+    for score in (*candidates(without, others), *_whole_orders(without)):
+        label = score.effect.label
+        if score.freedom == 0 or label in {other.label for other in others}:
+            continue
+        cost = own - evidence(score, without)
+        if cost < CLASS_WIDTH and not _same(without, effect, score.effect):
+            costs[label] = min(cost, costs.get(label, math.inf))
+    best = min(costs.values())
+    weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
+    total = sum(weights.values())
+    ranked = sorted(weights, key=lambda label: -weights[label])
+    return Evidence(
+        candidates={label: weights[label] / total for label in ranked},
+        delta_bic=own,
+        p_value=p_value(gain, columns, without.rss, without.freedom, tries),
+        explained_variance=gain / without.rss,
+    )
+
+
+def _whole_orders(scores: Scores) -> list[Score]:
+    """Every whole order that is nearly as good as the best of its joint: neighbours that a short range confuses."""
+    found = []
+    for index, family in enumerate(scores.families):
+        if not isinstance(family, HarmonicScores):
+            continue
+        gain, freedom = scores.gains(index)
+        orders = family.family.orders
+        left = np.maximum(scores.rss - gain, 1e-300)
+        near = scores.space.rows * np.log(left / left.min()) < CLASS_WIDTH + 2.0
+        whole = np.abs(orders - np.round(orders)) < 1e-9
+        found += [
+            scores.at(index, int(i), float(gain[i]), int(freedom[i])) for i in np.flatnonzero(near & whole)
+        ]
+    return found
+
+
+def _same(scores: Scores, one: Effect, other: Effect) -> bool:
+    """Whether a place of the scan is the chosen effect again: two whole orders are always two explanations."""
+    if one.label == other.label:
+        return True
+    both_whole = all(e.shape.get("order", 0.5).is_integer() for e in (one, other))
+    return not both_whole and one_order(scores, one, other)

@@ -1,0 +1,176 @@
+"""Diagnosis from end to end: identify, search, refit, judge on readings that took no part.
+
+The choice, the refit and the screening of rows see calibration rows only. Validation rows are predicted at the
+end, by the nominal robot in its place, by the base model, and by the model with the effects.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calib.dataset import Dataset
+from calib.diagnose.classes import Evidence, judge
+from calib.diagnose.scan import Scores
+from calib.diagnose.select import MOST_EFFECTS, Selection, select
+from calib.diagnose.space import Space
+from calib.diagnose.structure import NOISY, Structure, left_over, p_lack_of_fit
+from calib.effects import Survey, offers
+from calib.effects.effect import Effect
+from calib.identify import (
+    Identification,
+    Progress,
+    base_model_of,
+    carry,
+    fit,
+    identify,
+    place_nominal,
+    readings_of,
+    silent,
+)
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+from calib.statistics import ErrorStatistics, distances, statistics_of
+
+Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
+_SCREENINGS = 3
+
+
+@dataclass(frozen=True)
+class Found:
+    """One effect that was found, with what speaks for it."""
+
+    effect: Effect
+    evidence: Evidence
+    values: Array  # (p,) internal units
+    covariance: Array  # (p, p)
+    index: str | None  # reading at which a step happened
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result: what the base model lacked, and the error before and after on validation rows."""
+
+    dataset: Dataset
+    base: Identification
+    final: Identification
+    nominal: RobotModel
+    nominal_estimate: Array
+    effects: tuple[Found, ...]
+    verdict: Verdict
+    structure: tuple[Structure, ...]
+    p_lack_of_fit: float
+    error_nominal: ErrorStatistics | None
+    error_before: ErrorStatistics | None
+    error_after: ErrorStatistics | None
+    notes: tuple[str, ...]
+    seconds: float
+
+
+def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress = silent) -> Diagnosis:
+    """Find what the base model of a data set lacks. Raises DataError when it cannot even be identified."""
+    begin = time.perf_counter()
+    base = identify(dataset, progress=progress)
+    nominal, nominal_estimate = place_nominal(dataset, base_model_of(dataset))
+    progress("searching")
+    selection = Selection(base, ())
+    for _ in range(_SCREENINGS):
+        selection = select(dataset, selection.fitted, progress=progress, most=most)
+        if not selection.effects:
+            break
+        progress("screening readings again with the effects in the model")
+        screened = _screen(dataset, base, selection)
+        unchanged = screened.faulty_rows == selection.fitted.faulty_rows
+        selection = replace(selection, fitted=screened)
+        if unchanged:
+            break
+    final = selection.fitted
+    space = Space.of(final)
+    scores = Scores(offers(Survey(final.model.robot, final.readings.conditions)), space)
+    progress("weighing rivals of every effect")
+    found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
+    found.sort(key=lambda f: -f.evidence.explained_variance)
+    structure = tuple(left_over(space))
+    chance = p_lack_of_fit(space)
+    rows = dataset.validation_rows
+    conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
+    return Diagnosis(
+        dataset=dataset,
+        base=base,
+        final=final,
+        nominal=nominal,
+        nominal_estimate=nominal_estimate,
+        effects=tuple(found),
+        verdict=_verdict(found, structure, chance),
+        structure=structure,
+        p_lack_of_fit=chance,
+        error_nominal=statistics_of(
+            distances(Design(nominal, conditions).predict(nominal_estimate), measured)
+        ),
+        error_before=statistics_of(distances(base.predict(conditions), measured)),
+        error_after=statistics_of(distances(final.predict(conditions), measured)),
+        notes=_notes(dataset),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _screen(dataset: Dataset, base: Identification, selection: Selection) -> Identification:
+    """Fit the chosen model to all readings again, those included that the base model could not place."""
+    model = selection.fitted.model
+    readings = readings_of(dataset, dataset.fit_rows, model, selection.fitted.estimate)
+    return fit(dataset, model, readings, selection.fitted.estimate, settled=base.dropped)
+
+
+def _found(
+    dataset: Dataset, space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]
+) -> Found:
+    fitted = space.fitted
+    positions = fitted.model.positions(effect)
+    index = None
+    if "rank" in effect.shape:
+        row = int(np.flatnonzero(dataset.conditions.order == effect.shape["rank"])[0])
+        index = dataset.reading_id[row]
+    return Found(
+        effect=effect,
+        evidence=judge(space, scores, effect, chosen),
+        values=fitted.estimate[positions],
+        covariance=fitted.covariance[np.ix_(positions, positions)],
+        index=index,
+    )
+
+
+def _verdict(found: list[Found], structure: tuple[Structure, ...], chance: float) -> Verdict:
+    if structure:
+        return "unexplained"
+    if any(len(f.evidence.candidates) > 1 for f in found):
+        return "ambiguous"
+    if found:
+        return "attributed"
+    return "excess_noise" if chance < NOISY else "complete"
+
+
+def _notes(dataset: Dataset) -> tuple[str, ...]:
+    """What these readings cannot show, so that nobody takes silence for absence."""
+    conditions = dataset.conditions.take(dataset.fit_rows)
+    notes = []
+    one_sided = [k + 1 for k, side in enumerate(conditions.side.T) if np.all(side == side[0])]
+    if one_sided:
+        joints = ", ".join(f"J{k}" for k in one_sided)
+        notes.append(
+            f"Backlash of {joints} is invisible: every reading arrived from one side. It is not absent."
+        )
+    if not np.all(np.isfinite(conditions.time)):
+        notes.append("The readings carry no time: drift of the instrument was not looked for.")
+    if not np.all(np.isfinite(conditions.temperature)):
+        notes.append("The readings carry no temperature: thermal growth was not looked for.")
+    elif np.ptp(conditions.temperature) < 0.2:
+        notes.append("The air temperature hardly moved: thermal growth is invisible here, not absent.")
+    if len({int(t) for t in conditions.target}) == 1:
+        notes.append("One tool target only: a shifted and a tilted tool look the same.")
+    return tuple(notes)
+
+
+__all__ = ["Diagnosis", "Found", "Verdict", "carry", "diagnose"]

@@ -1,0 +1,52 @@
+"""Entry point of the command `truepose`: runs the Typer app of `service.commands` and turns errors into exit codes.
+
+Codes are part of the contract: see `service.exit_codes`.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+
+from service import exit_codes
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line (default: that of the process) and return its exit code.
+
+    Input that cannot be used ends with one message on standard error and no traceback.
+    """
+    # Threads of the linear algebra library spin while they wait for each other: on a shared two-core PC they make
+    # fits of this size five to ten times slower. Whoever wants them sets the variables. They are read when numpy
+    # is first imported, hence the late imports below.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        # A Windows console that cannot show a letter shows '?', instead of ending the program.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    from calib.errors import DataError
+    from service.commands import app
+
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="truepose")
+    except SystemExit as end:  # how Typer hands over the code of every command, 130 after an interrupt
+        return end.code if isinstance(end.code, int) else exit_codes.DONE
+    except DataError as error:
+        return _complain(str(error), exit_codes.USAGE)
+    except KeyboardInterrupt:  # outside a command; inside one Typer turns it into the same code
+        return exit_codes.INTERRUPTED
+    except OSError as error:
+        return _complain(f"{error.filename or 'a file'}: {error.strerror or error}.", exit_codes.FAILED)
+    return exit_codes.DONE
+
+
+def _complain(message: str, code: int) -> int:
+    sys.stderr.write(f"truepose: {message}\n")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

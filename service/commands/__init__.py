@@ -1,0 +1,22 @@
+"""The commands of `truepose`: one file each, gathered here into one Typer app."""
+
+from __future__ import annotations
+
+import typer
+
+from service.commands import convert, demo, diagnose, identify
+
+app = typer.Typer(
+    name="truepose",
+    help="Calibrate an industrial robot, name what its model lacks, correct it and prove the gain.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("demo")(demo.demo)
+app.command("convert")(convert.convert)
+app.command("identify")(identify.identify_command)
+app.command("diagnose")(diagnose.diagnose_command)
+
+__all__ = ["app"]

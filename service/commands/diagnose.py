@@ -1,0 +1,111 @@
+"""`truepose diagnose`: identify, find what the model lacks, refit, and judge on readings that took no part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from calib.dataset import Dataset, read_dataset
+from calib.diagnose.carry import CarryOver, carry_over
+from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose.select import MOST_EFFECTS
+from calib.errors import DataError
+from calib.files import replace_file
+from calib.model_file import save_model
+from service import documents, exit_codes, tables
+from service.commands import options
+from service.files import STANDARD_OUTPUT, write_json
+from service.predictions import predictions_csv
+from service.terminal import Terminal
+
+
+def diagnose_command(
+    data: options.Data,
+    json: options.Json = None,
+    predictions: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="P.csv", help="Predict every validation row, with and without the effects found."
+        ),
+    ] = None,
+    model: options.Model = None,
+    report: options.Report = None,
+    most: Annotated[int, typer.Option(min=0, help="Most effects that may be added.")] = MOST_EFFECTS,
+    carry_to: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="B.csv", help="Judge the effects on another data set of the same robot as well."
+        ),
+    ] = None,
+    accept_rms: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="RMS error on validation rows asked for; not met: exit code 3."),
+    ] = None,
+) -> None:
+    """Identify, find what the model lacks, correct it, and judge the gain on held-out readings."""
+    options.refuse_missing_folders(json, predictions, model, report)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {data}")
+        dataset = read_dataset(data)
+        other = None if carry_to is None else read_dataset(carry_to)
+        if accept_rms is not None:
+            _refuse_unjudged(dataset, data)
+        diagnosis = diagnose(dataset, most=most, progress=terminal.say)
+        carried = None
+        if other is not None:
+            terminal.say(f"judging the effects on {carry_to}")
+            carried = carry_over(diagnosis, other)
+        document = documents.of_diagnosis(diagnosis, carried)
+        write_results(diagnosis, document, terminal, predictions=predictions, report=report, carried=carried)
+        if model is not None:
+            save_model(model, diagnosis.final, diagnosis)
+        terminal.rest()
+        show(diagnosis, terminal, carried)
+        for what, path in (("predictions", predictions), ("model", model), ("report", report)):
+            if path is not None:
+                terminal.note(f"{what}: {path}")
+    write_json(document, json)
+    reached = diagnosis.error_after
+    if accept_rms is not None and reached is not None and reached.rms > accept_rms:
+        terminal.note(f"truepose: {reached.rms:.4f} mm RMS is above the {accept_rms:g} mm asked for.")
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
+def write_results(
+    diagnosis: Diagnosis,
+    document: Mapping[str, Any],
+    terminal: Terminal,
+    *,
+    predictions: Path | None,
+    report: Path | None,
+    carried: CarryOver | None = None,
+    simulated: bool = False,
+) -> None:
+    """Write predictions and report, where they were asked for."""
+    if predictions is not None:
+        replace_file(predictions, predictions_csv(diagnosis))
+    if report is not None:
+        # drawing is not needed for the numbers, and takes long to import
+        from service.report import diagnosis_report
+
+        terminal.say("drawing the report")
+        replace_file(report, diagnosis_report(diagnosis, document, carried, simulated=simulated))
+
+
+def show(diagnosis: Diagnosis, terminal: Terminal, carried: CarryOver | None = None) -> None:
+    """Print the result for people."""
+    for table in tables.diagnosis(diagnosis, carried):
+        terminal.out.print(table)
+
+
+def _refuse_unjudged(dataset: Dataset, path: Path) -> None:
+    if not dataset.validation_rows.any():
+        raise DataError(
+            "has no measured validation rows, so --accept-rms cannot be judged.",
+            do="Mark some rows set = validation, or leave the option out.",
+            file=path,
+            key="set",
+        )

@@ -1,0 +1,60 @@
+"""`truepose identify`: the parameters of the base model, without any search for missing effects."""
+
+from __future__ import annotations
+
+from calib.dataset import read_dataset
+from calib.files import replace_file
+from calib.identify import base_model_of, identify, place_nominal
+from calib.model import Design
+from calib.model_file import save_model
+from calib.statistics import distances, statistics_of
+from service import documents, tables, wording
+from service.commands import options
+from service.files import STANDARD_OUTPUT, write_json
+from service.terminal import Terminal
+
+
+def identify_command(
+    data: options.Data,
+    json: options.Json = None,
+    model: options.Model = None,
+    report: options.Report = None,
+) -> None:
+    """Identify the robot's parameters, nothing else."""
+    options.refuse_missing_folders(json, model, report)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {data}")
+        dataset = read_dataset(data)
+        found = identify(dataset, progress=terminal.say)
+        rows = dataset.validation_rows
+        conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
+        nominal, placed = place_nominal(dataset, base_model_of(dataset))
+        error_nominal = statistics_of(distances(Design(nominal, conditions).predict(placed), measured))
+        error_identified = statistics_of(distances(found.predict(conditions), measured))
+        document = documents.of_identification(dataset, found, error_nominal, error_identified)
+        if model is not None:
+            save_model(model, found)
+        if report is not None:
+            # drawing is not needed for the numbers, and takes long to import
+            from service.report import identification_report
+
+            terminal.say("drawing the report")
+            replace_file(report, identification_report(dataset, found, nominal, placed, document))
+        terminal.rest()
+        for table in (
+            tables.parameters(found),
+            tables.warnings(wording.grouped(found.warnings)),
+            tables.errors(
+                {"nominal robot, placed": error_nominal, "identified": error_identified},
+                dataset.header.holdout,
+            ),
+        ):
+            terminal.out.print(table)
+        _say_where(terminal, model, report)
+    write_json(document, json)
+
+
+def _say_where(terminal: Terminal, model: object, report: object) -> None:
+    for what, path in (("model", model), ("report", report)):
+        if path is not None:
+            terminal.note(f"{what}: {path}")

@@ -1,0 +1,165 @@
+"""The JSON documents of `identify` and `diagnose`: contracts that other programs rely on.
+
+Values are in the units of files and screens; NaN never occurs (null instead); reading ids that are whole numbers
+are numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from calib.dataset import Dataset
+from calib.diagnose.carry import CarryOver
+from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.identify import Identification
+from calib.statistics import ErrorStatistics
+from calib.units import to_display
+from service.parameters import rows_of
+
+IDENTIFICATION_FORMAT = "truepose-identification/1"
+DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
+
+
+def of_identification(
+    dataset: Dataset,
+    found: Identification,
+    error_nominal: ErrorStatistics | None,
+    error_identified: ErrorStatistics | None,
+) -> dict[str, Any]:
+    """The document of `identify --json`."""
+    return {
+        "format": IDENTIFICATION_FORMAT,
+        "data": data_of(dataset),
+        "parameters": parameters_of(found),
+        **_fit_of(found),
+        "error_nominal_mm": _errors(error_nominal),
+        "error_identified_mm": _errors(error_identified),
+        "holdout": dataset.header.holdout,
+    }
+
+
+def of_diagnosis(diagnosis: Diagnosis, carried: CarryOver | None = None) -> dict[str, Any]:
+    """The document of `diagnose --json`; with `carry_over` where another data set was judged as well."""
+    other = {} if carried is None else {"carry_over": _carried(carried)}
+    return {
+        "format": DIAGNOSIS_FORMAT,
+        "verdict": diagnosis.verdict,
+        "effects": [_effect(found) for found in diagnosis.effects],
+        **_fit_of(diagnosis.final),
+        "p_lack_of_fit": _number(diagnosis.p_lack_of_fit),
+        "error_before_mm": _errors(diagnosis.error_before),
+        "error_after_mm": _errors(diagnosis.error_after),
+        "error_nominal_mm": _errors(diagnosis.error_nominal),
+        "holdout": diagnosis.dataset.header.holdout,
+        "follow_up": [],
+        "structure": [
+            {
+                "where": s.where,
+                "p_value": _number(s.p_value),
+                "explained_variance": _number(s.explained_variance),
+            }
+            for s in diagnosis.structure
+        ],
+        "notes": list(diagnosis.notes),
+        "data": data_of(diagnosis.dataset),
+        **other,
+        "seconds": round(diagnosis.seconds, 3),
+    }
+
+
+def _carried(carried: CarryOver) -> dict[str, Any]:
+    return {
+        "data": carried.name,
+        "error_base_mm": _errors(carried.base),
+        "error_frozen_mm": _errors(carried.frozen),
+        "error_refitted_mm": _errors(carried.refitted),
+    }
+
+
+def data_of(dataset: Dataset) -> dict[str, Any]:
+    """Which readings a result stands on."""
+    return {
+        "name": dataset.name,
+        "sha256": dataset.sha256,
+        "robot": dataset.header.robot.name,
+        "instrument": dataset.header.instrument,
+        "readings": len(dataset),
+        "fit": int(dataset.fit_rows.sum()),
+        "validation": int(dataset.validation_rows.sum()),
+    }
+
+
+def parameters_of(found: Identification) -> list[dict[str, Any]]:
+    """Every parameter of a model: value (change from nominal), standard error, unit, owner; null where dropped."""
+    return [
+        {
+            "name": row.name,
+            "value": None if row.change is None else _number(row.change),
+            "std": None if row.std is None else _number(row.std),
+            "unit": row.unit,
+            "nominal": row.nominal,
+            "owner": row.owner,
+            "dropped": row.change is None,
+            "confounded_with": list(row.confounded_with),
+        }
+        for row in rows_of(found)
+    ]
+
+
+def reading(name: str) -> int | str:
+    """A reading id as the data set means it: a whole number, or text."""
+    return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
+
+
+def _fit_of(found: Identification) -> dict[str, Any]:
+    return {
+        "faulty_rows": [reading(name) for name in found.faulty_rows],
+        "relabelled_rows": [[reading(name), was, is_] for name, was, is_ in found.relabelled_rows],
+        "noise_scale": _number(found.noise_scale),
+        "degrees_of_freedom": found.degrees_of_freedom,
+        "converged": bool(found.converged),
+        "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
+        "warnings": list(found.warnings),
+    }
+
+
+def _effect(found: Found) -> dict[str, Any]:
+    spread = np.sqrt(np.diag(found.covariance))
+    value, std, unit = found.effect.amplitude(found.values, found.covariance)
+    return {
+        "label": found.effect.label,
+        "meaning": found.effect.meaning,
+        "index": None if found.index is None else reading(found.index),
+        "candidates": {label: _number(w) for label, w in found.evidence.candidates.items()},
+        "parameters": {
+            p.short: {"value": _shown(v, p.unit), "std": _shown(s, p.unit), "unit": p.unit}
+            for p, v, s in zip(found.effect.parameters, found.values, spread, strict=True)
+        },
+        "amplitude": {"value": _number(value), "std": _number(std), "unit": unit},
+        "evidence": {
+            "delta_bic": _number(found.evidence.delta_bic),
+            "p_value": _number(found.evidence.p_value),
+            "explained_variance": _number(found.evidence.explained_variance),
+        },
+        "owner": found.effect.owner,
+        "shape": {name: _number(x) for name, x in found.effect.shape.items()},
+    }
+
+
+def _errors(errors: ErrorStatistics | None) -> dict[str, Any] | None:
+    return None if errors is None else {name: _number(x) for name, x in asdict(errors).items()}
+
+
+def _shown(value: float, unit: str) -> float | None:
+    return _number(to_display(float(value), unit))
+
+
+def _number(value: float) -> float | int | None:
+    """JSON knows neither NaN nor infinity."""
+    if isinstance(value, int):
+        return value
+    return float(value) if math.isfinite(value) else None

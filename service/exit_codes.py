@@ -1,0 +1,11 @@
+"""Exit codes of every command."""
+
+from __future__ import annotations
+
+DONE = 0
+FAILED = 1
+USAGE = 2  # wrong command line, or input that cannot be used
+NOT_MET = 3  # done, but the accuracy asked for was not met
+NOT_AVAILABLE = 4  # operator or device
+REFUSED = 5  # for safety
+INTERRUPTED = 130

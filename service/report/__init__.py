@@ -1,0 +1,5 @@
+"""Reports that stand by themselves: one HTML file, no request to anywhere, prints to A4."""
+
+from service.report.build import diagnosis_report, identification_report
+
+__all__ = ["diagnosis_report", "identification_report"]

@@ -1,0 +1,106 @@
+"""How figures look, and how they become inline SVG: small, without ids that clash, readable by screen readers."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+# Colours that stay apart in grey print and for colour-blind eyes.
+INK = "#1d2733"
+QUIET = "#5b6876"
+GRID = "#e3e7eb"
+BEFORE = "#b9a06a"
+AFTER = "#0f6b75"
+FITTED = "#c2410c"
+NOMINAL = "#9aa5b1"
+DOT = "#7c93a8"
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text: small files, selectable, searchable
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.edgecolor": QUIET,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "text.color": INK,
+}
+_NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+_NOISE = re.compile(
+    r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>"
+    r'| id="(?:figure|axes|patch|line2d|text|matplotlib\.axis|xtick|ytick|legend|LineCollection|PathCollection)_\d+"',
+    re.DOTALL,
+)
+_TAG = re.compile(r"<[^>]+>")
+_LONG_NUMBER = re.compile(r"(\d+\.\d{2})\d+")
+_REFERENCE = re.compile(r'(id="|url\(#|href="#)')
+_PLACE = r' x="[^"]+" y="[^"]+"'
+_DOTS = re.compile(rf'(<use xlink:href="#[^"]+"){_PLACE} style="([^"]+)"/>(?:\s*\1{_PLACE} style="\2"/>)+')
+
+
+def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    """An empty figure, inches, and its axes row by row. Free of pyplot, so nothing is kept between reports."""
+    with matplotlib.rc_context(_STYLE):
+        drawn = Figure(figsize=(width, height), layout="constrained")
+        axes = drawn.subplots(rows, columns, squeeze=False)
+    return drawn, [place for row in axes for place in row]
+
+
+def legend(drawn: Figure, axes: Axes, columns: int) -> None:
+    """The legend of some axes above them, where it hides nothing."""
+    drawn.legend(
+        *axes.get_legend_handles_labels(),
+        loc="outside upper left",
+        ncols=columns,
+        frameon=False,
+        fontsize=8.5,
+        handlelength=1.6,
+        handletextpad=0.5,
+        columnspacing=1.6,
+        borderpad=0.2,
+    )
+
+
+def plain_ratio_axis(axes: Axes) -> None:
+    """A logarithmic abscissa with plain numbers."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def as_svg(drawn: Figure, name: str, description: str) -> str:
+    """The figure as an `<svg>` element. `name` keeps its ids apart; `description` is read to those who cannot see."""
+    text = io.StringIO()
+    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
+        FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)
+    svg = text.getvalue()
+    svg = _NOISE.sub("", svg[svg.index("<svg") :])
+    # numbers of places only: those in texts are results
+    svg = _TAG.sub(lambda tag: _LONG_NUMBER.sub(r"\1", tag.group()), svg)
+    svg = _DOTS.sub(_grouped, svg)
+    svg = _REFERENCE.sub(rf"\g<1>{name}-", svg)
+    opening, rest = svg.split(">", 1)
+    # the size comes from the page; the view box keeps the shape
+    opening = re.sub(r' (?:width|height)="[^"]*"', "", opening)
+    return f'{opening} role="img" aria-label="{html.escape(description, quote=True)}">{rest}'
+
+
+def _grouped(dots: re.Match[str]) -> str:
+    """A run of dots of one look as a group: the style once, not with every dot."""
+    inner = dots.group().replace(f' style="{dots[2]}"', "")
+    inner = re.sub(r"\s*\n\s*", "", inner)
+    return f'<g style="{dots[2]}">{inner}</g>'

@@ -1,0 +1,234 @@
+"""Panels: the residual over what drives an effect, with the fitted law drawn on it.
+
+Which abscissa convinces depends on the driver: the joint angle for gears, the phase of the gear error where it
+repeats too often to follow, the side of approach for backlash, the order of the readings for steps, the time for
+drifts, the temperature for growth. An effect with a driver this file does not know is drawn over its own law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.effects.effect import Effect
+from calib.kinematics import Array
+from calib.regressors import Cosine, JointAngle, Side, Sine, StepAt, Temperature, Time, Torque
+from calib.units import DEG
+from service.report.residuals import MDEG, Sample, Seen
+
+_FOLDED_FROM = 9.0  # cycles a turn above which the angle is folded into one cycle
+_FAST = 30  # changes of sign
+_BLIND = 3.0  # readings that see the quantity so many times worse than usual are not drawn
+_CURVE_POINTS = 1500
+_PER = {
+    "mm/h": ("mm", 1.0),
+    "deg/h": ("deg", DEG),
+    "1e-6/K": ("1e-6", 1e-6),
+    "mm": ("mm", 1.0),
+    "deg": ("deg", DEG),
+}
+_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle)
+
+
+Mask = NDArray[np.bool_]
+Curve = tuple[Array, Array, float]  # x, y, side (0 where none is told apart)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Points (x, y, sd), the law to draw as lines (x, y), and labels; all in the units of the labels."""
+
+    title: str
+    x_label: str
+    y_label: str
+    x: Array
+    y: Array
+    sd: Array
+    held: Mask  # (n,) took no part in the fit
+    side: Array | None  # (n,) +1 or -1, where the picture tells the sides apart
+    lines: tuple[Curve, ...]
+    described: str
+
+    @property
+    def clear(self) -> Mask:
+        """(n,) mask of the readings that see the quantity well enough to be drawn."""
+        return self.sd <= _BLIND * np.median(self.sd)
+
+    @property
+    def fast(self) -> bool:
+        """Whether the law changes its sign too often for means of bins to follow it."""
+        heights = self.lines[0][1]
+        signs = np.sign(heights[np.isfinite(heights)])
+        return bool(np.sum(signs[1:] * signs[:-1] < 0.0) > _FAST)
+
+
+def of_effect(sample: Sample, effect: Effect) -> Panel:
+    """The panel of one effect."""
+    drivers = {term.regressor for term in effect.terms}
+    slots = {term.slot for term in effect.terms}
+    if len(slots) == 1 and next(iter(slots)).startswith("theta"):
+        return _on_joint(sample, effect, int(next(iter(slots)).removeprefix("theta")))
+    if len(drivers) == 1:
+        return _by_driver(sample, effect)
+    seen = sample.of_share(effect)
+    order = sample.column("order") + 1.0
+    return _panel(
+        sample, effect.label, order, "reading, in order of time", seen, 1.0, "share of the fitted effect"
+    )
+
+
+def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
+    seen = sample.of_joint(joint, [effect])
+    angle = sample.angle(joint)
+    kinds = {type(term.regressor) for term in effect.terms}
+    side = None
+    x, x_label = angle / DEG, f"θ{joint}, deg"
+    if kinds <= {Cosine, Sine}:
+        order = effect.shape["order"]
+        if order >= _FOLDED_FROM:
+            x, x_label = (
+                np.mod(order * angle, 2.0 * np.pi) / DEG,
+                f"{order:g} × θ{joint}, folded into one cycle, deg",
+            )
+    elif kinds == {Side}:
+        side = sample.side(joint)
+    else:
+        x, x_label = _abscissa(sample, effect) or (seen.law / MDEG, "fitted law, mdeg")
+    panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
+    if kinds <= {Cosine, Sine} and x_label.startswith("θ"):
+        # readings may leave gaps that a line through them would cut short
+        return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
+    return panel
+
+
+def _by_driver(sample: Sample, effect: Effect) -> Panel:
+    seen = sample.of_driver(effect)
+    x, name = _abscissa(sample, effect) or (seen.law, "fitted law")
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    unit = effect.parameters[0].unit
+    shown, factor = _PER.get(unit, ("", 0.0))
+    if not shown:
+        largest = max(float(np.max(np.abs(seen.law))), 1e-300)
+        return _panel(sample, effect.label, x, name, seen, largest, "share of the fitted effect")
+    values = [estimate[model.index[p.name]] for p in effect.parameters if p.unit == unit]
+    size = float(values[0]) if len(values) == 1 else float(np.linalg.norm(values))
+    small = shown == "deg"
+    scale = (MDEG if small else factor) / (size if size != 0.0 else 1.0)
+    label = f"{effect.label.replace('_', ' ')}, {'mdeg' if small else shown}"
+    return _panel(sample, effect.label, x, name, seen, scale, label)
+
+
+def _abscissa(sample: Sample, effect: Effect) -> tuple[Array, str] | None:
+    """What the one driver of an effect is drawn over; None where it has several, or one unknown here."""
+    driver = effect.terms[0].regressor
+    if any(term.regressor != driver for term in effect.terms):
+        return None
+    if isinstance(driver, JointAngle):
+        return sample.angle(driver.joint) / DEG, f"θ{driver.joint}, deg"
+    if isinstance(driver, StepAt):
+        return sample.column("order") + 1.0, "reading, in order of time"
+    if isinstance(driver, Time):
+        return sample.column("time") / 3600.0, "time, h"
+    if isinstance(driver, Temperature):
+        return sample.column("temperature"), "air temperature, °C"
+    if isinstance(driver, Torque):
+        torque = np.concatenate([p.conditions.torque[:, driver.joint - 1] for p in sample.parts])
+        return torque / 1000.0, f"gravity torque of joint {driver.joint}, N·m"
+    return None
+
+
+def _panel(
+    sample: Sample,
+    title: str,
+    x: Array,
+    x_label: str,
+    seen: Seen,
+    scale: float,
+    y_label: str,
+    side: Array | None = None,
+) -> Panel:
+    """Points and law over x; one line a side where sides are told apart."""
+    law, lines = seen.law / scale, []
+    for s in (0.0,) if side is None else (1.0, -1.0):
+        mine = np.ones(len(x), dtype=bool) if side is None else side == s
+        unique, first = np.unique(x[mine], return_index=True)
+        heights = law[mine][first]
+        if len(unique) > _CURVE_POINTS:
+            keep = np.linspace(0, len(unique) - 1, _CURVE_POINTS).astype(int)
+            unique, heights = unique[keep], heights[keep]
+        lines.append((unique, heights, s))
+    return Panel(
+        title=title,
+        x_label=x_label,
+        y_label=y_label,
+        x=x,
+        y=seen.y / scale,
+        sd=np.abs(seen.sd / scale),
+        held=sample.held,
+        side=side,
+        lines=tuple(lines),
+        described=f"{title}: {y_label} over {x_label}, one dot a reading, with the fitted law",
+    )
+
+
+def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
+    """The error of one joint over its angle, with everything found on that joint taken out and drawn as lines."""
+    mine = tuple(e for e in effects if {t.slot for t in e.terms} == {f"theta{joint}"})
+    seen = sample.of_joint(joint, mine)
+    angle = sample.angle(joint)
+    sided = _gap(sample, mine) > 0.25 * float(np.max(np.abs(seen.law)))
+    names = [e.label.removeprefix(f"periodic:j{joint}:") for e in mine]
+    listed = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+    return Panel(
+        title=f"Joint {joint}: {listed or 'nothing found'}",
+        x_label=f"θ{joint}, deg",
+        y_label="error, mdeg",
+        x=angle / DEG,
+        y=seen.y / MDEG,
+        sd=seen.sd / MDEG,
+        held=sample.held,
+        side=sample.side(joint) if sided else None,
+        lines=_curves(sample, joint, mine, sided=sided),
+        described=f"Joint {joint}: residual as joint-angle error over the joint angle; found: {listed or 'nothing'}",
+    )
+
+
+def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
+    """How much of the laws the side of approach makes, rad."""
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    return sum(
+        abs(float(term.weight * estimate[model.index[term.parameter]]))
+        for effect in effects
+        for term in effect.terms
+        if isinstance(term.regressor, Side)
+    )
+
+
+def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
+    """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
+    angle = sample.angle(joint)
+    grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
+    conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
+    joints = conditions.joints.copy()
+    joints[:, joint - 1] = grid
+    conditions = replace(conditions, joints=joints)
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    # between readings far apart the law is a guess: no line there
+    gap = 0.01 * float(np.ptp(angle))
+    near = np.sort(angle)
+    right = np.clip(np.searchsorted(near, grid), 1, len(near) - 1)
+    apart = np.minimum(np.abs(grid - near[right - 1]), np.abs(near[right] - grid)) > max(gap, 2.0 * DEG)
+    curves = []
+    for s in (1.0, -1.0) if sided else (0.0,):
+        total = np.zeros(len(grid))
+        for effect in effects:
+            for term in effect.terms:
+                amount = term.weight * estimate[model.index[term.parameter]]
+                if isinstance(term.regressor, _DRAWN_OVER_ANGLE):
+                    total += amount * term.regressor.evaluate(conditions)
+                elif isinstance(term.regressor, Side):
+                    total += amount * s
+        curves.append((grid / DEG, np.where(apart, np.nan, total / MDEG), s))
+    return tuple(curves)

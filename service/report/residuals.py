@@ -1,0 +1,151 @@
+"""What the readings say about one effect, reading by reading, with all other effects left in the model.
+
+With the effect's parameters set to zero and all others kept, r is the whitened residual of a reading and w the
+whitened displacement for a unit of what the effect drives. Then y = w.r / w.w is the best estimate of that drive
+from this reading alone, with standard error noise_scale / |w|. Drawn over what drives the effect, y must follow
+the fitted law. For effects on one joint y is a joint angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.dataset import Dataset
+from calib.effects.effect import Effect
+from calib.identify import Identification, Readings, readings_of
+from calib.kinematics import Array
+from calib.model import Design
+from calib.units import DEG
+
+MDEG = DEG * 1e-3
+
+Amounts = Callable[[Readings], Mapping[str, Array | float]]
+Law = Callable[[Readings], Array]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What n readings say of one quantity: estimate y, standard error sd, fitted law, all in internal units."""
+
+    y: Array
+    sd: Array
+    law: Array
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The readings a figure shows: those of the fit, and those held out."""
+
+    fitted: Identification
+    parts: tuple[Readings, ...]
+
+    @classmethod
+    def of(cls, dataset: Dataset, fitted: Identification) -> Sample:
+        """Fit readings that belong, then measured validation readings where there are any."""
+        held = dataset.validation_rows
+        if not held.any():
+            return cls(fitted, (fitted.readings,))
+        return cls(fitted, (fitted.readings, readings_of(dataset, held, fitted.model, fitted.estimate)))
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(n,) which of the readings took no part in the fit."""
+        return np.concatenate([np.full(len(p.rows), i > 0) for i, p in enumerate(self.parts)])
+
+    def angle(self, joint: int) -> Array:
+        """(n,) model angle of a joint, rad."""
+        return np.concatenate([p.conditions.joints[:, joint - 1] for p in self.parts])
+
+    def side(self, joint: int) -> Array:
+        """(n,) side of approach of a joint."""
+        return np.concatenate([p.conditions.side[:, joint - 1] for p in self.parts])
+
+    def column(self, name: str) -> Array:
+        """(n,) any of the conditions that is one number a reading."""
+        return np.concatenate([getattr(p.conditions, name) for p in self.parts])
+
+    def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
+        """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
+        return self._seen(effects, lambda _: {f"theta{joint}": 1.0}, lambda part: self._law(part, effects))
+
+    def of_driver(self, effect: Effect) -> Seen:
+        """The regressor that all terms of an effect share, as each reading sees it."""
+        amounts: dict[str, float] = {}
+        for term in effect.terms:
+            amounts[term.slot] = amounts.get(term.slot, 0.0) + term.weight * self._estimate(term.parameter)
+        driver = effect.terms[0].regressor
+
+        def law(part: Readings) -> Array:
+            return np.broadcast_to(driver.evaluate(part.conditions), (len(part.rows),))
+
+        return self._seen([effect], lambda _: amounts, law)
+
+    def of_share(self, effect: Effect) -> Seen:
+        """How much of the fitted effect a reading shows: 1 is all of it. For laws with several drivers."""
+
+        def amounts(part: Readings) -> dict[str, Array | float]:
+            slots: dict[str, Array | float] = {}
+            for term in effect.terms:
+                amount = term.weight * self._estimate(term.parameter)
+                drive = amount * term.regressor.evaluate(part.conditions)
+                slots[term.slot] = slots.get(term.slot, 0.0) + drive
+            return slots
+
+        return self._seen([effect], amounts, lambda part: np.ones(len(part.rows)))
+
+    def displacement(self, effect: Effect) -> float:
+        """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, mm."""
+        part = self.parts[0]
+        few = np.unique(np.linspace(0, len(part.rows) - 1, 400).astype(int))
+        design = Design(self.fitted.model, part.conditions.take(few))
+        without = self.fitted.estimate.copy()
+        without[self.fitted.model.positions(effect)] = 0.0
+        moved = design.predict(self.fitted.estimate) - design.predict(without)
+        return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+
+    def _estimate(self, parameter: str) -> float:
+        return float(self.fitted.estimate[self.fitted.model.index[parameter]])
+
+    def _seen(self, effects: Sequence[Effect], amounts: Amounts, law: Law) -> Seen:
+        model = self.fitted.model
+        without = self.fitted.estimate.copy()
+        for effect in effects:
+            without[model.positions(effect)] = 0.0
+        seen = []
+        for part in self.parts:
+            frames = Design(model, part.conditions).frames(without)
+            residual = part.points.residual(frames)
+            moved = np.zeros_like(residual)
+            for slot, amount in amounts(part).items():
+                moved += part.points.column(frames, slot) * amount
+            square = np.maximum(np.sum(moved**2, axis=0), 1e-300)
+            spread = max(self.fitted.noise_scale, 1.0) / np.sqrt(square)
+            seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part)))
+        return Seen(*(np.concatenate(column) for column in zip(*seen, strict=True)))
+
+    def _law(self, part: Readings, effects: Sequence[Effect]) -> Array:
+        """Sum over the effects of weight x parameter x regressor, (n,)."""
+        total = np.zeros(len(part.rows))
+        for effect in effects:
+            for term in effect.terms:
+                amount = term.weight * self._estimate(term.parameter)
+                total = total + amount * term.regressor.evaluate(part.conditions)
+        return total
+
+
+def binned(x: Array, y: Array, sd: Array, edges: Array) -> tuple[Array, Array, Array]:
+    """Weighted means of y in bins of x: centres, means, expanded uncertainties (k = 2); only bins of 4 or more."""
+    place = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)
+    weight = 1.0 / sd**2
+    size = len(edges) - 1
+    total = np.bincount(place, weight, size)
+    enough = np.bincount(place, minlength=size) >= 4
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(place, weight * y, size) / total
+        centre = np.bincount(place, weight * x, size) / total
+        spread = 2.0 / np.sqrt(total)
+    return centre[enough], mean[enough], spread[enough]

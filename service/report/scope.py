@@ -1,0 +1,76 @@
+"""For what the figures of a report hold: poses, side of approach, temperature, load, time and noise of the data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.dataset import Dataset
+from calib.kinematics import Array
+from calib.noise import Noise
+from calib.units import DEG
+
+
+def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
+    """(what, how it was) for the readings of the fit."""
+    rows = dataset.fit_rows
+    conditions = dataset.conditions.take(rows)
+    points = dataset.points[rows]
+    lines = [
+        ("Joint ranges", _ranges(conditions.joints)),
+        ("Side of approach", _sides(conditions.side)),
+        (
+            "Workspace",
+            " × ".join(f"{x:.0f}" for x in np.ptp(points, axis=0))
+            + " mm, along x, y, z of the instrument's world",
+        ),
+        ("Tool targets", ", ".join(conditions.target_names)),
+        ("Time", _span(conditions.time, 1.0 / 3600.0, "h") or "not recorded"),
+        ("Air temperature", _span(conditions.temperature, 1.0, "°C") or "not recorded"),
+        ("Load on the flange", _loads(dataset)),
+        ("Declared noise (1 sigma per axis)", noise_in_words(dataset.header.noise)),
+    ]
+    if len(conditions.series_names) > 1:
+        lines.append(("Series", ", ".join(conditions.series_names)))
+    return lines
+
+
+def noise_in_words(noise: Noise) -> str:
+    """The declared noise as the header has it."""
+    text = {
+        "tracker": f"range {noise.range_mm * 1e3:g} µm + {noise.range_ppm:g} ppm, "
+        f"across {noise.transverse_mm * 1e3:g} µm + {noise.transverse_ppm:g} ppm",
+        "isotropic": f"{noise.sigma_mm * 1e3:g} µm",
+        "per-row": "given for every reading",
+    }[noise.kind]
+    if noise.repeatability > 0.0:
+        text += f"; robot repeatability {noise.repeatability / DEG * 1e3:g} mdeg a joint"
+    return text
+
+
+def _ranges(joints: Array) -> str:
+    low, high = joints.min(axis=0) / DEG, joints.max(axis=0) / DEG
+    return "; ".join(f"J{k + 1} {a:.0f} to {b:.0f}°" for k, (a, b) in enumerate(zip(low, high, strict=True)))
+
+
+def _sides(side: Array) -> str:
+    below = np.mean(side > 0.0, axis=0)
+    if np.all((below > 0.0) & (below < 1.0)):
+        return "both sides on every joint"
+    names = {1.0: "from below", 0.0: "from above"}
+    return "; ".join(f"J{k + 1} {names.get(float(share), 'both sides')}" for k, share in enumerate(below))
+
+
+def _span(values: Array, factor: float, unit: str) -> str:
+    known = values[np.isfinite(values)] * factor
+    return f"{known.min():.1f} to {known.max():.1f} {unit}" if len(known) else ""
+
+
+def _loads(dataset: Dataset) -> str:
+    last = dataset.header.robot.joints
+    on_flange = [load for load in dataset.header.loads if load.link == last]
+    if not on_flange:
+        return "none declared"
+    return "; ".join(
+        f"{load.mass_kg:g} kg, centre of gravity ({', '.join(f'{x:g}' for x in load.cog_mm)}) mm"
+        for load in on_flange
+    )

@@ -1,0 +1,153 @@
+"""Results as tables for people on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from calib.diagnose.carry import CarryOver
+from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.identify import Identification
+from calib.statistics import ErrorStatistics
+from service import wording
+from service.parameters import Row, rows_of
+
+_SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
+
+
+def _table(title: str, *columns: str, left: int = 1) -> Table:
+    """A table whose first `left` columns hold text and whose others hold numbers."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="left" if i < left else "right", overflow="fold")
+    return table
+
+
+def diagnosis(result: Diagnosis, carried: CarryOver | None) -> Iterable[RenderableType]:
+    """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen."""
+    yield Text.assemble(
+        (f"{wording.VERDICT_NAMES[result.verdict]}. ", "bold"), wording.verdict_in_words(result)
+    )
+    if result.effects:
+        yield effects(result.effects)
+    yield errors(
+        {
+            "nominal robot, placed": result.error_nominal,
+            "identified base model": result.error_before,
+            "with the effects found": result.error_after,
+        },
+        result.dataset.header.holdout,
+    )
+    if carried is not None:
+        yield errors(
+            {
+                "its own base model": carried.base,
+                "effects frozen as found": carried.frozen,
+                "amplitudes fitted anew": carried.refitted,
+            },
+            f"carried over to {carried.name}, another series",
+        )
+    yield warnings(
+        [
+            *(
+                f"Structure is left: {s.where} explains {s.explained_variance:.1%} of what is left "
+                f"(p {wording.chance(s.p_value)})."
+                for s in result.structure[:4]
+            ),
+            *wording.grouped(result.final.warnings, most=6),
+            *result.notes,
+        ]
+    )
+
+
+def effects(found: Sequence[Found]) -> RenderableType:
+    """Every effect with amplitude, uncertainty, share and rivals, strongest first."""
+    table = _table("Effects found", "effect", "amplitude ± U (k = 2)", "unit", "explains", "rivals")
+    table.columns[2].justify = "left"
+    table.columns[4].justify = "left"
+    for effect in found[:_SHOWN]:
+        value, uncertainty, unit = wording.amplitude(effect)
+        rivals = ", ".join(f"{label} {w:.0%}" for label, w in wording.rivals_of(effect)[:3]) or "none"
+        at = "" if effect.index is None else f" (from reading {effect.index})"
+        table.add_row(
+            effect.effect.label + at,
+            f"{value} ± {uncertainty}",
+            unit,
+            f"{effect.evidence.explained_variance:.1%}",
+            rivals,
+        )
+    if len(found) <= _SHOWN:
+        return table
+    return Group(
+        table, Text(f"… and {len(found) - _SHOWN} weaker ones; --json and --report list all.", "dim")
+    )
+
+
+def errors(rows: Mapping[str, ErrorStatistics | None], holdout: str) -> RenderableType:
+    """Position errors on validation rows, with the kind of hold-out named."""
+    known = {name: e for name, e in rows.items() if e is not None}
+    if not known:
+        return Text(
+            "No measured validation rows: nothing here was judged on readings that took no part.", "yellow"
+        )
+    table = _table("Position error on held-out readings, mm", "model", "n", "mean", "RMS", "95 %", "max")
+    for name, e in known.items():
+        table.add_row(name, str(e.n), *(wording.millimetres(x) for x in (e.mean, e.rms, e.p95, e.max)))
+    return Group(table, Text(f"Hold-out: {wording.holdout_in_words(holdout)}.", "dim"))
+
+
+def parameters(found: Identification) -> RenderableType:
+    """Every parameter with its change from nominal and standard error; dropped ones with their reason."""
+    table = _table("Parameters", "parameter", "nominal", "identified", "change", "std. error", "unit")
+    table.columns[5].justify = "left"
+    for row in rows_of(found):
+        table.add_row(*_cells(row))
+    return table
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    nominal = "" if row.nominal is None else f"{row.nominal:.4f}"
+    if row.value is None or row.change is None or row.std is None:
+        with_whom = ", ".join(row.confounded_with[:4])
+        reason = f"dropped: confounded with {with_whom}" if with_whom else "dropped: moves nothing here"
+        return row.name, nominal, reason, "", "", row.unit
+    change, error = wording.with_uncertainty(row.change, row.std)
+    places = len(error.partition(".")[2])
+    return row.name, nominal, f"{row.value:.{places}f}", f"{float(change):+.{places}f}", error, row.unit
+
+
+def warnings(texts: Sequence[str]) -> RenderableType:
+    """Numbered warnings and notes; nothing at all where there are none."""
+    if not texts:
+        return Text("")
+    table = _table("Warnings and notes", "", "", left=2)
+    table.show_header = False
+    for number, text in enumerate(texts, start=1):
+        table.add_row(f"[{number}]", text)
+    return table
+
+
+def revealed(hidden: Sequence[Mapping[str, Any]], result: Diagnosis) -> RenderableType:
+    """What the simulation had hidden, beside what was found."""
+    labels = {str(effect["label"]) for effect in hidden}
+    classes = {name for found in result.effects for name in found.evidence.candidates}
+    lines: list[RenderableType] = [Text("Now revealed: what the simulation had hidden", "bold")]
+    for effect in hidden:
+        sizes = ", ".join(
+            f"{name} {p['value']:.4g} {p['unit']}".strip() for name, p in effect["parameters"].items()
+        )
+        named = any(found.effect.label == effect["label"] for found in result.effects)
+        mark = "found" if named else "among the rivals" if effect["label"] in classes else "missed"
+        lines.append(Text(f"  {effect['label']}: {sizes}. {mark}.", "green" if named else "yellow"))
+    if not hidden:
+        lines.append(Text("  nothing"))
+    for found in result.effects:
+        if found.effect.label not in labels and not labels & set(found.evidence.candidates):
+            lines.append(Text(f"  {found.effect.label} was claimed although nobody hid it.", "yellow"))
+    return Padding(Group(*lines), (1, 0))

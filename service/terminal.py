@@ -1,0 +1,72 @@
+"""What people see on a terminal: progress on standard error, result tables on standard output.
+
+On a terminal the progress is one spinner line with the step in hand; anywhere else it is one plain line a step.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.status import Status
+
+PIPED_WIDTH = 120  # columns where nobody's terminal says how wide it is
+
+
+def _console(*, stderr: bool) -> Console:
+    stream = sys.stderr if stderr else sys.stdout
+    # No markup: labels and file names are shown as they are, brackets and all.
+    return Console(
+        stderr=stderr,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        width=None if stream.isatty() else PIPED_WIDTH,
+    )
+
+
+class Terminal:
+    """One command's two streams. Use as a context manager; `say` is a progress callback.
+
+    `quiet` keeps the tables back, for when standard output belongs to a JSON document.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self.out = _console(stderr=False)
+        self.out.quiet = quiet
+        self._err = _console(stderr=True)
+        self._status: Status | None = None
+        self._begin = time.monotonic()
+
+    def __enter__(self) -> Terminal:
+        if self._err.is_terminal:
+            self._status = self._err.status("starting")
+            self._status.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.rest()
+
+    def say(self, step: str) -> None:
+        """Tell which step has begun."""
+        if self._status is not None:
+            self._status.update(f"{step} ({time.monotonic() - self._begin:.0f} s)")
+        else:
+            self._err.print(f"truepose: {step}", soft_wrap=True)
+
+    def rest(self) -> None:
+        """Take the spinner away: results come."""
+        if self._status is not None:
+            self._status.stop()
+            self._status = None
+
+    def note(self, text: str) -> None:
+        """One line for people on standard error."""
+        self._err.print(text, soft_wrap=True)

@@ -1,0 +1,132 @@
+"""Numbers and findings in words, the same on the terminal, in the report and later on the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.statistics import ErrorStatistics
+
+COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
+
+HOLDOUTS = {
+    "random": "random rows of the same series: flatters, since the neighbours of every row took part in the fit",
+    "block": "whole time blocks of the same series",
+    "as measured": "as measured: the data set names its validation rows",
+}
+OWNERS = {"robot": "the robot", "mounting": "the mounting of base or tool", "instrument": "the instrument"}
+CLOSING = (
+    "No issue detected by these tests is not an acceptance verdict. "
+    "This report relates only to this robot, this set-up and these readings."
+)
+
+
+def holdout_in_words(kind: str) -> str:
+    """What kind of hold-out the figures stand on."""
+    return HOLDOUTS.get(kind, kind)
+
+
+def with_uncertainty(value: float, uncertainty: float) -> tuple[str, str]:
+    """Value and its uncertainty as text, both to the second significant digit of the uncertainty."""
+    if not (math.isfinite(uncertainty) and uncertainty > 0.0):
+        return f"{value:.4g}", "0"
+    decimals = 1 - math.floor(math.log10(uncertainty))
+    rounded = round(uncertainty, decimals)
+    decimals = 1 - math.floor(math.log10(rounded)) if rounded > 0.0 else decimals
+    places = max(decimals, 0)
+    return f"{round(value, decimals):.{places}f}", f"{rounded:.{places}f}"
+
+
+def chance(p: float) -> str:
+    """A p-value as text; far below what anyone believes it only says so."""
+    if p < 1e-12:
+        return "< 1e-12"
+    return f"{p:.2g}"
+
+
+def millimetres(value: float) -> str:
+    """A length with three decimals, mm; with two above 10 mm."""
+    return f"{value:.3f}" if abs(value) < 10.0 else f"{value:.2f}"
+
+
+def amplitude(found: Found) -> tuple[str, str, str]:
+    """Size of an effect, its expanded uncertainty (k = 2) and unit, as text."""
+    value, spread, unit = found.effect.amplitude(found.values, found.covariance)
+    return (*with_uncertainty(value, COVERAGE * spread), unit)
+
+
+def sentence_of(found: Found) -> str:
+    """One effect in one sentence: what it means, how large, where it began."""
+    value, uncertainty, unit = amplitude(found)
+    text = f"{found.effect.meaning.rstrip('.')}: {value} ± {uncertainty} {unit} (k = {COVERAGE:g})"
+    if found.index is not None:
+        text += f", from reading {found.index} on"
+    return text + "."
+
+
+def rivals_of(found: Found) -> list[tuple[str, float]]:
+    """The other explanations of one effect with their weights, heaviest first; those of less than 1 % left out."""
+    return [
+        (label, w)
+        for label, w in found.evidence.candidates.items()
+        if label != found.effect.label and w >= 0.01
+    ]
+
+
+def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None) -> str:
+    """How the held-out error changed, as a sentence; empty where nothing was held out."""
+    if before is None or after is None:
+        return ""
+    change = after.rms / before.rms - 1.0 if before.rms > 0.0 else 0.0
+    if abs(change) < 0.005:
+        return f"The held-out error stays at {millimetres(after.rms)} mm RMS."
+    verb = "falls" if change < 0.0 else "rises"
+    return (
+        f"The held-out error {verb} by {abs(change):.0%}, from {millimetres(before.rms)} to "
+        f"{millimetres(after.rms)} mm RMS (n = {after.n})."
+    )
+
+
+def verdict_in_words(diagnosis: Diagnosis) -> str:
+    """The verdict as a plain sentence or two, with what it gains."""
+    names = [found.effect.label for found in diagnosis.effects]
+    listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    effects = f"{len(names)} effect{'s' if len(names) != 1 else ''} that the base model lacks"
+    where = ", ".join(s.where for s in diagnosis.structure[:3])
+    head = {
+        "complete": "Nothing is missing: the base model explains these readings to the declared noise.",
+        "excess_noise": "No missing effect, but the readings scatter "
+        f"{diagnosis.final.noise_scale:.2f} times as much as declared, without structure.",
+        "attributed": f"Found {effects}: {listed}. Nothing else is left beyond noise.",
+        "ambiguous": f"Found {effects}: {listed}. These poses cannot tell "
+        "at least one of them from its rivals, which are listed.",
+        "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
+        + f"Structure is left that none explains ({where}).",
+    }[diagnosis.verdict]
+    return f"{head} {gain_in_words(diagnosis.error_before, diagnosis.error_after)}".strip()
+
+
+def grouped(warnings: Sequence[str], most: int | None = None) -> list[str]:
+    """Warnings that say the same of three or more names as one sentence; at most `most` of the names listed."""
+    by_rest: dict[str, list[str]] = {}
+    for text in warnings:
+        name, _, rest = text.partition(" ")
+        by_rest.setdefault(rest, []).append(name)
+    out = []
+    for rest, names in by_rest.items():
+        if len(names) < 3:
+            out += [f"{name} {rest}" for name in names]
+            continue
+        listed = names if most is None or len(names) <= most else [*names[:most], f"{len(names) - most} more"]
+        out.append(f"Each of {', '.join(listed[:-1])} and {listed[-1]} {rest}")
+    return out
+
+
+VERDICT_NAMES = {
+    "complete": "Complete",
+    "excess_noise": "Excess noise",
+    "attributed": "Attributed",
+    "ambiguous": "Ambiguous",
+    "unexplained": "Partly unexplained",
+}

@@ -1,0 +1,289 @@
+"""Fakes for the sequencer: devices that remember what they did, a clock that jumps, a small campaign.
+
+Faults are ordered by the number of the device call at which they happen, over all devices together.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from acquisition.campaign import Campaign, campaign_from
+from acquisition.cell import Cell, cell_from
+from acquisition.devices import Devices
+from acquisition.workspace import targets_at
+from acquisition.world_frame import WorldFrame
+from drivers.errors import MotionStopped, NotArmed, TargetNotSeen
+from drivers.interfaces import (
+    Answer,
+    Identity,
+    InstrumentStatus,
+    JointReading,
+    Operator,
+    PointReading,
+    Prompt,
+    RobotStatus,
+)
+
+CELL: dict[str, Any] = {
+    "format": "truepose-cell/1",
+    "name": "fake",
+    "robot": {
+        "model": "abb-irb120",
+        "driver": "abb",
+        "url": "tcp://127.0.0.1:5000",
+        "limits_deg": [[-90, 90], [0, 110], [-80, 70], [-150, 150], [-90, 90], [-180, 180]],
+        "table_z_mm": 20.0,
+    },
+    "instrument": {"driver": "faro", "url": "tcp://127.0.0.1:5701", "station_mm": [2400.0, -900.0, 350.0]},
+    "world": {"nests": {"N1": [0, 0, 0], "N2": [600, 0, 0], "N3": [0, 600, 0]}},
+    "tool": {
+        "targets": {"T1": [0, 0, 125], "T2": [75, 93.675, 215], "T3": [150, 0, 125]},
+        "mass_kg": 2.7,
+        "cog_mm": [50, 25, 100],
+    },
+}
+CAMPAIGN: dict[str, Any] = {
+    "format": "truepose-campaign/1",
+    "approach": {"offset_deg": -5.0, "sides": "both"},
+    "settle_s": 4.0,
+    "samples": 10,
+    "retries": 1,
+    "seed": 3,
+    "block": [
+        {"set": "calibration", "count": 2, "targets": ["T1", "T2"]},
+        {"set": "validation", "count": 1, "targets": ["T3"]},
+    ],
+}
+
+
+def changed(table: dict[str, Any], **values: Any) -> dict[str, Any]:
+    """A copy with dotted keys (`robot__speed_mm_s`) replaced; None removes."""
+    copy: dict[str, Any] = {k: dict(v) if isinstance(v, dict) else v for k, v in table.items()}
+    for dotted, value in values.items():
+        *path, key = dotted.split("__")
+        place = copy
+        for name in path:
+            place = place[name]
+        if value is None:
+            del place[key]
+        else:
+            place[key] = value
+    return copy
+
+
+def a_cell(**values: Any) -> Cell:
+    return cell_from(changed(CELL, **values), "cell.toml")
+
+
+def a_campaign(**values: Any) -> Campaign:
+    return campaign_from(changed(CAMPAIGN, **values), "campaign.toml")
+
+
+class Crash(BaseException):
+    """The process is gone."""
+
+
+class JumpingClock:
+    """Waits cost nothing; campaign time passes all the same."""
+
+    time_scale = 1.0
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self.calendar = 1_700_000_000.0
+
+    def now(self) -> float:
+        self._now += 0.001
+        return self._now
+
+    def utc(self) -> float:
+        return self.calendar + self._now
+
+    def wait(self, seconds: float, wake: threading.Event) -> bool:
+        if wake.is_set():
+            return True
+        self._now += seconds
+        return False
+
+
+@dataclass
+class Shot:
+    """The truth of one measurement."""
+
+    target: str
+    joints_deg: tuple[float, ...]
+    came_from_deg: tuple[float, ...]
+    seated: str | None
+    quiet_moves: int
+
+
+@dataclass
+class Bench:
+    """The world of the fakes. `faults`: device call number -> what happens there."""
+
+    cell: Cell
+    faults: dict[int, Callable[[], None]] = field(default_factory=dict)
+    calls: int = 0
+    log: list[str] = field(default_factory=list)
+    where: tuple[float, ...] = (0.0,) * 6
+    came_from: tuple[float, ...] = (0.0,) * 6
+    seated: str | None = None
+    quiet_moves: int = 0  # made since anything disturbed the cell: a fault, connecting, arming, a stop
+    shots: dict[float, Shot] = field(default_factory=dict)
+    hidden: set[str] = field(default_factory=set)
+    shift_mm: dict[str, float] = field(default_factory=dict)  # along x, of nests
+    tracker: WorldFrame = field(
+        default_factory=lambda: WorldFrame(
+            np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([2400.0, -900.0, 350.0])
+        )
+    )
+
+    def call(self, name: str) -> None:
+        self.calls += 1
+        self.log.append(name)
+        fault = self.faults.pop(self.calls, None)
+        if name.startswith(("connect", "arm")):
+            self.quiet_moves = 0
+        if fault is not None:
+            try:
+                fault()
+            except BaseException:
+                self.quiet_moves = 0
+                raise
+
+
+class FakeArm:
+    """Goes anywhere at once."""
+
+    unverified_on_hardware = False
+
+    def __init__(self, bench: Bench, *, can_stop: bool = True) -> None:
+        self.name = "arm"
+        self.bench = bench
+        self.can_stop = can_stop
+        self.armed = False
+        self.stops = 0
+
+    def connect(self) -> None:
+        self.armed = False
+        self.bench.call("connect arm")
+
+    def disconnect(self) -> None:
+        self.armed = False
+
+    def identify(self) -> Identity:
+        return Identity("fake", "arm", "1", "1", "none")
+
+    def arm(self) -> None:
+        self.bench.call("arm arm")
+        self.armed = True
+
+    def disarm(self) -> None:
+        self.armed = False
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        if not self.armed:
+            raise NotArmed("not armed", device=self.name)
+        try:
+            self.bench.call("move")
+        except BaseException:
+            self.armed = False
+            raise
+        if not self.armed:
+            raise MotionStopped("stopped", device=self.name)
+        self.bench.quiet_moves += 1
+        self.bench.came_from, self.bench.where = self.bench.where, tuple(joints_deg)
+        return JointReading(self.bench.where, 1e-5, b"there")
+
+    def position(self) -> JointReading:
+        return JointReading(self.bench.where, 1e-5)
+
+    def stop(self) -> None:
+        self.armed = False
+        self.bench.quiet_moves = 0
+        self.stops += 1
+
+    def status(self) -> RobotStatus:
+        return RobotStatus("auto", True, False, False)
+
+
+class FakeMeter:
+    """Sees every target where the nominal robot has it."""
+
+    unverified_on_hardware = False
+
+    def __init__(self, bench: Bench) -> None:
+        self.name = "meter"
+        self.bench = bench
+        self.armed = False
+
+    def connect(self) -> None:
+        self.armed = False
+        self.bench.call("connect meter")
+
+    def disconnect(self) -> None:
+        self.armed = False
+
+    def identify(self) -> Identity:
+        return Identity("fake", "meter", "1", "1", "none", True)
+
+    def arm(self) -> None:
+        self.bench.call("arm meter")
+        self.armed = True
+
+    def disarm(self) -> None:
+        self.armed = False
+
+    def stop(self) -> None:
+        self.armed = False
+
+    def status(self) -> InstrumentStatus:
+        return InstrumentStatus("READY")
+
+    def measure(
+        self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
+    ) -> PointReading:
+        bench = self.bench
+        if not self.armed:
+            raise NotArmed("not armed", device=self.name)
+        bench.call(f"measure {target}")
+        if not self.armed:
+            raise MotionStopped("stopped", device=self.name)
+        if target in bench.hidden:
+            raise TargetNotSeen("hidden", device=self.name, raw=b"310")
+        if target in bench.cell.nests:
+            world = np.array(bench.cell.nests[target]) + np.array([bench.shift_mm.get(target, 0.0), 0.0, 0.0])
+        else:
+            names = list(bench.cell.tool.targets)
+            world = targets_at(bench.cell, np.array([bench.where]))[0, names.index(target)]
+        x, y, z = (float(v) for v in bench.tracker.to_tracker(world))
+        if near_mm is not None:
+            assert np.allclose(near_mm, (x, y, z), atol=0.5), "the beam is sent to the wrong place"
+        number = float(bench.calls)
+        bench.shots[number] = Shot(target, bench.where, bench.came_from, bench.seated, bench.quiet_moves)
+        return PointReading(target, (x, y, z), (0.01, 0.01, 0.01), samples, number, 0.0, 22.0, raw=b"shot")
+
+
+class SeatingOperator:
+    """Does what the prompt says, then gives the answers it was told to, CONFIRM when none are left."""
+
+    def __init__(self, bench: Bench, answers: Sequence[Answer] = ()) -> None:
+        self.bench = bench
+        self.answers = list(answers)
+        self.asked: list[str] = []
+
+    def ask(self, prompt: Prompt) -> Answer:
+        self.asked.append(prompt.text)
+        answer = self.answers.pop(0) if self.answers else Answer.CONFIRM
+        if prompt.text.startswith("Seat the SMR in ") and answer is Answer.CONFIRM:
+            self.bench.seated = prompt.text.split()[4]
+        return answer
+
+
+def devices_of(bench: Bench, operator: Operator | None = None, *, can_stop: bool = True) -> Devices:
+    return Devices(FakeArm(bench, can_stop=can_stop), FakeMeter(bench), operator)

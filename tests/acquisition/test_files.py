@@ -1,0 +1,115 @@
+"""Cell and campaign files: what is believed, and what is refused by file and key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.campaign import campaign_of_record, read_campaign, read_poses
+from acquisition.cell import cell_of_record, read_cell
+from drivers.errors import ConfigError
+from tests.acquisition.fakes import a_campaign, a_cell
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "irb120_faro"
+
+
+def test_example_is_read() -> None:
+    cell, campaign = read_cell(EXAMPLE / "cell.toml"), read_campaign(EXAMPLE / "campaign.toml")
+    assert cell.robot.model.name == "abb-irb120"
+    assert cell.robot.limits_deg[1] == (0.0, 110.0)
+    assert cell.loads == cell.robot.model.loads  # the example's tool is the thesis's
+    assert [block.set for block in campaign.blocks] == ["calibration", "validation"]
+    assert campaign.blocks[0].approach.sides == "both"
+
+
+def test_what_the_record_keeps_means_the_same(tmp_path: Path) -> None:
+    cell, campaign = read_cell(EXAMPLE / "cell.toml"), read_campaign(EXAMPLE / "campaign.toml")
+    assert cell_of_record(cell.source, str(tmp_path / "record")) == cell
+    assert campaign_of_record(campaign.source, "record") == campaign
+    assert campaign_of_record(a_campaign().source, "record").blocks == a_campaign().blocks
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"format": "truepose-cell/9"}, "format"),
+        ({"robot__model": "nonesuch"}, "robot.model"),
+        ({"robot__speed_mm_s": 900.0}, "robot.speed_mm_s"),
+        ({"robot__speed_deg_s": "fast"}, "robot.speed_deg_s"),
+        ({"robot__limits_deg": [[-90, 90]]}, "robot.limits_deg"),
+        ({"robot__limits_deg": [[-170, 90]] + [[-10, 10]] * 5}, "robot.limits_deg"),
+        ({"robot__limit_deg": []}, "robot.limit_deg"),
+        ({"robot__keep_out": [[[0, 0, 0], [1, 1, -1]]]}, "robot.keep_out"),
+        ({"robot__table_z_mm": float("nan")}, "robot.table_z_mm"),
+        ({"instrument__station_mm": [1, 2]}, "instrument.station_mm"),
+        ({"instrument__one_smr": 1}, "instrument.one_smr"),
+        ({"world__nests": {"N1": [0, 0, 0], "N2": [600, 0, 0]}}, "world.nests"),
+        ({"world__nests": {"N1": [0, 0, 0], "N2": [600, 0, 0], "N3": [300, 0, 0]}}, "world.nests"),
+        ({"tool__targets": {}}, "tool.targets"),
+        ({"tool__targets": {"T 1": [0, 0, 1]}}, "tool.targets"),
+        ({"tool__targets": {"N1": [0, 0, 1]}}, "tool.targets"),
+        ({"tool__cog_mm": None}, "tool.mass_kg"),
+        ({"tool__normals": {"T9": [0, 0, 1]}}, "tool.normals"),
+        ({"simulation": {"time_scale": 0}}, "simulation.time_scale"),
+        ({"surprise": 1}, "surprise"),
+    ],
+)
+def test_cell_refused(change: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        a_cell(**change)
+    assert f"key '{key}'" in str(caught.value)
+    assert "cell.toml" in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"format": "x"}, "format"),
+        ({"approach": {"offset_deg": 0.0}}, "approach.offset_deg"),
+        ({"approach": {"sides": "left"}}, "approach.sides"),
+        ({"settle_s": -1}, "settle_s"),
+        ({"samples": 0}, "samples"),
+        ({"samples": True}, "samples"),
+        ({"retries": 1.5}, "retries"),
+        ({"order": "any"}, "order"),
+        ({"block": []}, "block"),
+        ({"block": [BLOCK | {"kind": "sweep"}]}, "block[0].kind"),
+        ({"block": [BLOCK | {"select": "observability"}]}, "block[0].select"),
+        ({"block": [BLOCK | {"set": "test"}]}, "block[0].set"),
+        ({"block": [BLOCK, BLOCK | {"count": 0}]}, "block[1].count"),
+        ({"block": [BLOCK | {"targets": []}]}, "block[0].targets"),
+        ({"block": [{"select": "list", "joints_deg": [[0, 1], [0]]}]}, "block[0].joints_deg"),
+        ({"block": [{"select": "list"}]}, "block[0].joints_deg"),
+    ],
+)
+def test_campaign_refused(change: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        a_campaign(**change)
+    assert f"key '{key}'" in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_cell(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("= 3")
+    with pytest.raises(ConfigError, match="not valid TOML"):
+        read_campaign(tmp_path / "bad.toml")
+
+
+def test_poses_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("name,j1_deg,j2_deg\na,1.0,2\n\nb,-3,4.5\n")
+    assert read_poses(path) == ((1.0, 2.0), (-3.0, 4.5))
+    path.write_text("j1_deg,j2_deg\n1,x\n")
+    with pytest.raises(ConfigError, match="line 2"):
+        read_poses(path)
+    path.write_text("q1,q2\n1,2\n")
+    with pytest.raises(ConfigError, match="no columns j1_deg"):
+        read_poses(path)

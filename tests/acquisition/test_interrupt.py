@@ -1,0 +1,61 @@
+"""Ctrl-C pauses, twice stops; and the clock that all waits go through."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from acquisition.clock import ScaledClock
+from acquisition.control import Control, Pausing, Stopping
+from acquisition.interrupt import pausing_on_interrupt
+from tests.acquisition.fakes import JumpingClock
+from tests.acquisition.test_sequencer import ALL, Stage
+from tests.drivers.waiting import until
+
+
+@pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
+def test_ctrl_c(tmp_path: Path, times: int, state: str) -> None:
+    stage = Stage(tmp_path)
+    before = signal.getsignal(signal.SIGINT)
+
+    def press() -> None:
+        execution = stage.run._execution
+        assert execution is not None
+        signal.raise_signal(signal.SIGINT)
+        until(lambda: execution.control.asked)
+        if times == 2:
+            signal.raise_signal(signal.SIGINT)
+            until(lambda: execution.control.stopping)
+
+    stage.bench.faults[10] = press
+    with closing(stage.run), pausing_on_interrupt(stage.run):
+        outcome = stage.execute()
+        assert (outcome.state.value, outcome.exit_code) == (state, 130)
+        until(lambda: sum(event.kind == "command" for event in stage.run.events()) == times)
+    assert stage.bench.log == ALL[:10]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_scaled_clock_waits_less_and_wakes() -> None:
+    clock, wake = ScaledClock(1000.0), threading.Event()
+    before = clock.now()
+    assert not clock.wait(10.0, wake)
+    assert clock.now() - before >= 9.0
+    wake.set()
+    assert clock.wait(1e9, wake)
+
+
+def test_orders_end_waits() -> None:
+    control = Control(JumpingClock())
+    control.wait(5.0)
+    control.pause()
+    control.settle(5.0)  # a pause leaves the reading in hand alone
+    with pytest.raises(Pausing):
+        control.wait(5.0)
+    control.stop()
+    with pytest.raises(Stopping):
+        control.settle(5.0)

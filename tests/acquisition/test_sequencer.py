@@ -1,0 +1,418 @@
+"""What the sequencer does about every class of error, about people, and in which order it does its work."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.database import FILE
+from acquisition.errors import NestsDisagree, NotResumed
+from acquisition.run import Outcome, Run
+from acquisition.store import Event
+from drivers.errors import (
+    AcquisitionError,
+    BeamBroken,
+    Busy,
+    EmergencyStop,
+    LinkLost,
+    LinkTimeout,
+    NoOperator,
+    StorageError,
+    WrongMode,
+)
+from drivers.interfaces import Answer
+from drivers.operator import RemoteOperator, TerminalOperator, UnknownPrompt
+from tests.acquisition.fakes import (
+    Bench,
+    FakeArm,
+    JumpingClock,
+    SeatingOperator,
+    a_campaign,
+    a_cell,
+    devices_of,
+)
+from tests.drivers.waiting import in_thread, until
+
+
+class Stage:
+    """A run on fakes."""
+
+    def __init__(self, folder: Path, *, cell: dict[str, Any] | None = None, **campaign: Any) -> None:
+        self.folder = folder
+        self.bench = Bench(a_cell(**(cell or {})))
+        self.run = Run.create(folder, self.bench.cell, a_campaign(**campaign), simulated=True)
+        self.operator: Any = SeatingOperator(self.bench)
+        self.clock = JumpingClock()
+        self.can_stop = True
+
+    def execute(self, on_event: Callable[[Event], None] | None = None) -> Outcome:
+        devices = devices_of(self.bench, self.operator, can_stop=self.can_stop)
+        return self.run.execute(devices, self.clock, on_event)
+
+    def fail(self, call: int, error: AcquisitionError) -> None:
+        def fault() -> None:
+            raise error
+
+        self.bench.faults[call] = fault
+
+    def attempts(self) -> list[tuple[str, str, int]]:
+        rows = self.run._store.database.query("SELECT kind, status, visit FROM attempt ORDER BY id")
+        return [(row[0], row[1], row[2]) for row in rows]
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    made = Stage(tmp_path)
+    with closing(made.run):
+        yield made
+
+
+CONNECT = ["connect arm", "arm arm", "connect meter", "arm meter"]
+NESTS = ["measure N1", "measure N2", "measure N3"]
+TWO = ["move", "move", "measure T1", "measure T2"]
+ALL = [*CONNECT, *NESTS, *TWO, *TWO, "move", "move", "measure T3"]
+
+
+def test_the_order_of_a_campaign(stage: Stage) -> None:
+    events: list[str] = []
+    outcome = stage.execute(lambda event: events.append(event.kind))
+    assert (outcome.state.value, outcome.exit_code) == ("succeeded", 0)
+    assert stage.bench.log == ALL
+    status = stage.run.status()
+    assert (status.state_code, status.done, status.total, status.skipped) == (5, 5, 5, 0)
+    assert status.last_reading is not None
+    assert status.last_reading["target"] == "T3"
+    assert events[-1] == "state"
+    assert events.count("reading") == 8
+    for shot in stage.bench.shots.values():
+        if shot.target.startswith("T"):
+            away = [abs(abs(a - b) - 5.0) for a, b in zip(shot.joints_deg, shot.came_from_deg, strict=True)]
+            assert max(away) < 1e-6
+    with pytest.raises(NotResumed):
+        stage.execute()
+    with pytest.raises(NotResumed):
+        stage.run.resume()
+
+
+def test_settle_and_warm_up_take_campaign_time(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, warm_up_s=3600.0)
+    stage.execute()
+    assert 3600.0 + 3 * 4.0 < stage.clock.now() < 3600.0 + 3 * 4.0 + 10.0
+    first = next(e for e in stage.run.events() if e.kind == "arrived")
+    assert first.t_s is not None
+    assert first.t_s > 3600.0
+    stage.run.close()
+
+
+@pytest.mark.parametrize("call", range(1, len(ALL) + 1))
+def test_a_lost_link_is_taken_up_again_anywhere(tmp_path: Path, call: int) -> None:
+    stage = Stage(tmp_path)
+    stage.fail(call, LinkTimeout("late"))
+    assert stage.execute().state.value == "succeeded"
+    lost = stage.bench.log[call - 1]
+    after = stage.bench.log[call:]
+    assert after[0].startswith("connect")
+    if lost in ("move", "measure T1", "measure T2", "measure T3"):
+        device = "meter" if lost.startswith("measure") else "arm"
+        assert after[:4] == [f"connect {device}", f"arm {device}", "move", "move"]
+    assert stage.run.status().done == 5
+    stage.run.close()
+
+
+def test_a_dead_link_pauses_with_its_exit_code(stage: Stage) -> None:
+    for call in range(9, 50):
+        stage.fail(call, LinkLost("gone"))
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 4)
+    assert isinstance(outcome.error, LinkLost)
+    assert stage.run.status().reason.startswith("gone")
+
+
+def test_a_robot_that_cannot_be_stopped_is_not_rearmed_after_a_lost_move(stage: Stage) -> None:
+    stage.can_stop = False
+    stage.fail(9, LinkLost("gone in mid-move"))
+    assert stage.execute().state.value == "paused"
+    assert stage.bench.log[9:] == []
+
+
+def test_unmeasurable_is_retried_then_put_off_then_skipped(stage: Stage) -> None:
+    stage.bench.hidden = {"T1"}
+    assert stage.execute().state.value == "succeeded"
+    measured = [name for name in stage.bench.log if name.startswith("measure T")]
+    assert measured[:3] == ["measure T1", "measure T1", "measure T2"]
+    assert measured[-4:] == ["measure T1"] * 4  # the two put off, tried again at the end
+    assert stage.bench.log.count("move") == 2 * (2 * 3 + 1 + 2 * 2)  # every retry is an approach
+    status = stage.run.status()
+    assert (status.done, status.skipped) == (5, 2)
+    assert status.reason == "2 readings were skipped."
+
+
+def test_unmeasurable_once_costs_nothing(stage: Stage) -> None:
+    stage.fail(10, BeamBroken("a person walked by"))
+    assert stage.execute().state.value == "succeeded"
+    assert stage.run.status().skipped == 0
+    assert ("measure", "failed", 3) in stage.attempts()
+
+
+def test_nothing_measurable_is_a_failure(stage: Stage) -> None:
+    stage.bench.hidden = {"T1", "T2", "T3"}
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("failed", 1)
+
+
+def test_refused_asks_and_goes_on_when_confirmed(stage: Stage) -> None:
+    stage.fail(8, WrongMode("key switch in manual"))
+    states: list[str] = []
+    outcome = stage.execute(lambda e: states.append(e.data["state"]) if e.kind == "state" else None)
+    assert outcome.state.value == "succeeded"
+    assert "key switch in manual" in stage.operator.asked[0]
+    assert states == ["running", "waiting_for_operator", "running", "succeeded"]
+    assert stage.bench.log[8:11] == ["arm arm", "move", "move"]
+
+
+def test_refused_skip_and_abort(stage: Stage) -> None:
+    stage.operator.answers = [Answer.SKIP, Answer.ABORT]
+    stage.fail(8, WrongMode("first"))
+    stage.fail(13, Busy("second"))
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("stopped", 130)
+    assert stage.run.status().skipped == 1
+
+
+def test_refused_again_and_again_pauses(stage: Stage) -> None:
+    for call in range(8, 40):
+        stage.fail(call, WrongMode("stays in manual"))
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 4)
+    assert len(stage.operator.asked) == 2
+
+
+def test_no_operator_pauses(stage: Stage) -> None:
+    with open(os.devnull) as nobody:
+        stage.operator = TerminalOperator(reader=nobody)
+        stage.fail(8, WrongMode("manual"))
+        outcome = stage.execute()
+    assert isinstance(outcome.error, NoOperator)
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 4)
+    assert stage.run.status().prompt is None
+
+
+def test_safety_stop_ends_at_once_and_resumes_only_when_asked(stage: Stage) -> None:
+    stage.fail(8, EmergencyStop("pressed"))
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 5)
+    assert stage.bench.log[8:] == []
+    with pytest.raises(NotResumed):
+        stage.execute()
+    assert stage.bench.log[8:] == []
+    stage.run.resume(by="anna")
+    assert stage.execute().state.value == "succeeded"
+    assert stage.run.status().done == 5
+
+
+def test_storage_error_pauses_and_nothing_is_lost(stage: Stage) -> None:
+    database = stage.run._store.database
+    acknowledged: list[int] = []
+
+    def fill() -> None:
+        count = database.query("PRAGMA page_count")[0][0]
+        database.query(f"PRAGMA max_page_count = {count}")
+        while True:
+            try:
+                stage.run._store.tell("filler", text="x" * 400)
+            except StorageError:
+                return
+
+    stage.bench.faults[11] = fill
+    outcome = stage.execute(lambda e: acknowledged.append(e.data["attempt"]) if e.kind == "reading" else None)
+    assert outcome.state.value == "paused"
+    assert isinstance(outcome.error, StorageError)
+    assert stage.run.status().state == "paused"
+    assert "Make room" in stage.run.status().reason
+    database.query("PRAGMA max_page_count = 1000000")
+    stage.run.resume()
+    outcome = stage.execute(lambda e: acknowledged.append(e.data["attempt"]) if e.kind == "reading" else None)
+    assert outcome.state.value == "succeeded"
+    rows = database.query("SELECT id FROM attempt WHERE kind = 'measure' AND status = 'good' ORDER BY id")
+    assert [row[0] for row in rows] == acknowledged
+
+
+# -- people -----------------------------------------------------------------------------------------------
+
+
+def test_pause_ends_after_the_reading_in_hand(stage: Stage) -> None:
+    stage.bench.faults[10] = stage.run.pause
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 130)
+    assert stage.bench.log == ALL[:10]
+    assert stage.run.status().done == 1
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+    resumed = [*CONNECT, *NESTS, "move", "move", "measure T2"]
+    assert stage.bench.log[10:20] == resumed  # nests looked at again, the approach made anew
+
+
+def test_stop_halts_the_robot_and_ends(stage: Stage) -> None:
+    devices = devices_of(stage.bench, stage.operator)
+    assert isinstance(devices.robot, FakeArm)
+    problems: list[AcquisitionError] = []
+    stage.bench.faults[9] = lambda: problems.extend(stage.run.stop(by="anna"))
+    outcome = stage.run.execute(devices, stage.clock)
+    assert (outcome.state.value, outcome.exit_code) == ("stopped", 130)
+    assert devices.robot.stops == 1
+    assert stage.bench.log == ALL[:9]
+    assert problems == []
+    assert stage.attempts()[-1][1] == "failed"
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+
+
+def test_stop_before_it_runs(stage: Stage) -> None:
+    stage.run.stop()
+    assert stage.run.status().state == "stopped"
+    with pytest.raises(NotResumed):
+        stage.execute()
+    stage.run.stop()
+    assert stage.bench.log == []
+
+
+def test_idempotent_commands(stage: Stage) -> None:
+    stage.run.stop(key="once")
+    stage.run.resume(key="twice")
+    stage.run.resume(key="twice")
+    verbs = [event.data["verb"] for event in stage.run.events() if event.kind == "command"]
+    assert verbs == ["stop", "resume"]
+
+
+# -- one SMR ----------------------------------------------------------------------------------------------
+
+
+def test_one_smr_is_asked_for_and_moved(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, cell={"instrument__one_smr": True})
+    assert stage.execute().state.value == "succeeded"
+    seats = [text.split()[4] for text in stage.operator.asked]
+    assert seats == ["N1", "N2", "N3", "T1", "T2", "T3"]
+    assert all(shot.seated == shot.target for shot in stage.bench.shots.values())
+    stage.run.close()
+
+
+def test_prompt_is_answered_from_another_thread_whoever_shows_it(tmp_path: Path) -> None:
+    for i, operator in enumerate((None, RemoteOperator())):
+        stage = Stage(tmp_path / str(i), cell={"instrument__one_smr": True})
+        stage.operator = operator
+        done = in_thread(stage.execute)
+        for _ in range(6):
+            until(lambda stage=stage: stage.run.status().prompt is not None)
+            status = stage.run.status()
+            assert status.prompt is not None
+            assert (status.state, status.state_code) == ("waiting_for_operator", 3)
+            with pytest.raises(UnknownPrompt):
+                stage.run.answer("nonesuch", Answer.CONFIRM)
+            with pytest.raises(UnknownPrompt):
+                stage.run.answer(status.prompt["id"], Answer.REDO)
+            stage.run.answer(status.prompt["id"], Answer.CONFIRM, by="anna")
+            identity = status.prompt["id"]
+            until(
+                lambda stage=stage, identity=identity: (stage.run.status().prompt or {}).get("id") != identity
+            )
+        assert done.result(timeout=10).state.value == "succeeded"
+        stage.run.close()
+
+
+@pytest.mark.parametrize(("order", "state"), [("pause", "paused"), ("stop", "stopped")])
+def test_orders_end_a_prompt(tmp_path: Path, order: str, state: str) -> None:
+    stage = Stage(tmp_path, cell={"instrument__one_smr": True})
+    stage.operator = RemoteOperator()
+    done = in_thread(stage.execute)
+    until(lambda: stage.run.status().prompt is not None)
+    getattr(stage.run, order)()
+    assert done.result(timeout=10).state.value == state
+    until(lambda: stage.operator.pending is None)
+    assert stage.run.status().prompt is None
+    assert stage.bench.shots == {}
+    stage.run.close()
+
+
+# -- nests ------------------------------------------------------------------------------------------------
+
+
+def test_wrong_nest_is_asked_about_and_measured_again(stage: Stage) -> None:
+    stage.bench.shift_mm = {"N2": 3.0}
+
+    class Tidy(SeatingOperator):
+        def ask(self, prompt: Any) -> Answer:
+            self.bench.shift_mm = {}
+            return super().ask(prompt)
+
+    stage.operator = Tidy(stage.bench)
+    assert stage.execute().state.value == "succeeded"
+    assert "N1 and N2 are 603.00 mm apart" in stage.operator.asked[0]
+    assert stage.bench.log[4:10] == NESTS * 2
+
+
+def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
+    stage.bench.shift_mm = {"N2": 3.0}
+    stage.operator.answers = [Answer.ABORT]
+    assert stage.execute().state.value == "stopped"
+    assert "move" not in stage.bench.log
+    assert NestsDisagree.exit_code == 1
+
+
+def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    before = stage.run._store.world
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [40.0, -30.0, 5.0]
+    assert stage.execute().state.value == "succeeded"
+    after = stage.run._store.world
+    assert before is not None
+    assert after is not None
+    assert after.origin - before.origin == pytest.approx([40.0, -30.0, 5.0], abs=1e-6)
+    assert "instrument_moved" in [event.kind for event in stage.run.events()]
+
+
+def test_a_fault_of_the_program_leaves_the_run_paused_and_the_robot_disarmed(stage: Stage) -> None:
+    def bug() -> None:
+        raise ZeroDivisionError
+
+    stage.bench.faults[9] = bug
+    devices = devices_of(stage.bench, stage.operator)
+    with pytest.raises(ZeroDivisionError):
+        stage.run.execute(devices, stage.clock)
+    assert stage.run.status().state == "paused"
+    assert isinstance(devices.robot, FakeArm)
+    assert not devices.robot.armed
+
+
+def test_two_executions_at_once_are_refused(stage: Stage) -> None:
+    refused: list[bool] = []
+
+    def second() -> None:
+        with pytest.raises(NotResumed):
+            stage.execute()
+        refused.append(True)
+
+    stage.bench.faults[9] = second
+    assert stage.execute().state.value == "succeeded"
+    assert refused == [True]
+
+
+def test_pause_from_an_event(stage: Stage) -> None:
+    caller: list[int] = []
+
+    def on_event(event: Event) -> None:
+        caller.append(threading.get_ident())
+        if event.kind == "reading":
+            stage.run.pause()
+
+    assert stage.execute(on_event).state.value == "paused"
+    assert set(caller) == {threading.get_ident()}
+    assert stage.bench.log == ALL[:5]
+    assert (stage.folder / FILE).exists()

@@ -1,0 +1,226 @@
+"""The record: states, append-only attempts, one good reading a pose, one owner, what a crash leaves behind."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sqlite3
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.attempts import Attempts
+from acquisition.database import FILE
+from acquisition.errors import IllegalTransition, RecordError, RecordInUse
+from acquisition.plan import make_plan
+from acquisition.states import TRANSITIONS, State, check_transition
+from acquisition.status import read_status, status_of
+from acquisition.store import Moment, Planned, Store
+from drivers.errors import LinkLost, StorageError
+from drivers.interfaces import JointReading, PointReading
+from tests.acquisition.fakes import a_campaign, a_cell
+
+READING = PointReading("T1", (1.0, 2.0, 3.0), (0.1, 0.1, 0.1), 10, 5.0, 0.0, 22.5, raw=b"\x00raw")
+
+
+def new_store(folder: Path) -> Store:
+    cell, campaign = a_cell(), a_campaign()
+    store = Store.create(
+        folder, "test", cell.source, campaign.source, make_plan(cell, campaign), simulated=True
+    )
+    ticks = itertools.count(1)
+    store.moment = lambda: Moment(1e9, float(next(ticks)))
+    return store
+
+
+def half_a_change(store: Store) -> None:
+    with store.changing() as db:
+        store.note(db, "never")
+        store.change_state(db, State.SUCCEEDED, "")
+
+
+def fill(store: Store) -> Iterator[int]:
+    """Events until the disk is full."""
+    for number in itertools.count(1):
+        store.tell("filler", text="x" * 500)
+        yield number
+
+
+def poses(store: Store) -> list[Planned]:
+    return [planned for planned in store.plan() if planned.visit.kind == "pose"]
+
+
+def test_codes_are_the_contracts() -> None:
+    named = ["draft", "ready", "running", "waiting_for_operator", "paused", "succeeded", "failed", "stopped"]
+    assert [(state.value, state.code) for state in State] == [(name, i) for i, name in enumerate(named)]
+
+
+@given(st.sampled_from(list(State)), st.sampled_from(list(State)))
+@settings(max_examples=200)
+def test_only_the_table_allows(old: State, new: State) -> None:
+    if new in TRANSITIONS[old]:
+        check_transition(old, new)
+    else:
+        with pytest.raises(IllegalTransition, match=f"{old.value} cannot become {new.value}"):
+            check_transition(old, new)
+    assert not (old.final and TRANSITIONS[old])
+    assert not old.active or State.PAUSED in TRANSITIONS[old]  # whatever happens, it can come to rest
+
+
+def test_plan_comes_back_as_it_was_planned(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    visits = make_plan(a_cell(), a_campaign())
+    assert list(dict.fromkeys(planned.visit for planned in store.plan())) == visits
+    assert [p.target for p in store.plan()] == [t for visit in visits for t in visit.targets]
+    assert store.state is State.READY
+    store.close()
+
+
+def test_reading_needs_its_own_arrival_and_is_kept_once(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    attempts = Attempts(store)
+    first, second, other = poses(store)[0], poses(store)[1], poses(store)[2]
+    assert first.visit.number == second.visit.number != other.visit.number
+    for arrival in (None, attempts.begin_arrival(first.visit)):  # none, and one that is not over
+        with pytest.raises(StorageError, match="needs its approach"):
+            attempts.begin_reading(first, arrival)
+    arrival = attempts.begin_arrival(first.visit)
+    attempts.arrived(arrival, JointReading((1.0,) * 6, 1e-5, b"read"))
+    with pytest.raises(StorageError, match="needs its approach"):
+        attempts.begin_reading(other, arrival)
+    one, two = attempts.begin_reading(first, arrival), attempts.begin_reading(first, arrival)
+    attempts.measured(one, first, READING, (4.0, 5.0, 6.0))
+    with pytest.raises(StorageError, match="UNIQUE"):
+        attempts.measured(two, first, READING, (4.0, 5.0, 6.0))
+    attempts.failed(two, LinkLost("gone", raw=b"half"))
+    for late in (
+        lambda: attempts.failed(one, LinkLost("late")),
+        lambda: attempts.measured(two, first, READING, None),
+    ):
+        with pytest.raises(StorageError, match="closed attempt"):
+            late()
+    store.close()
+    with sqlite3.connect(tmp_path / FILE) as db:
+        row = db.execute(
+            "SELECT raw, tracker_x_mm, world_z_mm, t_air_c FROM attempt WHERE id = ?", (one,)
+        ).fetchone()
+        assert row == (b"\x00raw", 1.0, 6.0, 22.5)
+        assert db.execute("SELECT raw, error_code FROM attempt WHERE id = ?", (two,)).fetchone() == (
+            b"half",
+            1002,
+        )
+        for statement in ("DELETE FROM attempt", "DELETE FROM event", "UPDATE event SET kind = 'x'"):
+            with pytest.raises(sqlite3.IntegrityError):
+                db.execute(statement)
+    db.close()
+
+
+def test_events_reach_listeners_after_they_are_durable(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    seen: list[tuple[int, int]] = []
+
+    def look(event: object) -> None:
+        reader = Store.open(tmp_path, writer=False)
+        seen.append((event.id, reader.version))  # type: ignore[attr-defined]
+        reader.close()
+
+    with store.listening(look):
+        store.tell("hello", what=1)
+        with pytest.raises(IllegalTransition):
+            half_a_change(store)
+    assert len(seen) == 1
+    assert seen[0][0] == seen[0][1] == store.version
+    assert store.events(seen[0][0] - 1)[0].data == {"what": 1}
+    store.close()
+
+
+def test_recovery_marks_what_was_open(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    attempts = Attempts(store)
+    store.start()
+    arrival = attempts.begin_arrival(poses(store)[0].visit)
+    store.close()
+    store = Store.open(tmp_path)
+    assert store.state is State.RUNNING
+    store.recover()
+    assert store.state is State.PAUSED
+    died = [event for event in store.events() if event.kind == "attempt_died"]
+    assert [event.data["attempt"] for event in died] == [arrival]
+    version = store.version
+    store.recover()
+    assert store.version == version
+    store.close()
+
+
+def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    with pytest.raises(RecordInUse) as caught:
+        Store.open(tmp_path)
+    assert caught.value.exit_code == 4
+    status = read_status(tmp_path)
+    assert (status.state, status.done, status.total) == ("ready", 0, 5)
+    store.close()
+    Store.open(tmp_path).close()
+
+
+def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no record"):
+        Store.open(tmp_path / "nowhere")
+    with pytest.raises(RecordError, match="no record"):
+        Store.open(tmp_path)
+    new_store(tmp_path).close()
+    with pytest.raises(RecordError, match="already"):
+        new_store(tmp_path)
+    db = sqlite3.connect(tmp_path / FILE)
+    db.execute("PRAGMA user_version = 99")
+    db.close()
+    for writer in (True, False):
+        with pytest.raises(RecordError, match="newer version"):
+            Store.open(tmp_path, writer=writer)
+    (tmp_path / "junk").mkdir()
+    (tmp_path / "junk" / FILE).write_bytes(b"this is not a database at all" * 100)
+    with pytest.raises(StorageError):
+        Store.open(tmp_path / "junk")
+
+
+def test_a_full_disk_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:
+    """`max_page_count` stands for the end of the disk: SQLite answers the same 'disk is full'."""
+    store = new_store(tmp_path)
+    count = store.database.query("PRAGMA page_count")[0][0]
+    store.database.query(f"PRAGMA max_page_count = {count}")
+    told: list[int] = []
+    with pytest.raises(StorageError, match="full"):
+        told.extend(fill(store))
+    fillers = [event for event in store.events(limit=20_000) if event.kind == "filler"]
+    assert len(fillers) == len(told) > 0
+    store.database.query(f"PRAGMA max_page_count = {count * 100}")
+    store.tell("filler", text="again")
+    assert store.database.query("PRAGMA integrity_check")[0][0] == "ok"
+    store.close()
+
+
+def test_idempotency_key_counts_once(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    assert [store.command("pause", "anna", key) for key in ("k", "k", None, None)] == [
+        True,
+        False,
+        True,
+        True,
+    ]
+    store.close()
+
+
+def test_wait_beyond_a_version(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    version = store.version
+    assert store.wait_beyond(version, 0.0) == version
+    teller = threading.Thread(target=lambda: store.tell("news"))
+    teller.start()
+    assert store.wait_beyond(version, 10.0) == version + 1
+    teller.join()
+    assert json.dumps(status_of(store).as_dict())
+    store.close()

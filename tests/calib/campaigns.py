@@ -1,0 +1,102 @@
+"""Data sets for the tests: simulated campaigns on their way through the files, as the program would meet them."""
+
+from __future__ import annotations
+
+import copy
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from calib.conditions import Conditions
+from calib.dataset import Dataset, read_dataset
+from calib.kinematics import Array, gravity_torques
+from calib.robot import Robot
+from mocks.campaign import Campaign, make_campaign
+from mocks.world import World
+
+Row = dict[str, Any]
+
+
+def write_files(folder: Path, rows: Sequence[Row], header: Mapping[str, Any], name: str = "data") -> Path:
+    """NAME.csv and NAME.toml in `folder`; numbers keep every digit. Returns the path of the CSV."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.csv"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            {k: repr(float(v)) if isinstance(v, float) else v for k, v in r.items()} for r in rows
+        )
+    path.with_suffix(".toml").write_text(tomli_w.dumps(dict(header)), encoding="utf-8")
+    return path
+
+
+def dataset_of(campaign: Campaign, folder: Path) -> Dataset:
+    """The data set of a campaign, read back from its files."""
+    return read_dataset(write_files(folder, campaign.rows, campaign.header))
+
+
+def simulate(folder: Path, *arguments: Any, **options: Any) -> tuple[Campaign, Dataset]:
+    """`make_campaign` and its data set."""
+    campaign = make_campaign(*arguments, **options)
+    return campaign, dataset_of(campaign, folder)
+
+
+def exact(campaign: Campaign, sigma_mm: float = 1e-4) -> tuple[list[Row], dict[str, Any]]:
+    """Rows and header of a campaign without noise: every point where it really is, to the last digit."""
+    rows = copy.deepcopy(campaign.rows)
+    for row, (state, target) in zip(rows, campaign.readings, strict=True):
+        point = campaign.world.indicated_point(state, target)
+        row |= dict(zip(("x_mm", "y_mm", "z_mm"), point, strict=True))
+    header = copy.deepcopy(campaign.header)
+    header["noise"] = {"kind": "isotropic", "sigma_mm": sigma_mm}
+    return rows, header
+
+
+def true_points(campaign: Campaign) -> Array:
+    """(n, 3) what an instrument without noise would have shown in every row, mm."""
+    return np.array([campaign.world.indicated_point(s, t) for s, t in campaign.readings])
+
+
+def move_rows(rows: list[Row], pose: Array) -> None:
+    """Every measured point of `rows` moved by a (4, 4) rigid motion, in place."""
+    for row in rows:
+        point = pose[:3, :3] @ np.array([row["x_mm"], row["y_mm"], row["z_mm"]]) + pose[:3, 3]
+        row |= {axis: float(v) for axis, v in zip(("x_mm", "y_mm", "z_mm"), point, strict=True)}
+
+
+def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
+    """Conditions of readings at model angles (n, N), rad; everything else is drawn from `seed`."""
+    rng = np.random.default_rng(seed)
+    n, count = joints.shape
+    return Conditions(
+        joints=joints,
+        previous=joints + rng.uniform(-0.2, 0.2, (n, count)),
+        side=rng.choice((-1.0, 1.0), (n, count)),
+        torque=gravity_torques(robot, joints),
+        time=20.0 * (1.0 + np.arange(n)),
+        order=np.arange(n, dtype=np.float64),
+        temperature=rng.uniform(20.0, 24.0, n),
+        point=rng.uniform(-800.0, 800.0, (n, 3)),
+        series=rng.integers(0, 2, n),
+        target=rng.integers(0, 2, n),
+        series_names=("day", "night"),
+        target_names=("T1", "T2"),
+    )
+
+
+def quiet_world(campaign: Campaign) -> World:
+    """The same arm without its hidden effects."""
+    world = copy.copy(campaign.world)
+    world.effects = []
+    return world
+
+
+def with_points(dataset: Dataset, points: Array) -> Dataset:
+    """The same data set with other measured points (n, 3)."""
+    return replace(dataset, points=points, conditions=replace(dataset.conditions, point=points))

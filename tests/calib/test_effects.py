@@ -1,0 +1,252 @@
+"""The library of effects and its conformance check. These would catch: an effect whose column is not the derivative
+of what it does, that acts at zero, whose unit or slot does not exist or that JSON changes; an offer that depends on
+what was not recorded; and a check that lets any of these through.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calib import regressors
+from calib.conditions import Conditions
+from calib.effects import Candidate, Effect, Offer, Parameter, Survey, Term, base_model, offers
+from calib.effects.backlash import backlash
+from calib.effects.check import check_effect
+from calib.effects.periodic import periodic
+from calib.effects.shift import tool_shift
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+from calib.regressors import Constant, JointAngle
+from calib.robot import Robot, built_in_robots, load_robot
+from calib.units import FACTORS, to_internal
+from tests.calib.campaigns import conditions_of
+
+TARGETS = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.675, 215.0)}
+
+
+def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
+    """A placed robot of two series, and random conditions."""
+    robot = load_robot(name)
+    rng = np.random.default_rng(4)
+    joints = rng.uniform(np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0), (n, robot.joints))
+    turned = np.eye(4)
+    turned[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    turned[:3, 3] = [500.0, -200.0, 900.0]
+    model = RobotModel(
+        robot,
+        (),
+        {"day": TARGETS, "night": TARGETS},
+        {"day": turned, "night": np.eye(4)},
+        (2400.0, -900.0, 350.0),
+    )
+    return model, conditions_of(robot, joints)
+
+
+def some_effects(offer: Offer) -> list[Effect]:
+    """The effects of an offer: all there are, or the first, a middle and the last of a scan."""
+    if isinstance(offer, Candidate):
+        return [offer.effect]
+    places = getattr(offer, "orders", None)
+    places = getattr(offer, "ranks", None) if places is None else places
+    assert places is not None
+    assert len(places) > 3
+    return [offer.at(float(places[i])) for i in (0, len(places) // 3, len(places) - 1)]
+
+
+def library(robot: Robot, conditions: Conditions) -> list[Effect]:
+    return [effect for offer in offers(Survey(robot, conditions)) for effect in some_effects(offer)]
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_every_effect_of_the_library_conforms(name: str) -> None:
+    model, conditions = situation(name)
+    effects = library(model.robot, conditions)
+    names = {effect.label.partition(":")[0] for effect in effects}
+    assert names == {
+        "periodic", "backlash", "encoder_scale", "drift_translation", "drift_rotation", "base_shift",
+        "tool_shift", "thermal_growth",
+    }  # fmt: skip
+    assert len(effects) == 6 * 3 + 6 + 6 + 2 + 2 * 3 + 1
+    for effect in effects:
+        check_effect(effect, model, conditions)
+        assert effect.owner == ("instrument" if effect.label.startswith("drift") else
+                                "mounting" if effect.label.endswith("_shift") else "robot")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_every_group_of_the_base_model_conforms(name: str) -> None:
+    model, conditions = situation(name)
+    seen = 0
+    for group in base_model.GROUPS:
+        effects = base_model.build((group,), model.robot, ("day", "night"), (("T1", "T2"), ("T2",)))
+        for effect in effects:
+            if group == "compliance" and name.startswith("ur"):
+                # gravity never loads the last joint of a UR without a tool: its column is zero
+                effect = replace(effect, parameters=effect.parameters[:-1], terms=effect.terms[:-1])
+            check_effect(effect, model, conditions)
+            seen += 1
+    assert seen == len(base_model.GROUPS) + 2
+
+
+def test_an_offer_needs_what_it_is_driven_by() -> None:
+    model, conditions = situation("abb-irb120")
+    n = len(conditions)
+
+    def names(**changed: Any) -> set[str]:
+        survey = Survey(model.robot, replace(conditions, **changed))
+        return {offer.label for offer in offers(survey)}
+
+    complete = names()
+    assert complete - names(time=np.full(n, np.nan)) == {"drift_translation", "drift_rotation"}
+    assert complete - names(temperature=np.full(n, np.nan)) == {"thermal_growth"}
+    assert complete - names(temperature=np.full(n, 21.3)) == {"thermal_growth"}
+    one = conditions.side.copy()
+    one[:, 3] = 1.0
+    assert complete - names(side=one) == {"backlash:j4"}
+    still = conditions.joints.copy()
+    still[:, 1] = 0.7
+    assert complete - names(joints=still) == {"encoder_scale:j2", "periodic:j2"}
+
+
+class TestCheckEffectRefuses:
+    """A check that nobody saw fail proves nothing."""
+
+    model, conditions = situation("abb-irb120")
+    good = periodic(2, 3.0)
+
+    def refused(self, effect: Effect, word: str) -> None:
+        check_effect(self.good, self.model, self.conditions)
+        with pytest.raises(AssertionError, match=word):
+            check_effect(effect, self.model, self.conditions)
+
+    def test_a_wrong_derivative(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        columns = Design.columns
+
+        def wrong(self: Design, *arguments: Any) -> Array:
+            return columns(self, *arguments) * 1.0001
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Design, "columns", wrong)
+            with pytest.raises(AssertionError, match="errs by"):
+                check_effect(self.good, self.model, self.conditions)
+
+    def test_acting_at_zero(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        values = Design.values
+
+        def stuck(self: Design, estimate: Array) -> Mapping[str, Array | float]:
+            out = values(self, estimate)
+            if len(estimate):
+                out["theta2"] = out["theta2"] + 1e-6
+            return out
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Design, "values", stuck)
+            with pytest.raises(AssertionError, match="although it is zero"):
+                check_effect(self.good, self.model, self.conditions)
+
+    def test_a_unit_that_does_not_exist(self) -> None:
+        first = replace(self.good.parameters[0], unit="furlong")
+        self.refused(replace(self.good, parameters=(first, *self.good.parameters[1:])), "furlong")
+
+    @pytest.mark.parametrize("size", [0.0, -1.0])
+    def test_a_size_that_cannot_be(self, size: float) -> None:
+        first = replace(self.good.parameters[0], size=size)
+        self.refused(replace(self.good, parameters=(first, *self.good.parameters[1:])), "size")
+
+    def test_a_slot_that_does_not_exist(self) -> None:
+        wrong = replace(self.good.terms[0], slot="theta7")
+        self.refused(replace(self.good, terms=(wrong, *self.good.terms[1:])), "theta7")
+
+    def test_json_that_changes_it(self) -> None:
+        @dataclass(frozen=True)
+        class Sine(JointAngle):  # the name of a regressor, but not its shape: JSON brings back another one
+            order: float = 3.0
+
+        wrong = replace(self.good.terms[1], regressor=Sine(2))
+        self.refused(replace(self.good, terms=(self.good.terms[0], wrong)), "JSON changes it")
+
+    def test_parameters_and_terms_that_do_not_name_each_other(self) -> None:
+        self.refused(replace(self.good, terms=self.good.terms[:1]), "name each other")
+        extra = (*self.good.terms, Term("nobody", "theta1", 1.0, Constant()))
+        self.refused(replace(self.good, terms=extra), "name each other")
+
+    def test_words_that_are_missing(self) -> None:
+        self.refused(replace(self.good, label=""), "label")
+        self.refused(replace(self.good, label="gear of joint 2"), "spaces")
+        self.refused(replace(self.good, meaning="A gear"), "full stop")
+        self.refused(replace(self.good, parameters=(), terms=()), "no parameter")
+
+    def test_a_column_that_moves_nothing(self) -> None:
+        still = replace(self.conditions, side=np.zeros_like(self.conditions.side))
+        with pytest.raises(AssertionError, match="moves nothing"):
+            check_effect(backlash(2), self.model, still)
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_effects_survive_json(name: str) -> None:
+    model, conditions = situation(name)
+    effects = [
+        *library(model.robot, conditions),
+        *base_model.build(base_model.GROUPS, model.robot, ("day", "night"), (("T1",), ("T1", "T2"))),
+    ]
+    for effect in effects:
+        text = json.dumps(effect.to_json(), allow_nan=False)
+        assert Effect.from_json(json.loads(text)) == effect
+
+
+@given(
+    kind=st.sampled_from(sorted(regressors.KINDS)),
+    joint=st.integers(1, 6),
+    number=st.floats(-1e6, 1e6),
+    name=st.text(max_size=8),
+)
+@settings(max_examples=100)
+def test_regressors_survive_json(kind: str, joint: int, number: float, name: str) -> None:
+    fields = regressors.KINDS[kind].__dataclass_fields__
+    shape: dict[str, Any] = {"joint": joint, "series": name, "target": name, "reference_c": number}
+    shape["order"] = joint if kind == "StepAt" else number
+    regressor = regressors.KINDS[kind](**{field: shape[field] for field in fields})
+    assert regressors.from_json(json.loads(json.dumps(regressors.to_json(regressor)))) == regressor
+
+
+def test_sizes_are_in_the_unit_that_is_shown() -> None:
+    """One deg of amplitude turns the joint by one deg, one mm of a step moves the tool by one mm."""
+    model, conditions = situation("abb-irb120")
+    for effect, parameter, expected in (
+        (backlash(4), "gap", 0.5 * np.radians(1.0) * conditions.side[:, 3]),
+        (tool_shift(10), "x", (conditions.order >= 10).astype(float)),
+        (tool_shift(10), "ry", np.radians(1.0) * (conditions.order >= 10)),
+    ):
+        design = Design(model.append(effect), conditions)
+        name = f"{effect.label}.{parameter}"
+        unit = next(p.unit for p in effect.parameters if p.name == name)
+        estimate = np.zeros(len(effect.parameters))
+        estimate[design.model.index[name]] = to_internal(1.0, unit)
+        slot = next(t.slot for t in effect.terms if t.parameter == name)
+        nominal = Design(model, conditions).values(np.zeros(0)).get(slot, 0.0)
+        np.testing.assert_allclose(design.values(estimate)[slot] - nominal, expected, atol=1e-12)
+
+
+def test_amplitude_and_its_spread() -> None:
+    effect = Effect(
+        "x", "structure", "robot", "X.", (Parameter("a", "deg"), Parameter("b", "deg"), Parameter("c", "mm")), ()
+    )  # fmt: skip
+    deg = FACTORS["deg"]
+    covariance = np.diag([(0.1 * deg) ** 2, (0.2 * deg) ** 2, 25.0])
+    size, spread, unit = effect.amplitude(np.array([3.0 * deg, 4.0 * deg, 7.0]), covariance)
+    assert (size, unit) == (pytest.approx(5.0), "deg")
+    assert spread == pytest.approx(np.hypot(0.6 * 0.1, 0.8 * 0.2))
+
+
+def test_two_effects_may_not_share_a_parameter() -> None:
+    model, _ = situation("abb-irb120")
+    with pytest.raises(ValueError, match="share"):
+        _ = model.append(backlash(2), backlash(2)).index

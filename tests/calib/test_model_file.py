@@ -1,0 +1,70 @@
+"""`MODEL.json`. These would catch: a model that predicts otherwise once it was saved, an effect or a unit lost on the
+way, and foreign or broken files that are taken for models.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.diagnose.diagnosis import diagnose
+from calib.errors import DataError
+from calib.model import Design
+from calib.model_file import load_model, save_model
+from tests.calib.campaigns import simulate
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("model")
+    _, data = simulate(folder, seed=53, n=100, n_validation=20, effects=["base_shift", "periodic:j6:n101"])
+    result = diagnose(data)
+    assert len(result.effects) == 2
+    save_model(folder / "model.json", result.final, result)
+    model = load_model(folder / "model.json")
+    predicted = Design(model.model, data.conditions).predict(model.estimate)
+    np.testing.assert_allclose(predicted, result.final.predict(data.conditions), rtol=0.0, atol=1e-9)
+    np.testing.assert_array_equal(model.covariance, result.final.covariance)
+    assert model.model.effects == result.final.model.effects
+    assert model.data_sha256 == data.sha256
+    return (folder / "model.json").read_text(encoding="utf-8")
+
+
+def test_what_it_says(saved: str) -> None:
+    document = json.loads(saved)
+    assert document["robot"] == "abb-irb120"
+    assert document["holds_for"]["approach"] == ["both sides"] * 6
+    assert 20.0 < document["holds_for"]["temperature_c"] < 24.0
+    assert document["held_out"]["error_mm"]["n"] == 20
+    by_name = {p["name"]: p for p in document["parameters"]}
+    assert by_name["a3"]["nominal"] == 270.0
+    assert by_name["alpha2"]["nominal"] == pytest.approx(-90.0)
+    assert by_name["base_shift.x"]["owner"] == "mounting"
+    assert by_name["a3"]["unit"] == "mm"
+    assert 0.0 < by_name["a3"]["std"] < 0.1
+
+
+@pytest.mark.parametrize(
+    "case", ["missing", "binary", "list", "format", "no effects", "no covariance", "robot"]
+)
+def test_what_is_no_model_is_refused(case: str, saved: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    document = json.loads(saved)
+    if case == "binary":
+        path.write_bytes(b"\xff\xfe\x00")
+    elif case == "list":
+        path.write_text("[]", encoding="utf-8")
+    elif case != "missing":
+        key = {"format": "format", "no effects": "effects", "no covariance": "covariance_internal_units"}
+        if case == "robot":
+            document["robot"] = "kuka"
+        else:
+            del document[key[case]]
+        path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(DataError) as caught:
+        load_model(path)
+    assert len(caught.value.do) > 5
+    assert case == "robot" or str(path) in str(caught.value)

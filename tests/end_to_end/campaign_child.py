@@ -1,0 +1,41 @@
+"""The process that is killed: creates or resumes a campaign and tells of every durable reading on a line.
+
+python campaign_child.py create|resume RECORD CELL CAMPAIGN ROBOT_URL INSTRUMENT_URL
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from acquisition.campaign import read_campaign
+from acquisition.cell import read_cell
+from acquisition.devices import open_devices
+from acquisition.run import Run
+from acquisition.store import Event
+
+
+def tell(event: Event) -> None:
+    """One line an acknowledged reading of a pose, and one when the devices are in use."""
+    if event.kind == "state" and event.data["state"] == "running":
+        sys.stdout.write("running\n")
+    elif event.kind == "reading":
+        sys.stdout.write(f"reading {event.data['attempt']} {event.data['pose']} {event.data['set']}\n")
+    sys.stdout.flush()
+
+
+def main(verb: str, record: str, cell: str, campaign: str, robot_url: str, instrument_url: str) -> int:
+    if verb == "create":
+        run = Run.create(Path(record), read_cell(Path(cell)), read_campaign(Path(campaign)), simulated=True)
+    else:
+        run = Run.open(Path(record))
+        run.resume(by="child")
+    with run:
+        devices = open_devices(run.cell, robot_url=robot_url, instrument_url=instrument_url)
+        outcome = run.execute(devices, on_event=tell)
+    sys.stdout.write(f"{outcome.state.value} {outcome.reason}\n")
+    return outcome.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,81 @@
+"""A simulated cell in a process of its own, as a person would start it, and its back door."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from acquisition.cell import Cell
+from acquisition.devices import Devices, open_devices
+from drivers.interfaces import Operator
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "irb120_faro"
+
+
+class SimulatedCell:
+    """Where the devices of the other process listen."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        self.ports = {end["device"]: end["port"] for end in map(json.loads, lines)}
+
+    def url(self, device: str) -> str:
+        return f"tcp://127.0.0.1:{self.ports[device]}"
+
+    def devices(self, cell: Cell, operator: Operator | None = None) -> Devices:
+        return open_devices(
+            cell, operator=operator, robot_url=self.url("abb"), instrument_url=self.url("faro")
+        )
+
+    def do(self, what: str, **order: object) -> dict[str, Any]:
+        """An order of the back door."""
+        with socket.create_connection(("127.0.0.1", self.ports["backdoor"]), timeout=10) as link:
+            link.sendall(json.dumps({"do": what} | order).encode() + b"\n")
+            with link.makefile("rb") as answers:
+                answer = json.loads(answers.readline())
+        assert answer["ok"], answer
+        return answer
+
+
+@contextmanager
+def simulated_cell(file: Path, *options: str) -> Iterator[SimulatedCell]:
+    """`python -m mocks cell FILE --port 0` until the block ends."""
+    command = [sys.executable, "-m", "mocks", "cell", str(file), "--port", "0", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        try:
+            assert process.stdout is not None
+            yield SimulatedCell([process.stdout.readline() for _ in range(4)])
+        finally:
+            process.terminate()
+
+
+def cell_file(folder: Path, *, time_scale: float, effects: Sequence[str] = ("none",)) -> Path:
+    """The example's cell, faster and with these effects."""
+    text = (EXAMPLE / "cell.toml").read_text(encoding="utf-8")
+    text = text.replace("effects = []", f"effects = {json.dumps(list(effects))}")
+    text = text.replace("time_scale = 200.0", f"time_scale = {time_scale}")
+    path = folder / "cell.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def campaign_file(folder: Path, **changes: object) -> Path:
+    """The example's campaign; `calibration` and `validation` are numbers of poses, the rest plain keys."""
+    text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
+    top, *blocks = text.split("[[block]]")
+    for key, value in changes.items():
+        if key in ("calibration", "validation"):
+            blocks = [re.sub(r"count = \d+", f"count = {value}", b) if f'"{key}"' in b else b for b in blocks]
+        else:
+            top = re.sub(rf"(?m)^{key} = .*$", f"{key} = {json.dumps(value)}", top)
+    text = "[[block]]".join([top, *blocks])
+    path = folder / "campaign.toml"
+    path.write_text(text, encoding="utf-8")
+    return path

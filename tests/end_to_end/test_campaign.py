@@ -1,0 +1,133 @@
+"""Cell and campaign files -> simulated cell over its sockets -> record -> data set -> identification."""
+
+from __future__ import annotations
+
+import csv
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.campaign import read_campaign
+from acquisition.cell import read_cell
+from acquisition.errors import RecordError
+from acquisition.export import export
+from acquisition.run import Run
+from acquisition.status import read_status
+from acquisition.store import Event
+from calib.dataset import read_dataset
+from calib.identify import identify
+from drivers.errors import SafetyStop
+from tests.drivers.waiting import in_thread, until
+from tests.end_to_end.simulated import campaign_file, cell_file, simulated_cell
+
+SCALE = 500.0
+
+
+def test_measured_exported_identified(tmp_path: Path) -> None:
+    file = cell_file(tmp_path, time_scale=SCALE)
+    cell = read_cell(file)
+    campaign = read_campaign(campaign_file(tmp_path, calibration=40, validation=10, warm_up_s=600.0))
+    with simulated_cell(file) as simulated, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+        with pytest.raises(RecordError, match="no reading"):
+            export(tmp_path / "r", tmp_path / "early.csv")
+        outcome = run.execute(simulated.devices(cell))
+        assert (outcome.state.value, outcome.error) == ("succeeded", None)
+        status = run.status()
+        truth = simulated.do("state")
+    assert status.simulated
+    assert status.done == status.total == 50 * 3 + 6
+    assert read_status(tmp_path / "r") == status
+    assert truth["readings"] == status.total + 3  # not one shot was wasted
+    out = export(tmp_path / "r", tmp_path / "data.csv")
+    dataset = read_dataset(out)
+    assert len(dataset) == status.total
+    assert dataset.header.world == "nominal"
+    assert dataset.header.noise.station_mm == pytest.approx((2400.0, -900.0, 350.0), abs=40.0)
+    assert set(dataset.sets) == {"calibration", "reference", "validation"}
+    assert np.all(np.diff(dataset.conditions.time) > 0.0)
+    assert dataset.conditions.time[0] > 600.0
+    away = np.degrees(dataset.conditions.joints - dataset.conditions.previous)
+    assert np.abs(away) == pytest.approx(5.0 * np.ones_like(away), abs=1e-6)
+    assert np.array_equal(np.sign(away), dataset.conditions.side)
+    assert np.all(np.isfinite(dataset.conditions.temperature))
+    found = identify(dataset)
+    assert 0.9 < found.noise_scale < 1.12
+    assert found.converged
+    held = dataset.validation_rows
+    miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
+    assert np.sqrt(np.mean(miss**2)) < 0.08
+
+
+def test_stock_dialect_records_what_was_commanded(tmp_path: Path) -> None:
+    file = cell_file(tmp_path, time_scale=SCALE)
+    cell = read_cell(file)
+    campaign = read_campaign(
+        campaign_file(tmp_path, calibration=3, validation=1, warm_up_s=0.0, reference_every=0)
+    )
+    with (
+        simulated_cell(file, "--stock") as simulated,
+        Run.create(tmp_path / "r", cell, campaign, simulated=True) as run,
+    ):
+        outcome = run.execute(simulated.devices(cell))
+        assert outcome.state.value == "succeeded", outcome
+    with export(tmp_path / "r", tmp_path / "data.csv").open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    assert len(rows) == 12
+    for row in rows:
+        for k in range(1, 7):
+            commanded, read = float(row[f"j{k}_deg"]), float(row[f"j{k}_read_deg"])
+            assert round(commanded, 4) == commanded
+            assert abs(commanded - read) <= 0.0051
+            assert float(row[f"prev{k}_deg"]) == pytest.approx(
+                commanded - 5 * int(row[f"approach{k}"]), abs=1e-9
+            )
+
+
+def test_emergency_stop_then_resume(tmp_path: Path) -> None:
+    file = cell_file(tmp_path, time_scale=SCALE)
+    cell = read_cell(file)
+    campaign = read_campaign(campaign_file(tmp_path, calibration=4, validation=1, warm_up_s=0.0))
+    with simulated_cell(file) as simulated, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+
+        def press(event: Event) -> None:
+            if event.kind == "reading" and event.data["target"] == "T2":
+                simulated.do("estop")
+
+        outcome = run.execute(simulated.devices(cell), on_event=press)
+        assert isinstance(outcome.error, SafetyStop)
+        assert (outcome.state.value, outcome.exit_code) == ("paused", 5)
+        simulated.do("restart")
+        run.resume(by="anna")
+        assert run.execute(simulated.devices(cell)).state.value == "succeeded"
+        assert run.status().done == run.status().total
+
+
+def test_stop_reaches_the_robot_within_a_tenth_of_a_second(tmp_path: Path) -> None:
+    """A 20 deg/s move at real speed takes seconds; the order goes over the background connection."""
+    file = cell_file(tmp_path, time_scale=1.0)
+    cell = read_cell(file)
+    campaign = read_campaign(campaign_file(tmp_path, samples=1, warm_up_s=0.0))
+    with simulated_cell(file) as simulated, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+        moving = threading.Event()
+        done = in_thread(
+            lambda: run.execute(
+                simulated.devices(cell),
+                on_event=lambda event: moving.set() if event.kind == "world_frame" else None,
+            )
+        )
+        assert moving.wait(20.0)
+        until(lambda: simulated.do("state")["moving"])
+        began = time.monotonic()
+        problems = run.stop(by="anna")
+        told_s = time.monotonic() - began
+        still = simulated.do("state")
+        assert problems == []
+        assert not still["moving"]
+        assert told_s < 0.1, told_s
+        outcome = done.result(timeout=20)
+        assert (outcome.state.value, outcome.exit_code) == ("stopped", 130)
+        assert simulated.do("state")["joints_deg"] == still["joints_deg"]
+        assert run.status().done == 0

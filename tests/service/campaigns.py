@@ -1,0 +1,43 @@
+"""Simulated data sets for the tests of the service, and small ways to spoil them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+from mocks.campaign import make_campaign, write_campaign
+
+Rows = list[dict[str, str]]
+
+
+def write_data(
+    folder: Path, *, seed: int = 4, effects: tuple[str, ...] = ("backlash:j4",), n: int = 80
+) -> Path:
+    """A campaign of n calibration and n // 2 validation rows; returns its CSV."""
+    campaign = make_campaign(seed=seed, n=n, n_validation=n // 2, effects=list(effects), size=6.0)
+    return Path(write_campaign(campaign, folder)["csv"])
+
+
+def read_rows(path: Path) -> Rows:
+    """The lines of a CSV by column."""
+    return list(csv.DictReader(io.StringIO(path.read_text("utf-8"))))
+
+
+def edit_rows(path: Path, change: Callable[[Rows], object]) -> None:
+    """Read a CSV as dictionaries, let `change` alter them in place, and write it back."""
+    rows = read_rows(path)
+    change(rows)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    path.write_text(text.getvalue(), "utf-8")
+
+
+def edit_text(path: Path, old: str, new: str) -> None:
+    """Replace a piece of a text file that must be there."""
+    text = path.read_text("utf-8")
+    assert old in text, f"{path} does not hold {old!r}"
+    path.write_text(text.replace(old, new), "utf-8")

@@ -1,0 +1,185 @@
+"""The commands: JSON by the contract, predictions, exit codes, what goes to which stream."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib.dataset import read_dataset
+from service.cli import main
+from tests.service.campaigns import edit_rows, read_rows, write_data
+
+EFFECT_KEYS = {"label", "meaning", "index", "candidates", "parameters", "evidence"}
+DIAGNOSIS_KEYS = {
+    "format",
+    "verdict",
+    "effects",
+    "faulty_rows",
+    "relabelled_rows",
+    "p_lack_of_fit",
+    "noise_scale",
+    "error_before_mm",
+    "error_after_mm",
+    "error_nominal_mm",
+    "follow_up",
+    "seconds",
+}
+
+
+def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """`truepose` in a process of its own, as a shell starts it."""
+    return subprocess.run(
+        [sys.executable, "-m", "service.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=100,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_data(tmp_path_factory.mktemp("backlash"))
+
+
+def test_diagnose_writes_the_document_of_the_contract(data: Path, tmp_path: Path) -> None:
+    assert main(["diagnose", str(data), "--json", str(tmp_path / "r.json")]) == 0
+    document = json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert document.keys() >= DIAGNOSIS_KEYS
+    assert document["format"] == "truepose-diagnosis/1"
+    assert document["verdict"] == "attributed"
+    (effect,) = document["effects"]
+    assert effect.keys() >= EFFECT_KEYS
+    assert effect["label"] == "backlash:j4"
+    assert effect["index"] is None
+    assert effect["parameters"]["gap"].keys() == {"value", "std", "unit"}
+    assert effect["evidence"].keys() == {"delta_bic", "p_value", "explained_variance"}
+    assert 0.0 < sum(effect["candidates"].values()) <= 1.0 + 1e-9
+    for name in ("error_before_mm", "error_after_mm", "error_nominal_mm"):
+        assert document[name].keys() == {"n", "rms", "mean", "p95", "max"}
+        assert document[name]["n"] == 40
+    assert document["error_after_mm"]["rms"] < document["error_before_mm"]["rms"]
+
+
+def test_json_on_standard_output_stands_alone(data: Path) -> None:
+    done = run("diagnose", str(data), "--json", "-")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["format"] == "truepose-diagnosis/1"
+    assert "searching" in done.stderr
+    assert "\x1b" not in done.stderr
+
+
+def test_the_table_for_people_goes_to_standard_output(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["diagnose", str(data)]) == 0
+    shown = capsys.readouterr()
+    for piece in ("Attributed.", "backlash:j4", "±", "deg", "explains", "rivals", "95 %", "as measured"):
+        assert piece in shown.out
+    assert "searching" not in shown.out
+    assert "searching" in shown.err
+
+
+def test_predictions_hold_every_validation_row_measured_or_not(data: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "data.csv"
+    copy.write_bytes(data.read_bytes())
+    copy.with_suffix(".toml").write_bytes(data.with_suffix(".toml").read_bytes())
+    hidden: list[str] = []
+
+    def hide_three(rows: list[dict[str, str]]) -> None:
+        for row in [row for row in rows if row["set"] == "validation"][:3]:
+            row.update(x_mm="", y_mm="", z_mm="")
+            hidden.append(row["reading_id"])
+
+    edit_rows(copy, hide_three)
+    assert main(["diagnose", str(copy), "--predictions", str(tmp_path / "p.csv")]) == 0
+    rows = read_rows(tmp_path / "p.csv")
+    assert list(rows[0]) == ["reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm"]
+    whole = read_dataset(data)
+    held = np.flatnonzero(whole.sets == "validation")
+    assert [row["reading_id"] for row in rows] == [whole.reading_id[i] for i in held]
+    assert {row["reading_id"] for row in rows} >= set(hidden)
+    predicted = np.array([[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows])
+    base = np.array([[float(row[f"{axis}_base_mm"]) for axis in "xyz"] for row in rows])
+    after = np.linalg.norm(predicted - whole.points[held], axis=1)
+    before = np.linalg.norm(base - whole.points[held], axis=1)
+    assert math.sqrt(np.mean(after**2)) < 0.5 * math.sqrt(np.mean(before**2))
+
+
+def test_an_accuracy_that_is_not_met_is_code_3_with_all_results_written(data: Path, tmp_path: Path) -> None:
+    result = tmp_path / "r.json"
+    assert main(["diagnose", str(data), "--json", str(result), "--accept-rms", "0.001"]) == 3
+    assert result.is_file()
+    assert main(["diagnose", str(data), "--accept-rms", "0.5"]) == 0
+
+
+def test_at_most_so_many_effects(data: Path, tmp_path: Path) -> None:
+    assert main(["diagnose", str(data), "--most", "0", "--json", str(tmp_path / "r.json")]) == 0
+    assert json.loads((tmp_path / "r.json").read_text("utf-8"))["effects"] == []
+
+
+def test_identify_names_values_errors_and_what_was_dropped(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = tmp_path / "r.json"
+    model = tmp_path / "m.json"
+    assert main(["identify", str(data), "--json", str(result), "--model", str(model)]) == 0
+    shown = capsys.readouterr().out
+    document: dict[str, Any] = json.loads(result.read_text("utf-8"))
+    parameters = {p["name"]: p for p in document["parameters"]}
+    assert parameters["a3"]["nominal"] == pytest.approx(270.0)
+    assert 0.0 < parameters["a3"]["std"] < 0.5
+    dropped = [p for p in document["parameters"] if p["dropped"]]
+    assert dropped
+    assert all(p["value"] is None and p["confounded_with"] for p in dropped)
+    assert f"dropped: confounded with {dropped[0]['confounded_with'][0]}" in shown
+    assert "[1]" in shown
+    assert document["error_identified_mm"]["rms"] < document["error_nominal_mm"]["rms"]
+    assert json.loads(model.read_text("utf-8"))["format"] == "truepose-model/1"
+
+
+def test_effects_are_carried_over_to_another_data_set(data: Path, tmp_path: Path) -> None:
+    result = tmp_path / "r.json"
+    assert main(["diagnose", str(data), "--carry-to", str(data), "--json", str(result)]) == 0
+    carried = json.loads(result.read_text("utf-8"))["carry_over"]
+    assert carried["error_frozen_mm"]["rms"] < carried["error_base_mm"]["rms"]
+
+
+def test_demo_finds_what_the_simulation_hid_and_says_where_results_are(tmp_path: Path) -> None:
+    done = run("demo", "--seed", "3", "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    assert "Now revealed" in done.stdout
+    assert "periodic:j1:n101" in done.stdout
+    assert "report.html" in done.stdout
+    for name in ("report.html", "diagnosis.json", "predictions.csv", "data.csv", "truth.json"):
+        assert (tmp_path / "out" / name).is_file()
+    assert "SIMULATED" in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+
+def test_convert_holds_out_what_was_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["timestamp", *(f"q{k}_rad" for k in range(1, 7)), "temp_C", "x_mm", "y_mm", "z_mm"]
+    names += [f"r{axis}_deg_XYZintrinsic" for axis in "xyz"]
+    lines = [",".join(names)]
+    lines += [",".join(["20200101120000", *(str(0.01 * (i + k)) for k in range(13))]) for i in range(50)]
+    source = tmp_path / "series.csv"
+    source.write_text("\n".join(lines) + "\n", "utf-8")
+    out = tmp_path / "data.csv"
+    arguments = ["convert", str(source), str(out), "--from", "ipa-ur10"]
+    assert main([*arguments, "--holdout", "block", "--share", "0.2", "--json", "-"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["readings"], document["validation"]) == (50, 10)
+    rows = read_rows(out)
+    assert sum(row["set"] == "validation" for row in rows) == 10
+    assert 'kind = "block"' in out.with_suffix(".toml").read_text("utf-8")
+
+
+def test_nothing_half_written_is_left(data: Path, tmp_path: Path) -> None:
+    result = tmp_path / "r.json"
+    assert main(["diagnose", str(data), "--json", str(result)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["r.json"]

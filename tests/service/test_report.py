@@ -1,0 +1,199 @@
+"""The report: what it says, that it stands by itself, that names cannot break out of it."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.dataset import read_dataset
+from calib.diagnose.diagnosis import Diagnosis, diagnose
+from service import documents, wording
+from service.cli import main
+from service.report import diagnosis_report
+from service.report.errors import Errors, common_bins
+from service.report.panels import of_effect
+from service.report.residuals import MDEG, Sample
+from tests.service.campaigns import edit_rows, edit_text, write_data
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    return diagnose(read_dataset(write_data(tmp_path_factory.mktemp("report"))))
+
+
+@pytest.fixture(scope="module")
+def page(diagnosis: Diagnosis) -> str:
+    return diagnosis_report(diagnosis, documents.of_diagnosis(diagnosis))
+
+
+class Elements(HTMLParser):
+    """Collects start tags with attributes, and that every element is closed."""
+
+    VOID = ("meta", "link", "br", "img", "input", "hr")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_report_asks_nobody_for_anything(page: str) -> None:
+    elements = Elements(page)
+    for tag, attributes in elements.tags:
+        assert tag not in ("link", "img", "iframe", "object")
+        for name in ("src", "href", "xlink:href", "action", "srcset"):
+            assert (attributes.get(name) or "#").startswith("#")
+    assert not re.search(r"url\((?!#)", page)
+    assert "@import" not in page
+    assert [a.get("type") for tag, a in elements.tags if tag == "script"] == ["application/json"]
+
+
+def test_the_report_is_well_formed_and_its_ids_are_its_own(page: str) -> None:
+    elements = Elements(page)
+    assert elements.open == []
+    ids = [a["id"] for _, a in elements.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    targets = {a["xlink:href"] for _, a in elements.tags if "xlink:href" in a}
+    assert targets <= {f"#{name}" for name in ids}
+    pictures = [a for tag, a in elements.tags if tag == "svg"]
+    assert len(pictures) == 4
+    assert all(a.get("role") == "img" and a.get("aria-label") for a in pictures)
+
+
+def test_every_effect_is_said_in_one_sentence(page: str, diagnosis: Diagnosis) -> None:
+    (found,) = diagnosis.effects
+    sentence = wording.sentence_of(found)
+    assert re.fullmatch(r"Joint 4 has play: .*: -?0\.\d+ ± 0\.\d+ deg \(k = 2\)\.", sentence)
+    assert html.escape(sentence).replace(" -", " −") in page
+
+
+def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis) -> None:
+    data = diagnosis.dataset
+    text = html.unescape(page)
+    for piece in (
+        data.sha256,
+        data.header.instrument,
+        wording.verdict_in_words(diagnosis),
+        wording.holdout_in_words("as measured"),
+        wording.CLOSING,
+        "mean 0.0",
+        "both sides on every joint",
+        "dropped: confounded with",
+        *wording.grouped(diagnosis.final.warnings),
+        *diagnosis.notes,
+    ):
+        assert piece in text
+    assert "SIMULATED" not in text
+
+
+def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) -> None:
+    found = re.search(r'<script type="application/json" id="truepose-result">(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+    assert json.loads(found[1]) == json.loads(json.dumps(documents.of_diagnosis(diagnosis)))
+
+
+def test_before_and_after_share_their_bins() -> None:
+    random = np.random.default_rng(1)
+    for factor in (2.0, 30.0):
+        before = Errors("before", factor * random.rayleigh(0.05, 300), "#000000")
+        after = Errors("after", random.rayleigh(0.05, 200), "#000000")
+        edges, ratio = common_bins([before, after])
+        assert ratio == (factor > 10.0)
+        assert np.all(np.diff(edges) > 0.0)
+        assert edges[-1] >= max(before.distances.max(), after.distances.max())
+
+
+def test_bins_survive_errors_of_zero() -> None:
+    edges, _ = common_bins([Errors("a", np.zeros(5), "#000000"), Errors("b", np.ones(5), "#000000")])
+    assert np.all(np.diff(edges) > 0.0)
+
+
+def test_readings_follow_the_law_that_is_drawn_through_them(diagnosis: Diagnosis) -> None:
+    (found,) = diagnosis.effects
+    panel = of_effect(Sample.of(diagnosis.dataset, diagnosis.final), found.effect)
+    assert panel.side is not None
+    gap = float(found.values[0]) / MDEG
+    for side in (1.0, -1.0):
+        mine = panel.clear & (panel.side == side)
+        mean = np.average(panel.y[mine], weights=1.0 / panel.sd[mine] ** 2)
+        assert mean == pytest.approx(0.5 * gap * side, rel=0.1)
+
+
+def test_names_cannot_break_out_of_the_page(tmp_path: Path) -> None:
+    data = write_data(tmp_path)
+    edit_text(data.with_suffix(".toml"), '"faro-ion"', f"'{HOSTILE}'")
+
+    def spoil(rows: list[dict[str, str]]) -> None:
+        row = next(row for row in rows if row["set"] == "calibration")
+        row.update(reading_id=HOSTILE, x_mm=str(float(row["x_mm"]) + 50.0))
+
+    edit_rows(data, spoil)
+    report = tmp_path / "report.html"
+    assert main(["diagnose", str(data), "--report", str(report), "--json", str(tmp_path / "r.json")]) == 0
+    page = report.read_text("utf-8")
+    assert HOSTILE in json.loads((tmp_path / "r.json").read_text("utf-8"))["faulty_rows"]
+    assert HOSTILE not in page
+    assert page.count(html.escape(HOSTILE)) >= 2
+    assert [a.get("type") for tag, a in Elements(page).tags if tag == "script"] == ["application/json"]
+
+
+def test_an_identification_has_a_report_too(tmp_path: Path) -> None:
+    report = tmp_path / "report.html"
+    assert main(["identify", str(write_data(tmp_path)), "--report", str(report)]) == 0
+    page = report.read_text("utf-8")
+    assert Elements(page).open == []
+    assert "Identification of abb-irb120" in page
+
+
+def test_a_report_without_validation_rows_says_so(tmp_path: Path) -> None:
+    data = write_data(tmp_path)
+    edit_rows(data, lambda rows: [row.update(set="calibration") for row in rows])
+    report = tmp_path / "report.html"
+    assert main(["diagnose", str(data), "--report", str(report)]) == 0
+    assert "holds no measured validation readings" in report.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "periodic:j2:n3",
+        "periodic:j1:n101",
+        "encoder_scale:j4",
+        "drift_translation",
+        "drift_rotation",
+        "tool_shift",
+        "base_shift",
+        "thermal_growth",
+    ],
+)
+def test_every_kind_of_effect_has_its_picture(effect: str, tmp_path: Path) -> None:
+    result = diagnose(read_dataset(write_data(tmp_path, effects=(effect,), n=120)))
+    sample = Sample.of(result.dataset, result.final)
+    assert result.effects
+    for found in result.effects:
+        panel = of_effect(sample, found.effect)
+        assert np.all(np.isfinite(panel.y))
+        assert np.all(np.isfinite(panel.x))
+        assert panel.x_label
+        assert panel.y_label
+    Elements(diagnosis_report(result, documents.of_diagnosis(result), simulated=True))

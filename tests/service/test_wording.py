@@ -1,0 +1,61 @@
+"""Numbers in words: rounding by the uncertainty, and JSON that never holds NaN."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.documents import reading
+from service.files import as_json
+from service.wording import chance, grouped, with_uncertainty
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "shown"),
+    [
+        (0.0704849, 0.00184, ("0.0705", "0.0018")),
+        (-0.0704849, 0.00184, ("-0.0705", "0.0018")),
+        (403.7, 11.3, ("404", "11")),
+        (1234.0, 260.0, ("1230", "260")),
+        (1.0, 0.0996, ("1.00", "0.10")),
+        (5.0, 0.0, ("5", "0")),
+        (5.0, float("inf"), ("5", "0")),
+    ],
+)
+def test_values_end_at_the_second_digit_of_their_uncertainty(
+    value: float, uncertainty: float, shown: tuple[str, str]
+) -> None:
+    assert with_uncertainty(value, uncertainty) == shown
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-9, 1e6))
+def test_rounding_loses_less_than_a_tenth_of_the_uncertainty(value: float, uncertainty: float) -> None:
+    shown, spread = with_uncertainty(value, uncertainty)
+    assert abs(float(shown) - value) <= 0.06 * uncertainty
+    assert float(spread) == pytest.approx(uncertainty, rel=0.06)
+
+
+def test_chances_nobody_believes_are_not_spelled_out() -> None:
+    assert chance(3e-304) == "< 1e-12"
+    assert chance(0.0) == "< 1e-12"
+    assert chance(0.0123) == "0.012"
+
+
+@pytest.mark.parametrize(
+    ("name", "id_"), [("17", 17), ("017", "017"), ("A7", "A7"), ("-1", "-1"), ("٣", "٣")]
+)
+def test_reading_ids_are_numbers_where_they_are_whole_numbers(name: str, id_: int | str) -> None:
+    assert reading(name) == id_
+
+
+def test_warnings_that_say_the_same_of_many_become_one() -> None:
+    warnings = ["d2 is weak.", "The fit did not converge.", "d3 is weak.", "d4 is weak."]
+    assert grouped(warnings) == ["Each of d2, d3 and d4 is weak.", "The fit did not converge."]
+    assert grouped(warnings, most=1)[0] == "Each of d2 and 2 more is weak."
+    assert grouped(warnings[:3]) == ["d2 is weak.", "d3 is weak.", "The fit did not converge."]
+
+
+def test_nan_never_reaches_a_file() -> None:
+    with pytest.raises(ValueError, match="JSON compliant"):
+        as_json({"x": float("nan")})
