@@ -29,7 +29,7 @@ _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 class Dataset:
     """n readings and what holds for all of them."""
 
-    name: str
+    path: Path
     header: Header
     reading_id: tuple[str, ...]
     sets: NDArray[np.str_]  # (n,)
@@ -42,6 +42,11 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.reading_id)
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self.path.name
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -162,7 +167,7 @@ def read_dataset(path: Path | str) -> Dataset:
     table = _Columns(path)
     _refuse_without_units(table)
     joints = _joints(table, header)
-    reading_id = tuple(table.text("reading_id"))
+    reading_id = tuple(str(name) for name in table.text("reading_id"))
     if "reading_id" not in table:
         reading_id = tuple(str(number) for number in table.lines)
     for i, name in enumerate(reading_id):
@@ -201,7 +206,7 @@ def read_dataset(path: Path | str) -> Dataset:
         target_names=tuple(str(name) for name in target_names),
     )
     dataset = Dataset(
-        name=path.name,
+        path=path,
         header=header,
         reading_id=reading_id,
         sets=sets,
@@ -365,7 +370,17 @@ def _refuse_unfit(dataset: Dataset, table: _Columns) -> None:
             "all calibration readings are the same.",
             do="Measure poses all over the joint ranges.",
             file=table.path,
+            key="j1_deg.. x_mm..",
         )
+    for s, name in enumerate(dataset.conditions.series_names):
+        own = dataset.conditions.series == s
+        if dataset.usable[own].any() and not rows[own].any():
+            raise DataError(
+                f"series '{name}' has validation rows only: nothing says where its base stands.",
+                do="Mark some of its rows set = calibration.",
+                file=table.path,
+                key="set",
+            )
     if dataset.header.noise.kind == "per-row":
         for i in np.flatnonzero(dataset.usable & ~np.all(dataset.u_point > 0.0, axis=1)):
             raise table.refuse(

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from calib.effects.base_model import DEFAULT_GROUPS, GROUPS
 from calib.errors import DataError
 from calib.noise import Noise
-from calib.robot import Load, Robot, load_robot, parse_load
+from calib.robot import Load, Robot, load_robot, parse_loads
 from calib.units import DEG
 
 FORMAT = "truepose-dataset/1"
@@ -117,7 +117,7 @@ def read_header(path: Path) -> Header:
         raise DataError(error.what, do=error.do, file=path, key=error.key) from error
     couplings = ("none", *robot.joint_matrices)
     series = table.table("series")
-    loads = tuple(parse_load(load, robot.joints, path) for load in values.get("loads", ()))
+    loads = parse_loads(values.get("loads", []), robot.joints, path)
     gravity = values.get("gravity_base", [0.0, 0.0, -9.81])
     return Header(
         robot=robot,

@@ -59,6 +59,7 @@ class Identification:
     dropped: tuple[Dropped, ...]
     readings: Readings
     residual: Array  # (3, n) whitened with the declared noise
+    prior: Array  # (m,) weight of the prior of every parameter, in whitened units
     noise_scale: float
     degrees_of_freedom: int
     faulty_rows: tuple[str, ...]
@@ -124,15 +125,8 @@ def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Arra
     design = Design(placed, readings.conditions)
     active, _ = find_dependent(design, readings.points, start)
     for _ in range(4):
-        solution = solve(
-            design,
-            readings.points,
-            start,
-            active,
-            weights=robust.huber(points_residual(design, readings, start)),
-            max_iterations=4,
-        )
-        start = solution.estimate
+        weights = robust.huber(points_residual(design, readings, start))
+        start = solve(design, readings.points, start, active, weights, max_iterations=1).estimate
     return placed, start
 
 
@@ -183,16 +177,13 @@ def fit(
     progress("fitting, robust to gross errors")
     design = Design(model, readings.conditions)
     active, dropped = find_dependent(design, readings.points, start, settled)
-    solution = None
     estimate = start
-    for weigh, rounds in ((robust.huber, 3), (robust.bisquare, 3)):
-        for _ in range(rounds):
-            residual = points_residual(design, readings, estimate)
-            scale = robust.noise_scale(residual)
-            solution = solve(
-                design, readings.points, estimate, active, weigh(residual), scale, max_iterations=2
-            )
-            estimate = solution.estimate
+    for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
+        residual = points_residual(design, readings, estimate)
+        scale = robust.noise_scale(residual)
+        estimate = solve(
+            design, readings.points, estimate, active, weigh(residual), scale, max_iterations=1
+        ).estimate
     progress("fitting")
     residual = points_residual(design, readings, estimate)
     readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
@@ -249,6 +240,7 @@ def _result(
         dropped=dropped,
         readings=readings,
         residual=solution.residual,
+        prior=solution.prior,
         noise_scale=scale,
         degrees_of_freedom=dof,
         faulty_rows=faulty,
@@ -321,7 +313,7 @@ def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
         raise DataError(
             f"has {int(rows.sum())} calibration readings (three numbers each) for {unknowns} parameters.",
             do=f"Measure at least {unknowns // 3 + 10} poses, or free fewer groups under [model] fit.",
-            file=dataset.name,
+            file=dataset.path,
             key="set",
         )
     if "geometry" not in [e.label for e in model.effects]:
@@ -335,6 +327,6 @@ def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
         raise DataError(
             "all readings were taken with tool targets on the axis of the last joint, whose turning they cannot see.",
             do="Measure a second target, some 50 mm or more off that axis, or leave 'geometry' out of [model] fit.",
-            file=dataset.name,
+            file=dataset.path,
             key="tool_targets",
         )

@@ -124,6 +124,8 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
         )
     try:
         links = table["link"]
+        if not isinstance(links, list):
+            raise DataError("is not a list.", do="Write every link as [[link]].", file=path, key="link")
         joints = len(links)
         matrices = {
             name: JointMatrix(
@@ -147,43 +149,78 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
             lower=tuple(float(link["min_deg"]) * DEG for link in links),
             upper=tuple(float(link["max_deg"]) * DEG for link in links),
             parallel_axes=tuple(table.get("parallel_axes", ())),
-            loads=tuple(parse_load(load, joints, path) for load in table.get("loads", ())),
+            loads=parse_loads(table.get("loads", []), joints, path),
             joint_matrices=matrices,
             controller_world_mm=tuple(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
             source=table["source"],
         )
+    except DataError:
+        raise
+    except (TypeError, ValueError, AttributeError) as error:
+        raise DataError(
+            f"has a value of the wrong kind ({error}).", do="See the built-in robot files.", file=path
+        ) from error
     except KeyError as error:
         raise DataError(
             "key is missing.", do="Add it; see the built-in robot files.", file=path, key=error.args[0]
         ) from error
-    for low, high in zip(robot.lower, robot.upper, strict=True):
-        if not low < high:
-            raise DataError(
-                "a joint's min_deg is not below its max_deg.", do="Correct the limits.", file=path
-            )
+    _refuse_impossible(robot, path)
     return robot
 
 
-def parse_load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
-    """One `[[loads]]` entry of a robot file or a data set. Raises DataError when it is not physical."""
+def _refuse_impossible(robot: Robot, path: Path) -> None:
+    numbers = (*robot.alpha, *robot.a, *robot.theta, *robot.d, *robot.lower, *robot.upper)
+    if not all(math.isfinite(x) for x in numbers):
+        raise DataError("a link has a number that is not finite.", do="Correct it.", file=path, key="link")
+    if robot.base not in ("plain", "thesis"):
+        raise DataError(f"is {robot.base!r}.", do="Use 'plain' or 'thesis'.", file=path, key="base")
+    if not all(k in range(1, robot.joints + 1) for k in robot.parallel_axes):
+        raise DataError(
+            f"is {list(robot.parallel_axes)}.",
+            do=f"Name links from 1 to {robot.joints}.",
+            file=path,
+            key="parallel_axes",
+        )
+    if not all(low < high for low, high in zip(robot.lower, robot.upper, strict=True)):
+        raise DataError("a joint's min_deg is not below its max_deg.", do="Correct the limits.", file=path)
+
+
+def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]:
+    """The `[[loads]]` of a robot file or a data set. Raises DataError when they are not physical."""
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise DataError(
+            "is not a list of tables.", do="Write every load as [[loads]].", file=path, key="loads"
+        )
+    return tuple(_load(entry, joints, path) for entry in entries)
+
+
+def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
     try:
-        load = Load(int(entry["link"]), float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"]))  # type: ignore[arg-type]
+        link = int(entry["link"])
+        mass, cog = float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"])
     except KeyError as error:
         raise DataError(
             "a load lacks this key.", do="Give link, mass_kg, cog_mm.", file=path, key=error.args[0]
         ) from error
-    if not 1 <= load.link <= joints or len(load.cog_mm) != 3:
+    except (TypeError, ValueError) as error:
         raise DataError(
-            f"a load names link {load.link} with {len(load.cog_mm)} coordinates.",
+            f"a load is not made of numbers ({error}).",
+            do="Give link (a joint's number), mass_kg and cog_mm = [x, y, z].",
+            file=path,
+            key="loads",
+        ) from error
+    if not 1 <= link <= joints or len(cog) != 3:
+        raise DataError(
+            f"a load names link {link} with {len(cog)} coordinates.",
             do=f"Use a link from 1 to {joints} and three coordinates in mm.",
             file=path,
             key="loads",
         )
-    if not (load.mass_kg > 0.0 and all(math.isfinite(x) for x in (load.mass_kg, *load.cog_mm))):
+    if not (mass > 0.0 and all(math.isfinite(x) for x in (mass, *cog))):
         raise DataError(
-            f"a load of {load.mass_kg} kg cannot be.",
+            f"a load of {mass} kg cannot be.",
             do="Give its mass in kg, above zero.",
             file=path,
             key="loads",
         )
-    return load
+    return Load(link, mass, (cog[0], cog[1], cog[2]))

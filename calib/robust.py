@@ -7,6 +7,8 @@ is not mistaken for a crowd of outliers. Source: Huber 1981; Beaton and Tukey 19
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
@@ -24,8 +26,13 @@ def distances(residual: Array) -> Array:
 
 def noise_scale(residual: Array) -> float:
     """Robust ratio of the residuals to the declared noise, from (k, n) whitened residuals."""
-    distance, chi = distances(residual), stats.chi(len(residual))
-    return float(max(np.quantile(distance, q) / chi.ppf(q) for q in (0.5, 0.9)))
+    distance = distances(residual)
+    return max(float(np.quantile(distance, q)) / _chi(len(residual), q) for q in (0.5, 0.9))
+
+
+@cache
+def _chi(rows: int, quantile: float) -> float:
+    return float(stats.chi(rows).ppf(quantile))
 
 
 def huber(residual: Array) -> Array:

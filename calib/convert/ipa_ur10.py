@@ -62,7 +62,12 @@ TMAC = [0.0, 0.0, 0.0]
 
 def read(path: Path) -> Table:
     """Read either layout. Raises DataError naming line and column."""
-    text = path.read_text(encoding="utf-8-sig")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise DataError("there is no such file.", do="Check the name.", file=path) from error
+    except (UnicodeDecodeError, IsADirectoryError) as error:
+        raise DataError("is not a text file.", do="Give the published CSV file.", file=path) from error
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
     lines = list(csv.reader(text.splitlines(), delimiter=delimiter))
     names = [name.strip() for name in lines[0]] if lines else []
@@ -81,6 +86,8 @@ def read(path: Path) -> Table:
             line=1,
         )
     rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
+    if not rows:
+        raise DataError("has a header row but no readings.", do="Give the whole file.", file=path)
 
     def numbers(columns: tuple[str, ...]) -> np.ndarray:
         out = np.empty((len(rows), len(columns)))

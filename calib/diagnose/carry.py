@@ -46,7 +46,7 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
         raise DataError(
             f"is of the robot '{other.header.robot.name}', not '{diagnosis.dataset.header.robot.name}'.",
             do="Give another data set of the same robot.",
-            file=other.name,
+            file=other.path,
             key="robot",
         )
     own = identify(other)

@@ -25,7 +25,7 @@ def refine_orders(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...
     if not places:
         return chosen
     columns = np.column_stack([_derivative(space, chosen[i]) for i in places])
-    columns = columns - space.basis @ (space.basis.T @ columns)
+    columns = columns - space.basis_of_readings @ (space.basis_of_readings.T @ columns)
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     step, *_ = np.linalg.lstsq(columns / size, space.residual.ravel(), rcond=1e-6)
     step = step / size

@@ -165,7 +165,7 @@ class Scores:
         residual = space.residual.reshape(-1, 1)
         self.b = [family.shared(space, residual)[:, :, 0] for family in self.families]
         for family, a in zip(self.families, self.a, strict=True):
-            shared = family.shared(space, space.basis)
+            shared = family.shared(space, space.basis_of_readings)
             a -= shared @ shared.transpose(0, 2, 1)
 
     def copy(self) -> Scores:

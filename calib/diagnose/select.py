@@ -24,10 +24,10 @@ from calib.kinematics import Array
 from calib.least_squares import find_dependent
 from calib.model import Design
 
-MOST_EFFECTS = 100
+MOST_EFFECTS = 60
 _ROUNDS = 60
 _PATIENCE = 2  # rounds without a better model before the best so far is kept
-_MANY = 12  # with more effects than this, the first round without a better model is the last
+_MANY = 12  # with more effects than this, one round without a better model is enough
 _LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
 _STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
 _SWAP_MARGIN = 1.0  # extended BIC that a rival must gain to take an effect's place
@@ -63,7 +63,7 @@ def select(
         proposal = _forward(scores, chosen, most, progress)
         if proposal == chosen:
             proposal = _swap(space, scores, _backward(space, scores, chosen))
-        if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 0):
+        if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 1):
             break
         seen.add(labels(proposal))
         fitted, chosen = _settle(dataset, fitted, proposal)
@@ -160,13 +160,15 @@ def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Pr
 
 def _enter(scores: Scores, basis: Array, effect: Effect) -> Array:
     """Let an effect enter the linearised model. Returns the wider basis."""
-    columns = scores.space.effect_columns(effect)
+    space = scores.space
+    columns = np.zeros((len(basis), len(effect.parameters)))
+    columns[: space.rows] = space.effect_columns(effect)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     for _ in range(2):  # once is not enough where little of a column is left
         columns = columns - basis @ (basis.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     new = u[:, s > 1e-3]
-    scores.move(new, new.T @ scores.space.residual.ravel(), enters=True)
+    scores.move(new[: space.rows], new.T @ space.held, enters=True)
     return np.column_stack([basis, new])
 
 

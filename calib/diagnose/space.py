@@ -14,7 +14,7 @@ from scipy.linalg import solve_triangular
 from calib.effects.effect import Effect
 from calib.identify import Identification
 from calib.kinematics import Array, Frames
-from calib.least_squares import fast_factors, jacobian
+from calib.least_squares import jacobian, orthonormal
 from calib.model import Design
 from calib.regressors import Regressor
 
@@ -26,8 +26,8 @@ class Space:
     fitted: Identification
     frames: Frames
     residual: Array  # (k, n)
-    rss: float  # sum of squares, priors included
-    basis: Array  # (rows, a): the part of Q that stands over the readings
+    held: Array  # (rows + a,): residuals of the readings, then of the priors
+    basis: Array  # (rows + a, a): Q, over readings and priors
     covariance: Array  # (m, m) of the estimate for unit noise
     columns: Array  # (rows, m)
 
@@ -38,22 +38,31 @@ class Space:
         points = fitted.readings.points
         frames = design.frames(fitted.estimate)
         columns = jacobian(design, points, frames)
-        active = np.diag(fitted.covariance) > 0.0
-        prior = np.where(active, max(fitted.noise_scale, 1.0) / fitted.model.prior_std, 0.0)
+        active, prior = np.diag(fitted.covariance) > 0.0, fitted.prior
         size = np.sqrt(np.sum(columns**2, axis=0) + prior**2)[active]
         stacked = np.vstack([columns[:, active] / size, np.diag(prior[active] / size)])
-        q, r = fast_factors(stacked)
+        basis, r = orthonormal(stacked)
         inverse = solve_triangular(r, np.eye(len(r))) / size[:, None]
         covariance = np.zeros((len(active), len(active)))
         covariance[np.ix_(active, active)] = inverse @ inverse.T
         residual = points.residual(frames)
-        rss = float(np.sum(residual**2) + np.sum((prior * fitted.estimate) ** 2))
-        return cls(fitted, frames, residual, rss, q[: points.rows], covariance, columns)
+        held = np.concatenate([residual.ravel(), -(prior * fitted.estimate)[active]])
+        return cls(fitted, frames, residual, held, basis, covariance, columns)
 
     @property
     def rows(self) -> int:
         """Number of whitened rows."""
         return self.residual.size
+
+    @property
+    def rss(self) -> float:
+        """Sum of squares, priors included."""
+        return float(self.held @ self.held)
+
+    @property
+    def basis_of_readings(self) -> Array:
+        """(rows, a): the part of Q that stands over the readings."""
+        return self.basis[: self.rows]
 
     @property
     def freedom(self) -> int:

@@ -61,7 +61,7 @@ def _test(space: Space, functions: Array) -> tuple[float, float]:
     whiten = space.fitted.readings.points.whiten
     # columns: whitened unit vectors of the world, one for each axis, modulated by each function
     columns = np.einsum("kan,nf->knaf", whiten, functions).reshape(space.rows, -1)
-    columns = columns - space.basis @ (space.basis.T @ columns)
+    columns = columns - space.basis_of_readings @ (space.basis_of_readings.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]
     gain = float(np.sum((u.T @ space.residual.ravel()) ** 2))

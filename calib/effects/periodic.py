@@ -42,16 +42,11 @@ def periodic(joint: int, order: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Harmonics]:
-    """One scan a joint, over the orders that its range resolves."""
+    """One scan a joint that moved, over all orders: what a narrow range confuses goes into one class."""
+    orders = np.arange(LOWEST, HIGHEST + SPACING / 2, SPACING)
     scans = []
     for joint in survey.joint_numbers:
-        # Below half a cycle over the measured range a harmonic is a straight line in disguise.
-        turns = survey.turns(joint)
-        if turns <= 0.0:
-            continue
-        lowest = max(LOWEST, np.ceil(0.5 / turns / SPACING) * SPACING)
-        orders = np.arange(lowest, HIGHEST + SPACING / 2, SPACING)
-        if len(orders):
+        if survey.turns(joint) > 0.0:
             slots = ((f"theta{joint}", 1.0),)
             scans.append(Harmonics(f"periodic:j{joint}", joint, slots, orders, partial(periodic, joint)))
     return scans

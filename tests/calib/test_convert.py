@@ -142,7 +142,6 @@ def test_foreign_files_are_refused(case: str, tmp_path: Path) -> None:
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.xfail(strict=True, reason="a traceback for a missing or binary file; an empty table is accepted")
 @pytest.mark.parametrize("case", ["missing", "header only", "binary"])
 def test_files_that_hold_nothing_are_refused(case: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"

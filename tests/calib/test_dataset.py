@@ -225,7 +225,6 @@ HEADER_KEYS = (
 )  # fmt: skip
 
 
-@pytest.mark.xfail(strict=True, reason="[[loads]] of a wrong type: TypeError or ValueError escapes")
 @given(key=st.sampled_from(HEADER_KEYS), value=HEADER_VALUES)
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_only_sentences_come_back_from_any_header(tmp_path: Path, key: str, value: Any) -> None:

@@ -249,11 +249,19 @@ def test_a_narrow_range_confuses_once_and_twice_a_turn(tmp_path: Path) -> None:
     assert named >= 2
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="over 0.3 turns order 1 is not offered (below half a cycle): encoder scale, or order 2, is named as certain",
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(
+            63,
+            marks=pytest.mark.xfail(
+                strict=True,
+                reason="two columns of which one is absorbed cost as much as two that count: the one-column rival wins",
+            ),
+        ),
+        64,
+    ],
 )
-@pytest.mark.parametrize("seed", [63, 64])
 def test_once_a_turn_of_joint_2_is_never_named_wrongly_as_certain(seed: int, tmp_path: Path) -> None:
     """lambda is 234 and 133 here: the data show it, and they cannot tell it from a slope or a second harmonic."""
     _, data = simulate(tmp_path, seed=seed, n=200, n_validation=50, effects=["periodic:j2:n1"])

@@ -39,18 +39,7 @@ def worst(result: Identification, data: Dataset, truth: Array) -> float:
 class TestWithoutNoise:
     """Positions come back to 1e-6 mm, over rows that took part and over rows that did not."""
 
-    @pytest.mark.parametrize(
-        "robot",
-        [
-            pytest.param(
-                name,
-                marks=pytest.mark.xfail(strict=True, reason="ur5.toml: load of link 5")
-                if name == "ur5"
-                else (),
-            )
-            for name in sorted(ROBOTS)
-        ],
-    )
+    @pytest.mark.parametrize("robot", sorted(ROBOTS))
     def test_the_true_robot_is_found(self, robot: str, tmp_path: Path) -> None:
         campaign = make_campaign(robot, seed=5, n=80, n_validation=80, effects=[])
         data = read_dataset(write_files(tmp_path, *exact(campaign)))
