@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test check bench clean
 .DEFAULT_GOAL := test

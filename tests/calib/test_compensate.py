@@ -1,0 +1,322 @@
+"""Compensation. These would catch: a correction applied the wrong way round or in the wrong frame, a base or tool
+that is left out or counted twice, instrument effects that leak into targets, conditions that are not rebuilt while
+the target moves, a branch or a limit that is not kept, singular targets that are driven, rows that influence each
+other, and targets judged by the very chain that made them (the landing is computed by another one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib.compensate import FLANGE, Correction, StatedConditions, Status, conditions_at, correct
+from calib.compensate.inverse import nominal_inverse
+from calib.compensate.stated import nominal_poses
+from calib.effects import base_model
+from calib.effects.backlash import backlash
+from calib.effects.drift import drift_rotation, drift_translation
+from calib.effects.periodic import periodic
+from calib.effects.shift import base_shift, tool_shift
+from calib.effects.thermal_growth import thermal_growth
+from calib.errors import DataError
+from calib.kinematics import Array, gravity_torques
+from calib.model import RobotModel
+from calib.robot import Robot, load_robot
+from calib.units import to_internal
+from tests.calib.chain import chain
+
+ROBOT = load_robot("abb-irb120")
+TARGETS = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.675, 215.0), "T3": (150.0, 0.0, 125.0)}
+RANGES = np.radians([[-90, 90], [0, 110], [-80, 70], [-150, 150], [-90, 90], [-180, 180]])
+STATED = StatedConditions(side=1.0, temperature_c=23.5, time_s=4000.0)
+# Displayed sizes of a real arm's errors, by kind of base-model parameter: those of the thesis's Table 2.6.
+SIZES = {"alpha": 0.05, "beta": 0.04, "theta": 0.15, "a": 0.3, "d": 0.3, "c": 0.4}
+EFFECTS = {
+    "backlash:j4.gap": 0.03,
+    "periodic:j3:n2.cos": 0.02,
+    "periodic:j3:n2.sin": -0.03,
+    "thermal_growth.expansion": 40.0,
+    "tool_shift.x": 0.3,
+    "tool_shift.rz": 0.1,
+    "base_shift.y": -0.4,
+    "base_shift.rx": 0.05,
+    "drift_translation.x": 3.0,
+    "drift_rotation.rz": 0.5,
+}
+
+
+def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
+    """A model with the errors of a real arm and every kind of effect; drawn from the seed."""
+    rng = np.random.default_rng(seed)
+    effects = (
+        *base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), (tuple(TARGETS),)),
+        backlash(4),
+        periodic(3, 2.0),
+        thermal_growth(robot, 22.0),
+        tool_shift(50.0),
+        base_shift(80.0),
+        drift_translation(),
+        drift_rotation(),
+    )
+    model = RobotModel(robot, effects, {"main": TARGETS}, station=(2400.0, -900.0, 350.0))
+    estimate = np.zeros(len(model.parameters))
+    for i, parameter in enumerate(model.parameters):
+        size = EFFECTS.get(parameter.name)
+        if size is None:
+            kind = parameter.name.rstrip("0123456789")
+            size = SIZES.get(kind, 0.4 if parameter.unit == "mm" else 0.03) * rng.uniform(-1.4, 1.4)
+        estimate[i] = to_internal(size, parameter.unit)
+    return model, estimate
+
+
+def random_targets(n: int, seed: int) -> Array:
+    """Targets in the thesis's ranges."""
+    return np.random.default_rng(seed).uniform(RANGES[:, 0], RANGES[:, 1], (n, 6))
+
+
+def landing(model: RobotModel, estimate: Array, joints: Array, target: Any = (0.0, 0.0, 0.0)) -> Array:
+    """(n, 4, 4) where the robot of `model` really lands at the conditions STATED, by the slow second chain.
+
+    Written out by hand from the laws of the effects: nothing of `calib.compensate` and no regressor takes part.
+    """
+    value = dict(zip((p.name for p in model.parameters), estimate, strict=True))
+    torques = gravity_torques(model.robot, joints)
+    return np.array(
+        [
+            chain(model.robot, q, slots_of(value, q, tau), target=target).real
+            for q, tau in zip(joints, torques, strict=True)
+        ]
+    )
+
+
+def slots_of(value: Mapping[str, float], q: Array, tau: Array) -> dict[str, float]:
+    add: dict[str, float] = {}
+
+    def put(slot: str, amount: float) -> None:
+        add[slot] = add.get(slot, 0.0) + amount
+
+    for name, x in value.items():
+        kind = name.rstrip("0123456789")
+        if kind in ("alpha", "beta", "theta", "a", "d") or name.startswith("base."):
+            put(name, x)
+        elif kind == "c":
+            put(f"theta{name[1:]}", x * tau[int(name[1:]) - 1])
+        elif name.startswith(("tool_shift.", "base_shift.")):
+            put(name.replace("_shift", ""), x)
+    put("theta4", 0.5 * value.get("backlash:j4.gap", 0.0))
+    cos, sin = (value.get(f"periodic:j3:n2.{part}", 0.0) for part in ("cos", "sin"))
+    put("theta3", cos * np.cos(2.0 * q[2]) + sin * np.sin(2.0 * q[2]))
+    strain = value.get("thermal_growth.expansion", 0.0) * (23.5 - 22.0)
+    for k in range(6):
+        put(f"a{k + 1}", strain * ROBOT.a[k])
+        put(f"d{k + 1}", strain * ROBOT.d[k])
+    return add
+
+
+def wanted_poses(joints: Array) -> Array:
+    return np.array([chain(ROBOT, q, {}).real for q in joints])
+
+
+def miss_of(model: RobotModel, estimate: Array, wanted: Array, done: Correction) -> Array:
+    """(k,) mm between wanted and reached positions of the flange, for the targets that were corrected."""
+    reached = landing(model, estimate, done.joints[done.good])
+    return np.linalg.norm(reached[:, :3, 3] - wanted[done.good][:, :3, 3], axis=1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_robot_lands_where_the_nominal_one_would(seed: int) -> None:
+    model, estimate = real_robot(seed)
+    targets = random_targets(200, seed)
+    wanted = wanted_poses(targets)
+    before = np.linalg.norm(landing(model, estimate, targets)[:, :3, 3] - wanted[:, :3, 3], axis=1)
+    assert np.mean(before) > 0.5
+    done = correct(model, estimate, targets, STATED, limits=RANGES + np.radians([-5.0, 5.0]))
+    assert np.mean(done.good) > 0.95
+    reached = landing(model, estimate, done.joints[done.good])
+    assert np.max(miss_of(model, estimate, wanted, done)) < 2e-6
+    assert np.max(np.abs(reached[:, :3, :3] - wanted[done.good][:, :3, :3])) < 1e-8
+
+
+def test_four_iterations_are_enough_for_98_percent() -> None:
+    model, estimate = real_robot(7)
+    targets = random_targets(1000, 7)
+    done = correct(model, estimate, targets, STATED, most_iterations=4, limits=RANGES * 2.0)
+    fit = np.array([s is not Status.SINGULAR for s in done.status])
+    assert np.mean(fit) > 0.94  # the thesis loses up to 6 %
+    assert np.mean(done.landed[fit] < 1e-6) >= 0.98
+    assert np.all(correct(model, estimate, targets[fit], STATED, limits=RANGES * 2.0).good)
+
+
+def test_every_tool_target_is_carried_with_the_flange() -> None:
+    model, estimate = real_robot(1)
+    targets = random_targets(30, 1)
+    for target, point in TARGETS.items():
+        for aim in (FLANGE, target):
+            done = correct(model, estimate, targets, STATED, target=aim, limits=RANGES * 2.0)
+            reached = landing(model, estimate, done.joints[done.good], point)
+            wanted = np.array([chain(ROBOT, q, {}, target=point).real for q in targets[done.good]])
+            assert np.max(np.abs(reached[:, :3, 3] - wanted[:, :3, 3])) < 2e-6, (target, aim)
+
+
+def test_a_perfect_robot_needs_no_correction() -> None:
+    model, estimate = real_robot(2)
+    targets = random_targets(50, 2)
+    done = correct(model, 0.0 * estimate, targets, STATED)
+    good = done.good
+    assert good.sum() > 40
+    assert np.max(np.abs(done.joints[good] - targets[good])) < 1e-12
+    assert not np.any(done.iterations)
+
+
+def test_the_instrument_is_not_corrected_for() -> None:
+    model, estimate = real_robot(3)
+    still = np.array([0.0 if p.name.startswith("drift") else x for p, x in zip(model.parameters, estimate, strict=True)])
+    assert not np.array_equal(still, estimate)
+    targets = random_targets(40, 3)
+    one, other = (correct(model, e, targets, STATED) for e in (estimate, still))
+    np.testing.assert_array_equal(one.joints, other.joints)
+    unstated = StatedConditions(side=1.0, temperature_c=23.5)  # no time: only the drift would need it
+    np.testing.assert_array_equal(correct(model, estimate, targets, unstated).joints, one.joints)
+
+
+def test_a_condition_that_the_model_needs_must_be_stated() -> None:
+    model, estimate = real_robot(3)
+    with pytest.raises(DataError, match=r"thermal_growth\.expansion"):
+        correct(model, estimate, random_targets(3, 0), StatedConditions())
+    assert correct(model.without("thermal_growth"), np.delete(estimate, model.index["thermal_growth.expansion"]),
+                   random_targets(3, 0), StatedConditions(), limits=RANGES * 2.0).good.any()
+
+
+def test_the_side_of_approach_decides() -> None:
+    model, estimate = real_robot(4)
+    targets = random_targets(40, 4)
+    from_below = correct(model, estimate, targets, STATED, limits=RANGES * 2)
+    from_above = correct(
+        model, estimate, targets, StatedConditions(side=(1, 1, 1, -1, 1, 1), temperature_c=23.5), limits=RANGES * 2
+    )
+    both = from_below.good & from_above.good
+    difference = np.degrees(from_above.joints - from_below.joints)[both]
+    assert np.allclose(difference[:, 3], 0.03, atol=2e-4)  # the whole gap, on that joint
+    assert np.max(np.abs(difference[:, [0, 1, 2, 4, 5]])) < 2e-4
+
+
+def test_batched_equals_one_by_one() -> None:
+    model, estimate = real_robot(5)
+    targets = random_targets(25, 5)
+    targets[3, 4] = 0.0  # a refused one must not disturb its neighbours
+    together = correct(model, estimate, targets, STATED)
+    for i, target in enumerate(targets):
+        alone = correct(model, estimate, target[None], STATED)
+        assert alone.status[0] is together.status[i]
+        np.testing.assert_allclose(alone.joints[0], together.joints[i], rtol=0.0, atol=1e-12)
+
+
+def test_no_targets_at_all() -> None:
+    model, estimate = real_robot(5)
+    done = correct(model, estimate, np.zeros((0, 6)), STATED)
+    assert done.joints.shape == (0, 6)
+    assert done.status == ()
+
+
+@pytest.mark.parametrize("degrees", [-0.5, 0.0, 0.3])
+def test_singular_wrist_is_refused(degrees: float) -> None:
+    model, estimate = real_robot(6)
+    targets = random_targets(20, 6)
+    targets[:, 4] = np.radians(degrees)
+    done = correct(model, estimate, targets, STATED)
+    assert set(done.status) == {Status.SINGULAR}
+    assert np.all(np.isnan(done.joints))
+    assert all("singular" in reason for reason in done.reasons)
+
+
+def test_branch_is_kept() -> None:
+    model, estimate = real_robot(8)
+    targets = random_targets(300, 8)
+    done = correct(model, estimate, targets, STATED, limits=RANGES * 2.0)
+    moved = np.abs(done.joints - targets)[done.good]
+    assert np.degrees(np.max(moved)) < 5.0
+    assert np.all(np.sign(done.joints[done.good][:, 4]) == np.sign(targets[done.good][:, 4]))
+
+
+def test_limits_are_kept() -> None:
+    model, estimate = real_robot(9)
+    targets = random_targets(100, 9)
+    free = correct(model, estimate, targets, STATED, limits=RANGES * 2.0)
+    limits = np.column_stack([targets.min(axis=0), targets.max(axis=0)])
+    tight = correct(model, estimate, targets, STATED, limits=limits)
+    beyond = free.good & np.any((free.joints < limits[:, 0]) | (free.joints > limits[:, 1]), axis=1)
+    assert beyond.any()
+    assert [s is Status.BEYOND_LIMITS for s in tight.status] == list(beyond)
+    assert np.all(np.isnan(tight.joints[beyond]))
+    inside = tight.joints[tight.good]
+    assert np.all((inside >= limits[:, 0]) & (inside <= limits[:, 1]))
+
+
+def test_a_wild_model_is_refused_not_driven() -> None:
+    model, estimate = real_robot(10)
+    wild = estimate.copy()
+    wild[model.index["theta2"]] = np.radians(20.0)
+    done = correct(model, wild, random_targets(20, 10), STATED)
+    assert not done.good.any()
+    assert np.all(np.isnan(done.joints))
+
+
+def test_a_free_world_corrects_relative_to_its_own_base() -> None:
+    """Where the base was placed by the fit, the world is the tracker's: its pose must not enter the targets."""
+    model, estimate = real_robot(11)
+    of_base = [model.index[f"base.{axis}"] for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    at_home = estimate.copy()
+    at_home[of_base] = 0.0
+    targets = random_targets(20, 11)
+    placement = chain(ROBOT, np.zeros(6), {"base.x": 900.0, "base.rz": 1.0}).real
+    free = RobotModel(ROBOT, model.effects, model.targets, {"main": placement}, model.station)
+    np.testing.assert_allclose(
+        correct(free, estimate, targets, STATED).joints, correct(model, at_home, targets, STATED).joints, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("name", ["abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10"])
+def test_inverse_finds_the_joints_of_a_pose(name: str) -> None:
+    robot = load_robot(name)
+    rng = np.random.default_rng(1)
+    joints = rng.uniform(-1.4, 1.4, (100, 6))
+    joints[:, 4] = rng.choice((-1, 1), 100) * rng.uniform(0.3, 1.4, 100)
+    joints[:, 2] = rng.uniform(0.4, 1.2, 100)  # away from the stretched arm
+    tool = np.array([10.0, -20.0, 130.0])
+    found = nominal_inverse(robot, nominal_poses(_bare(robot), joints, tool), joints + 0.005, tool)
+    assert np.max(np.abs(found - joints)) < 1e-9
+
+
+def _bare(robot: Robot) -> RobotModel:
+    return RobotModel(robot, (), {"main": {}})
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"joints": np.zeros((3, 5))}, r"shape \(3, 5\)"),
+        ({"target": "T9"}, "target 'T9'"),
+        ({"limits": np.zeros((5, 2))}, "limits"),
+        ({"stated": StatedConditions(side=(1.0, 1.0))}, "side"),
+        ({"stated": StatedConditions(side=0.5)}, "side"),
+        ({"stated": StatedConditions(series="night")}, "series 'night'"),
+    ],
+)
+def test_wrong_arguments_are_named(change: dict[str, Any], what: str) -> None:
+    model, estimate = real_robot(0)
+    arguments: dict[str, Any] = {"joints": random_targets(2, 0), "stated": STATED} | change
+    with pytest.raises(ValueError, match=what):
+        correct(model, estimate, arguments.pop("joints"), arguments.pop("stated"), **arguments)
+
+
+def test_conditions_follow_the_joints_and_keep_what_was_stated() -> None:
+    model, _ = real_robot(0)
+    joints = random_targets(4, 0)
+    got = conditions_at(model, joints, StatedConditions(side=-1.0, temperature_c=25.0))
+    np.testing.assert_array_equal(got.torque, gravity_torques(ROBOT, joints))
+    np.testing.assert_allclose(got.previous - joints, np.radians(5.0))
+    assert np.all(got.side == -1.0)
+    assert np.all(got.temperature == 25.0)
