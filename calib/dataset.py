@@ -6,15 +6,14 @@ it cannot trust. Rows of `set = validation` never enter a fit or a choice: `fit_
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.columns import Columns
 from calib.conditions import Conditions
 from calib.errors import DataError
 from calib.header import Header, read_header
@@ -72,99 +71,13 @@ class Dataset:
         return replace(self, sets=sets)
 
 
-class _Columns:
-    """The cells of a CSV file by column, with their line numbers for refusals."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError as error:
-            raise DataError("there is no such file.", do="Check the name.", file=path) from error
-        except (UnicodeDecodeError, IsADirectoryError) as error:
-            raise DataError("is not a UTF-8 text file.", do="Save it as CSV in UTF-8.", file=path) from error
-        lines = list(csv.reader(text.splitlines()))
-        if not lines:
-            raise DataError("is empty.", do="It must have a header row and readings.", file=path)
-        self.names = [name.strip() for name in lines[0]]
-        if len(self.names) == 1 and ";" in self.names[0]:
-            raise DataError(
-                "is separated by semicolons.",
-                do="Save it with commas and decimal points, or import it with 'truepose convert'.",
-                file=path,
-                line=1,
-            )
-        twice = {name for name in self.names if name and self.names.count(name) > 1}
-        if twice:
-            raise DataError(f"column '{min(twice)}' stands twice.", do="Keep one.", file=path, line=1)
-        rows = [
-            (number, line)
-            for number, line in enumerate(lines[1:], start=2)
-            if any(cell.strip() for cell in line)
-        ]
-        for number, line in rows:
-            if len(line) != len(self.names):
-                raise DataError(
-                    f"has {len(line)} cells where the header has {len(self.names)} columns.",
-                    do="Mend that line.",
-                    file=path,
-                    line=number,
-                )
-        if not rows:
-            raise DataError("has a header row but no readings.", do="Add readings.", file=path)
-        self.lines = [number for number, _ in rows]
-        self._cells = dict(zip(self.names, zip(*(line for _, line in rows), strict=True), strict=True))
-        self.sha256 = hashlib.sha256(text.encode()).hexdigest()
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._cells
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def require(self, name: str, do: str) -> None:
-        if name not in self._cells:
-            raise DataError(f"column '{name}' is missing.", do=do, file=self.path, line=1)
-
-    def text(self, name: str, default: str = "") -> NDArray[np.str_]:
-        if name not in self._cells:
-            return np.full(len(self), default)
-        return np.array([cell.strip() or default for cell in self._cells[name]])
-
-    def numbers(self, name: str, *, required: bool = False) -> Array:
-        """(n,) numbers; an empty cell is NaN, unless `required`. A cell that is not a finite number is refused."""
-        if name not in self._cells:
-            return np.full(len(self), np.nan)
-        out = np.empty(len(self))
-        for i, cell in enumerate(self._cells[name]):
-            if not cell.strip():
-                if required:
-                    raise self.refuse(i, name, "is empty", "Every reading needs it")
-                out[i] = np.nan
-                continue
-            try:
-                out[i] = float(cell)
-            except ValueError as error:
-                raise self.refuse(
-                    i, name, f"is {cell.strip()!r}, not a number", "Use a decimal point"
-                ) from error
-            if not math.isfinite(out[i]):
-                raise self.refuse(
-                    i, name, f"is {cell.strip()!r}", "Leave the cell empty when nothing was measured"
-                )
-        return out
-
-    def refuse(self, row: int, name: str, what: str, do: str) -> DataError:
-        return DataError(f"column '{name}' {what}.", do=f"{do}.", file=self.path, line=self.lines[row])
-
-
 def read_dataset(path: Path | str) -> Dataset:
     """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
     path = Path(path)
     if not path.is_file():
         raise DataError("there is no such file.", do="Check the name.", file=path)
     header = read_header(path.with_suffix(".toml"))
-    table = _Columns(path)
+    table = Columns(path)
     _refuse_without_units(table)
     joints = _joints(table, header)
     reading_id = tuple(str(name) for name in table.text("reading_id"))
@@ -223,7 +136,7 @@ def read_dataset(path: Path | str) -> Dataset:
     return dataset
 
 
-def _refuse_without_units(table: _Columns) -> None:
+def _refuse_without_units(table: Columns) -> None:
     for name in table.names:
         stem = name.lower()
         if stem in _UNITLESS or (stem.startswith("j") and stem[1:].isdigit()):
@@ -245,7 +158,7 @@ def _refuse_without_units(table: _Columns) -> None:
                 )
 
 
-def _joints(table: _Columns, header: Header) -> Array:
+def _joints(table: Columns, header: Header) -> Array:
     count = header.robot.joints
     for k in range(1, count + 1):
         table.require(
@@ -269,7 +182,7 @@ def _joints(table: _Columns, header: Header) -> Array:
     return header.robot.model_angles(degrees * DEG, header.coupling)
 
 
-def _measured(table: _Columns) -> tuple[Array, Array]:
+def _measured(table: Columns) -> tuple[Array, Array]:
     for axis in "xyz":
         table.require(
             f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
@@ -289,7 +202,7 @@ def _measured(table: _Columns) -> tuple[Array, Array]:
     return points, orientation
 
 
-def _names(table: _Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
     series = table.text("series", "main")
     for i, name in enumerate(series):
         if header.series_targets and name not in header.series_targets and not header.targets:
@@ -324,9 +237,7 @@ def _order(time: Array) -> NDArray[np.int64]:
     return order
 
 
-def _arrivals(
-    table: _Columns, header: Header, joints: Array, order: NDArray[np.int64]
-) -> tuple[Array, Array]:
+def _arrivals(table: Columns, header: Header, joints: Array, order: NDArray[np.int64]) -> tuple[Array, Array]:
     """Side of approach and previous angles: as recorded, else derived from the order of the rows."""
     count = header.robot.joints
     in_time = np.argsort(order)
@@ -353,7 +264,7 @@ def _arrivals(
     return np.where(np.isfinite(side), side, derived), previous
 
 
-def _refuse_unfit(dataset: Dataset, table: _Columns) -> None:
+def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
     rows = dataset.fit_rows
     if not rows.any():
         raise DataError(
