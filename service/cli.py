@@ -28,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     from calib.errors import DataError
+    from drivers.errors import AcquisitionError
     from service.commands import app
 
     try:
@@ -36,6 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return end.code if isinstance(end.code, int) else exit_codes.DONE
     except DataError as error:
         return _complain(str(error), exit_codes.USAGE)
+    except AcquisitionError as error:
+        return _complain(f"{error.message.rstrip('.')}. {error.what_to_do}", error.exit_code)
     except KeyboardInterrupt:  # outside a command; inside one Typer turns it into the same code
         return exit_codes.INTERRUPTED
     except OSError as error:

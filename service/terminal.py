@@ -41,9 +41,7 @@ class Terminal:
         self._begin = time.monotonic()
 
     def __enter__(self) -> Terminal:
-        if self._err.is_terminal:
-            self._status = self._err.status("starting")
-            self._status.start()
+        self.begin("starting")
         return self
 
     def __exit__(
@@ -53,6 +51,17 @@ class Terminal:
         traceback: TracebackType | None,
     ) -> None:
         self.rest()
+
+    @property
+    def live(self) -> bool:
+        """Progress is one line that changes, not one line a step."""
+        return self._status is not None
+
+    def begin(self, step: str) -> None:
+        """Show the spinner, on a terminal; again after `rest`."""
+        if self._err.is_terminal and self._status is None:
+            self._status = self._err.status(step)
+            self._status.start()
 
     def say(self, step: str) -> None:
         """Tell which step has begun."""

@@ -21,7 +21,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.compensate.inverse import LEVER_MM, least_singular_value, nominal_inverse, pose_difference
+from calib.compensate.inverse import (
+    branch_sign,
+    least_singular_value,
+    nominal_inverse,
+    pose_difference,
+)
 from calib.compensate.stated import (
     FLANGE,
     StatedConditions,
@@ -36,8 +41,8 @@ from calib.model import Design, RobotModel
 from calib.units import DEG
 
 MOST_ITERATIONS = 16  # all of 1000 poses of the thesis's robot land within so many; 98 % after 4
-LANDED_MM = 1e-7
-FARTHEST = 5.0 * DEG  # a correction is a fraction of a degree: beyond this the branch was left
+LANDED_MM, LANDED_RAD = 1e-7, 1e-9
+FARTHEST = 30.0 * DEG  # tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
 SINGULAR = 0.004
 """Least over largest singular value below which a target is refused: the wrist within some 2 deg of singular."""
 
@@ -53,6 +58,7 @@ class Status(StrEnum):
     NOT_CONVERGED = "not converged"
 
 
+_ALL = tuple(Status)
 REASONS = {
     Status.CORRECTED: "",
     Status.SINGULAR: "close to a singular pose, where a small correction needs a large turn of the joints",
@@ -65,13 +71,14 @@ REASONS = {
 class Correction:
     """Corrected targets. `joints` (n, N) rad, NaN where refused: a refused target must never be driven.
 
-    landed (n,) mm: how far from the wanted pose the calibrated model stands at `joints`, turns counted with
-    `LEVER_MM`; iterations (n,): how many the target took.
+    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model stands at `joints`;
+    iterations (n,): how many the target took.
     """
 
     joints: Array
     status: tuple[Status, ...]
     landed: Array
+    turned: Array
     iterations: NDArray[np.int64]
 
     @property
@@ -151,32 +158,64 @@ def correct(
     calibrated = Calibrated(model, estimate, stated, target)
     wanted = nominal_poses(model, joints, tool)
 
-    found, false_target = joints.copy(), wanted.copy()
-    landed, iterations = np.full(len(joints), np.inf), np.zeros(len(joints), dtype=np.int64)
-    left = np.arange(len(joints))
+    found = joints.copy()
+    landed, turned = np.full(len(joints), np.inf), np.full(len(joints), np.inf)
+    iterations = np.zeros(len(joints), dtype=np.int64)
+    left, memory = np.arange(len(joints)), _Memory(len(joints), robot.joints)
     for done in range(most_iterations + 1):
         stands = calibrated.poses(found[left])
         miss = pose_difference(wanted[left], stands)
-        landed[left] = np.linalg.norm(miss * ([1.0] * 3 + [LEVER_MM] * 3), axis=1)
+        landed[left], turned[left] = (np.linalg.norm(part, axis=1) for part in (miss[:, :3], miss[:, 3:]))
         # Only rows that are still in question go on; a wild one is given up, or it would spoil the products.
         sane = np.all(np.abs(found[left] - joints[left]) < FARTHEST, axis=1)
-        on = (landed[left] > LANDED_MM) & sane
+        on = ((landed[left] > LANDED_MM) | (turned[left] > LANDED_RAD)) & sane
         left, stands = left[on], stands[on]
         if not len(left) or done == most_iterations:
             break
         iterations[left] = done + 1
-        false_target[left] = false_target[left] @ _inverse(stands) @ wanted[left]
-        found[left] = nominal_inverse(robot, false_target[left], found[left], tool)
+        here = found[left]
+        false_target = nominal_poses(model, here, tool) @ _inverse(stands) @ wanted[left]
+        shifted = nominal_inverse(robot, false_target, here, tool)
+        found[left] = memory.next(left, here, shifted)
 
     moved = np.max(np.abs(found - joints), axis=1, initial=0.0)
     beyond = np.any((found < limits[:, 0]) | (found > limits[:, 1]), axis=1)
     singular = least_singular_value(robot, joints, tool) < SINGULAR
-    status = np.full(len(joints), Status.CORRECTED, dtype=object)
-    status[beyond] = Status.BEYOND_LIMITS
-    status[~((landed <= 10.0 * LANDED_MM) & (moved < FARTHEST))] = Status.NOT_CONVERGED
-    status[singular] = Status.SINGULAR
-    found[status != Status.CORRECTED] = np.nan
-    return Correction(found, tuple(status), landed, iterations)
+    # The determinant changes its sign wherever a singular surface is crossed: then the branch is another one.
+    moved = np.where(np.isfinite(moved), moved, np.inf)
+    kept = branch_sign(robot, np.nan_to_num(found), tool) == branch_sign(robot, joints, tool)
+    lost = ~(kept & (landed <= 10.0 * LANDED_MM) & (turned <= 10.0 * LANDED_RAD) & (moved < FARTHEST))
+    # The weightiest reason last: it stands.
+    status = np.zeros(len(joints), dtype=np.int64)
+    for reason, rows in ((Status.BEYOND_LIMITS, beyond), (Status.NOT_CONVERGED, lost), (Status.SINGULAR, singular)):
+        status[rows] = _ALL.index(reason)
+    found[status != _ALL.index(Status.CORRECTED)] = np.nan
+    return Correction(found, tuple(_ALL[i] for i in status), landed, turned, iterations)
+
+
+class _Memory:
+    """Anderson's mixing with a memory of one: takes from the last two steps where they would end.
+
+    The pose shift alone errs by a share of what is left that grows with the joints' errors; with them the fourth
+    iteration reaches 1e-6 mm in 98 % of poses, without it in 75 to 95 %. The fixed point is the same.
+    Source: Walker & Ni 2011.
+    """
+
+    def __init__(self, rows: int, joints: int) -> None:
+        self._step = np.full((rows, joints), np.nan)
+        self._shifted = np.zeros((rows, joints))
+
+    def next(self, rows: NDArray[np.int64], here: Array, shifted: Array) -> Array:
+        """(k, N) where to go on from `here` (k, N), when the pose shift leads to `shifted`."""
+        step = shifted - here
+        change = step - self._step[rows]
+        size = np.sum(change**2, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.sum(step * change, axis=1) / size
+        share = np.where(np.isfinite(share), np.clip(share, -0.5, 0.5), 0.0)
+        out = shifted - share[:, None] * (shifted - self._shifted[rows])
+        self._step[rows], self._shifted[rows] = step, shifted
+        return out
 
 
 def _inverse(poses: Array) -> Array:

@@ -61,6 +61,13 @@ def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
     return values[:, -1] / values[:, 0]
 
 
+def branch_sign(robot: Robot, joints: Array, tool: Array) -> Array:
+    """(n,) sign of the Jacobian's determinant: it stays while no singular pose is crossed. 1 unless N is 6."""
+    if robot.joints != 6:
+        return np.ones(len(joints))
+    return np.sign(np.linalg.det(nominal_jacobian(robot, joints, tool)[1] / LEVER_MM))
+
+
 def nominal_inverse(robot: Robot, poses: Array, seed: Array, tool: Array) -> Array:
     """(n, N) model angles, rad, at which the nominal tool point takes `poses` (n, 4, 4), base frame, near `seed` (n, N).
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.diagnose.evidence import CLASS_WIDTH, ebic_gain, p_value
+from calib.diagnose.refine import one_order
 from calib.diagnose.scan import HarmonicScores, Score, Scores
-from calib.diagnose.select import candidates, evidence, leave_one_out, multiplicity_of, one_order
+from calib.diagnose.select import candidates, evidence, leave_one_out, multiplicity_of
 from calib.diagnose.space import Space
 from calib.effects.effect import Effect
 
@@ -76,4 +77,4 @@ def _same(scores: Scores, one: Effect, other: Effect) -> bool:
     if one.label == other.label:
         return True
     both_whole = all(e.shape.get("order", 0.5).is_integer() for e in (one, other))
-    return not both_whole and one_order(scores, one, other)
+    return not both_whole and one_order(scores.space, one, other)

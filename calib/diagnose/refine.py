@@ -17,6 +17,7 @@ from calib.effects.effect import Effect
 from calib.kinematics import Array
 
 _LONGEST_STEP = 0.3  # cycles a turn
+_RESOLUTION = 0.6  # cycles over the measured range within which two orders of a joint are one effect
 
 
 def refine_orders(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -37,9 +38,20 @@ def refine_orders(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...
         order = float(round(order)) if lost < WHOLE_ORDER else round(order, 2)
         if order >= periodic.LOWEST:
             refined[i] = periodic.periodic(joint_of(chosen[i]), order)
-    labels = [effect.label for effect in refined]
-    # Two orders that met are one effect; the first keeps it.
-    return tuple(effect for i, effect in enumerate(refined) if effect.label not in labels[:i])
+    # Orders that met are one effect, or a pair of large amplitudes that cancel: the first, the stronger, keeps it.
+    return tuple(
+        effect
+        for i, effect in enumerate(refined)
+        if not any(one_order(space, effect, earlier) for earlier in refined[:i])
+    )
+
+
+def one_order(space: Space, one: Effect, other: Effect) -> bool:
+    """Whether two harmonics of one joint differ by less than the measured range resolves."""
+    if "order" not in one.shape or "order" not in other.shape or joint_of(one) != joint_of(other):
+        return False
+    turns = np.ptp(space.fitted.readings.conditions.joints[:, joint_of(one) - 1]) / (2.0 * np.pi)
+    return bool(abs(one.shape["order"] - other.shape["order"]) * turns < _RESOLUTION)
 
 
 def joint_of(effect: Effect) -> int:

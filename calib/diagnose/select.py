@@ -14,7 +14,7 @@ import numpy as np
 
 from calib.dataset import Dataset
 from calib.diagnose.evidence import CLAIM, ebic_gain, p_value
-from calib.diagnose.refine import joint_of, refine_orders, refine_steps
+from calib.diagnose.refine import one_order, refine_orders, refine_steps
 from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
 from calib.effects import Survey, offers
@@ -31,7 +31,6 @@ _MANY = 12  # with more effects than this, one round without a better model is e
 _LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
 _STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
 _SWAP_MARGIN = 1.0  # extended BIC that a rival must gain to take an effect's place
-_RESOLUTION = 0.6  # cycles over the measured range within which two orders of a joint are one effect
 
 
 @dataclass(frozen=True)
@@ -128,15 +127,7 @@ def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
 
 def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool:
     """Whether an effect, or a harmonic that the measured range cannot tell from it, is chosen already."""
-    return effect.label in labels(chosen) or any(one_order(scores, effect, other) for other in chosen)
-
-
-def one_order(scores: Scores, one: Effect, other: Effect) -> bool:
-    """Whether two harmonics of one joint differ by less than the measured range resolves."""
-    if "order" not in one.shape or "order" not in other.shape or joint_of(one) != joint_of(other):
-        return False
-    turns = np.ptp(scores.space.fitted.readings.conditions.joints[:, joint_of(one) - 1]) / (2.0 * np.pi)
-    return bool(abs(one.shape["order"] - other.shape["order"]) * turns < _RESOLUTION)
+    return effect.label in labels(chosen) or any(one_order(scores.space, effect, other) for other in chosen)
 
 
 def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress) -> tuple[Effect, ...]:
@@ -212,7 +203,7 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
         own = ebic_gain(gain, columns, without.rss, space.rows, multiplicity_of(scores, effect))
         others = tuple(other for j, other in enumerate(out) if j != i)
         rivals = [
-            score for score in candidates(without, others) if not one_order(scores, score.effect, effect)
+            score for score in candidates(without, others) if not one_order(space, score.effect, effect)
         ]
         best = max(rivals, key=lambda score: evidence(score, without), default=None)
         if best is not None and evidence(best, without) > own + _SWAP_MARGIN:

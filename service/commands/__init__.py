@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from service.commands import convert, demo, diagnose, identify
+from service.commands import campaign, convert, demo, diagnose, identify, mock, serve
 
 app = typer.Typer(
     name="truepose",
@@ -18,5 +18,8 @@ app.command("demo")(demo.demo)
 app.command("convert")(convert.convert)
 app.command("identify")(identify.identify_command)
 app.command("diagnose")(diagnose.diagnose_command)
+app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
+app.command("mock")(mock.mock)
+app.command("serve")(serve.serve)
 
 __all__ = ["app"]

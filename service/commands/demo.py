@@ -1,26 +1,37 @@
-"""`truepose demo`: a simulated campaign with an effect hidden in it, diagnosed without knowing which.
+"""`truepose demo`: the whole loop on a simulated cell with an effect hidden in it, over real sockets.
 
-The simulation runs in a process of its own and hands over files alone, as a foreign laboratory would: nothing of
-the hidden robot can leak into the program. What was hidden is read afterwards, to be shown beside what was found.
+The cell runs in a process of its own and speaks the devices' wire protocols: nothing of the hidden robot can leak
+into the program. The robot is measured, diagnosed, sent corrected targets, and measured again; what was hidden is
+asked from the simulator's back door afterwards, to be shown beside what was found. `--in-memory` leaves devices
+and correction out: a simulated campaign as files, and its diagnosis.
 """
 
 from __future__ import annotations
 
 import json as json_module
+import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from acquisition import ScaledClock, pausing_on_interrupt, read_status
+from acquisition.loop import LoopEnded, LoopResult, Rig, close_loop
 from calib.dataset import read_dataset
-from calib.diagnose.diagnosis import diagnose
+from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.errors import DataError
-from service import documents, exit_codes, tables
+from calib.files import replace_file
+from calib.model_file import save_model
+from service import documents, exit_codes, rehearsal, tables, wording
 from service.commands import options
 from service.commands.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
+from service.predictions import predictions_csv
+from service.progress import Progress
+from service.simulated_cell import simulated_cell
 from service.terminal import Terminal
 
 SIMULATION_TIMEOUT_S = 120.0
@@ -28,41 +39,145 @@ SIMULATION_TIMEOUT_S = 120.0
 
 def demo(
     seed: Annotated[int, typer.Option(help="Draws the robot, its errors and the hidden effect.")] = 1,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for data, results and report.")] = Path(
-        "demo-out"
-    ),
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for data, records, results and report.")
+    ] = Path("demo-out"),
+    time_scale: Annotated[
+        float, typer.Option(min=1.0, max=1000.0, help="Simulated seconds a second.")
+    ] = rehearsal.TIME_SCALE,
+    effect: Annotated[
+        str | None,
+        typer.Option(metavar="LABEL", help="Hide this effect, e.g. backlash:j4, instead of one from the seed."),
+    ] = None,
+    in_memory: Annotated[
+        bool, typer.Option("--in-memory", help="No devices, no correction: diagnose a simulated data set.")
+    ] = False,
     json: options.Json = None,
 ) -> None:
     """See the whole loop on a simulated robot with an undeclared effect."""
     options.refuse_missing_folders(out, json)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
-        terminal.say("measuring a simulated robot with a hidden effect")
-        _simulate(seed, out)
-        dataset = read_dataset(out / "data.csv")
-        diagnosis = diagnose(dataset, progress=terminal.say)
-        document = documents.of_diagnosis(diagnosis) | {"simulated": True}
-        write_results(
-            diagnosis,
-            document,
-            terminal,
-            predictions=out / "predictions.csv",
-            report=out / "report.html",
+        if in_memory:
+            document, hidden = _in_memory(seed, out, effect, terminal)
+        else:
+            document, hidden = _on_the_cell(seed, out, effect, time_scale, terminal)
+    write_json({**document, "hidden": [each["label"] for each in hidden]}, json)
+
+
+def _on_the_cell(
+    seed: int, out: Path, effect: str | None, time_scale: float, terminal: Terminal
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    _clear(out)
+    cell, campaign = rehearsal.write_files(out, seed, effect, time_scale)
+    terminal.say("starting the simulated cell: an ABB IRB 120 and a FARO ION")
+    with simulated_cell(cell) as simulated, rehearsal.wire_logs(out) as wire:
+        rig = Rig(
+            cell,
+            rehearsal.open_wired(cell, simulated.ports, wire),
+            ScaledClock(time_scale),
             simulated=True,
+            guard=pausing_on_interrupt,
+            listen=lambda run: Progress(run, terminal),
         )
-        write_json(document, str(out / "diagnosis.json"))
-        hidden = json_module.loads((out / "truth.json").read_text(encoding="utf-8"))["effects"]
-        terminal.rest()
-        show(diagnosis, terminal)
-        terminal.out.print(tables.revealed(hidden, diagnosis))
-        terminal.out.print(
-            f"Open {out / 'report.html'}; beside it: diagnosis.json, predictions.csv, data.csv."
-        )
-    write_json({**document, "hidden": _labels(hidden)}, json)
+        try:
+            result = close_loop(rig, campaign, out, say=terminal.say)
+        except LoopEnded as ended:
+            terminal.rest()
+            error = ended.outcome.error
+            terminal.note(f"truepose: the demo ended early. {ended if error is None else error.what_to_do}")
+            raise typer.Exit(ended.outcome.exit_code) from ended
+        hidden = rehearsal.reveal(simulated.ports["backdoor"])
+    document = _write(result, out, terminal)
+    terminal.rest()
+    _show(result, hidden, terminal)
+    terminal.out.print(
+        f"Open {out / 'report.html'}; beside it: diagnosis.json, predictions.csv, data.csv, model.json, "
+        "targets.csv, and what went over the wires: wire_abb.log, wire_faro.log."
+    )
+    return document, hidden
 
 
-def _simulate(seed: int, out: Path) -> None:
+def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
+    # drawing is not needed for the numbers, and takes long to import
+    from service.report import diagnosis_report, verification
+
+    diagnosis = result.diagnosis
+    document = documents.of_diagnosis(diagnosis) | {
+        "simulated": True,
+        "verification": verification.document_of(result.verification),
+    }
+    terminal.say("drawing the report")
+    replace_file(
+        out / "report.html",
+        diagnosis_report(diagnosis, document, simulated=True, verified=result.verification),
+    )
+    replace_file(out / "predictions.csv", predictions_csv(diagnosis))
+    replace_file(out / "targets.csv", rehearsal.targets_csv(result.targets))
+    if diagnosis.final.converged:
+        save_model(out / "model.json", diagnosis.final, diagnosis)
+    write_json(document, str(out / "diagnosis.json"))
+    return document
+
+
+def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
+    from service.report import verification
+
+    diagnosis, verified = result.diagnosis, result.verification
+    terminal.out.print(f"{wording.VERDICT_NAMES[diagnosis.verdict]}. {wording.verdict_in_words(diagnosis)}")
+    if diagnosis.effects:
+        terminal.out.print(tables.effects(diagnosis.effects))
+    for found in diagnosis.effects:
+        terminal.out.print(f"Your model lacked: {wording.sentence_of(found)}")
+    scope = verification.scope_in_words(verified).rstrip(".")
+    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), scope))
+    terminal.out.print(verification.floor_in_words(verified))
+    _reveal(hidden, diagnosis, terminal)
+
+
+def _reveal(hidden: list[dict[str, Any]], diagnosis: Diagnosis, terminal: Terminal) -> None:
+    terminal.out.print(tables.revealed(hidden, diagnosis))
+
+
+def _clear(out: Path) -> None:
+    """Take away the records of an earlier demo. Raises DataError when a record there was measured on real devices."""
+    for record in sorted(out.glob("campaign*/")):
+        if not read_status(record).simulated:
+            raise DataError(
+                "holds a record of real measurements.", do="Choose another folder for the demo.", file=record
+            )
+        shutil.rmtree(record)
+
+
+def _in_memory(
+    seed: int, out: Path, effect: str | None, terminal: Terminal
+) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+    terminal.say("measuring a simulated robot with a hidden effect")
+    _simulate(seed, out, effect)
+    dataset = read_dataset(out / "data.csv")
+    diagnosis = diagnose(dataset, progress=terminal.say)
+    document = documents.of_diagnosis(diagnosis) | {"simulated": True}
+    write_results(
+        diagnosis,
+        document,
+        terminal,
+        predictions=out / "predictions.csv",
+        report=out / "report.html",
+        simulated=True,
+    )
+    write_json(document, str(out / "diagnosis.json"))
+    hidden = json_module.loads((out / "truth.json").read_text(encoding="utf-8"))["effects"]
+    terminal.rest()
+    show(diagnosis, terminal)
+    _reveal(hidden, diagnosis, terminal)
+    terminal.out.print(f"Open {out / 'report.html'}; beside it: diagnosis.json, predictions.csv, data.csv.")
+    return document, hidden
+
+
+def _simulate(seed: int, out: Path, effect: str | None) -> None:
     """Run the simulated campaign. Raises DataError when it cannot write, typer.Exit when it fails."""
     command = [sys.executable, "-m", "mocks.campaign", "--seed", str(seed), "--out", str(out)]
+    if effect is not None:
+        command += ["--effect", effect]
     done = subprocess.run(command, capture_output=True, text=True, timeout=SIMULATION_TIMEOUT_S, check=False)
     if done.returncode == exit_codes.USAGE:
         raise DataError(
@@ -72,7 +187,3 @@ def _simulate(seed: int, out: Path) -> None:
         last = done.stderr.strip().splitlines()[-1:] or ["no message"]
         sys.stderr.write(f"truepose: the simulation failed: {last[0]}\n")
         raise typer.Exit(exit_codes.FAILED)
-
-
-def _labels(hidden: list[dict[str, Any]]) -> list[str]:
-    return [effect["label"] for effect in hidden]

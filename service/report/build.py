@@ -11,6 +11,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from acquisition.verification import Verification
 from calib.dataset import Dataset
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
@@ -21,7 +22,7 @@ from calib.statistics import ErrorStatistics, distances, statistics_of
 from calib.units import to_display
 from service import wording
 from service.parameters import Row, rows_of
-from service.report import drawing, errors, panels, scatter, scope
+from service.report import drawing, errors, panels, scatter, scope, verification
 from service.report.residuals import Sample
 
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
@@ -33,8 +34,12 @@ def diagnosis_report(
     carried: CarryOver | None = None,
     *,
     simulated: bool = False,
+    verified: Verification | None = None,
 ) -> str:
-    """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy."""
+    """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
+
+    verified: what the robot did with corrected targets, where they were driven.
+    """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
     sample = Sample.of(dataset, final)
@@ -86,6 +91,7 @@ def diagnosis_report(
         structure=diagnosis.structure,
         p_lack_of_fit=wording.chance(diagnosis.p_lack_of_fit),
         notes=diagnosis.notes,
+        verification=verification.section_of(diagnosis, verified),
     )
 
 
@@ -130,6 +136,7 @@ def identification_report(
         structure=(),
         p_lack_of_fit=None,
         notes=(),
+        verification=None,
     )
 
 
