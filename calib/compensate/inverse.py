@@ -69,7 +69,7 @@ def branch_sign(robot: Robot, joints: Array, tool: Array) -> Array:
 
 
 def nominal_inverse(robot: Robot, poses: Array, seed: Array, tool: Array) -> Array:
-    """(n, N) model angles, rad, at which the nominal tool point takes `poses` (n, 4, 4), base frame, near `seed` (n, N).
+    """(n, N) model angles, rad, that bring the nominal tool point to `poses` (n, 4, 4), base frame, near `seed` (n, N).
 
     Where a pose is out of reach the result is the nearest that Newton's method came to: the caller checks.
     """

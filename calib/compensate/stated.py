@@ -65,7 +65,7 @@ def tool_point(model: RobotModel, series: str, target: str) -> Array:
 
 
 def nominal_poses(model: RobotModel, joints: Array, tool: Array) -> Array:
-    """(n, 4, 4) poses of the tool point where the nominal robot has it, base frame, mm; joints (n, N) rad, tool (3,) mm."""
+    """(n, 4, 4) poses of the nominal robot's tool point, base frame, mm; joints (n, N) rad, tool (3,) mm."""
     poses = forward(model.robot, joints)
     poses[:, :3, 3] += poses[:, :3, :3] @ tool
     return poses

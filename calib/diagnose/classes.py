@@ -1,7 +1,7 @@
 """Equivalence classes: which other candidates explain the same as well, and with what weight.
 
-Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in extended
-BIC belongs to its class, with weight exp(-delta/2), normalised. One survivor is a name; several are ambiguous.
+Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
+evidence belongs to its class, with weight exp(-delta/2), normalised. One survivor is a name; several are ambiguous.
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.diagnose.evidence import CLASS_WIDTH, ebic_gain, p_value
+from calib.diagnose.evidence import CLASS_WIDTH, p_value
 from calib.diagnose.refine import one_order
 from calib.diagnose.scan import HarmonicScores, Score, Scores
-from calib.diagnose.select import candidates, evidence, leave_one_out, multiplicity_of
+from calib.diagnose.select import candidates, leave_one_out
 from calib.diagnose.space import Space
 from calib.effects.effect import Effect
+
+
+_FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 
 @dataclass(frozen=True)
@@ -32,15 +35,16 @@ class Evidence:
 def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> Evidence:
     """The class of one effect and the evidence for it. `scores` are those of the whole model."""
     without, gain, columns = leave_one_out(space, scores, effect)
-    tries = multiplicity_of(scores, effect)
-    own = ebic_gain(gain, columns, without.rss, space.rows, tries)
+    tries = scores.multiplicity_of(effect)
+    own = without.own(effect, gain)
     costs = {effect.label: 0.0}
     others = tuple(other for other in chosen if other is not effect)
     for score in (*candidates(without, others), *_whole_orders(without)):
         label = score.effect.label
         if score.freedom == 0 or label in {other.label for other in others}:
             continue
-        cost = own - evidence(score, without)
+        # A rival that the linearised model prefers lost against the effect when both were refitted.
+        cost = max(own - score.evidence, 0.0)
         if cost < CLASS_WIDTH and not _same(without, effect, score.effect):
             costs[label] = min(cost, costs.get(label, math.inf))
     best = min(costs.values())
@@ -64,7 +68,7 @@ def _whole_orders(scores: Scores) -> list[Score]:
         gain, freedom = scores.gains(index)
         orders = family.family.orders
         left = np.maximum(scores.rss - gain, 1e-300)
-        near = scores.space.rows * np.log(left / left.min()) < CLASS_WIDTH + 2.0
+        near = scores.space.rows * np.log(left / left.min()) < _FIT_WIDTH
         whole = np.abs(orders - np.round(orders)) < 1e-9
         found += [
             scores.at(index, int(i), float(gain[i]), int(freedom[i])) for i in np.flatnonzero(near & whole)

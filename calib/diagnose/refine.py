@@ -34,8 +34,9 @@ def refine_orders(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...
     refined = list(chosen)
     for i, change, norm in zip(places, step, size, strict=True):
         order = chosen[i].shape["order"] + float(np.clip(change, -_LONGEST_STEP, _LONGEST_STEP))
-        lost = (order - round(order)) ** 2 * norm**2 / noise
-        order = float(round(order)) if lost < WHOLE_ORDER else round(order, 2)
+        whole = max(1, round(order))
+        lost = (order - whole) ** 2 * norm**2 / noise
+        order = float(whole) if lost < WHOLE_ORDER else round(order, 2)
         if order >= periodic.LOWEST:
             refined[i] = periodic.periodic(joint_of(chosen[i]), order)
     # Orders that met are one effect, or a pair of large amplitudes that cancel: the first, the stronger, keeps it.

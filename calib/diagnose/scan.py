@@ -15,12 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.diagnose.evidence import WHOLE_ORDER
+from calib.diagnose.evidence import WHOLE_ORDER, evidence_of
 from calib.diagnose.space import Space
 from calib.diagnose.trigsums import TrigSums
 from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Steps
 from calib.kinematics import Array
+from calib.units import to_internal
 
+_LOW_ORDER = 6
 _ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
 
 
@@ -42,6 +44,14 @@ class FixedScores:
         return (self.columns.T @ self.columns)[None]
 
     def choose(self, gain: Array, scores: Scores) -> int:
+        """The only place."""
+        return 0
+
+    def alike(self, place: int) -> int:
+        """One place, one try."""
+        return 1
+
+    def place_of(self, effect: Effect) -> int:
         """The only place."""
         return 0
 
@@ -84,11 +94,21 @@ class HarmonicScores:
         """The best order: whole, unless the readings insist that it is not."""
         orders = self.family.orders
         best = int(np.argmax(gain))
-        whole = int(np.argmin(np.abs(orders - round(orders[best]))))
+        whole = int(np.argmin(np.abs(orders - max(1, round(orders[best])))))
         lost = scores.space.rows * np.log(
             max(scores.rss - gain[whole], 1e-300) / max(scores.rss - gain[best], 1e-300)
         )
         return whole if lost < WHOLE_ORDER else best
+
+    def alike(self, place: int) -> int:
+        """Half the weight goes to the low whole orders, where eccentric wheels are, half to all others."""
+        order = self.family.orders[place]
+        low = order <= _LOW_ORDER and abs(order - round(order)) < 1e-9
+        return 2 * _LOW_ORDER if low else 2 * len(self.family.orders)
+
+    def place_of(self, effect: Effect) -> int:
+        """The place nearest to the order of an effect of this family."""
+        return int(np.argmin(np.abs(self.family.orders - effect.shape["order"])))
 
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
@@ -131,6 +151,14 @@ class StepScores:
         """The best change point."""
         return int(np.argmax(gain))
 
+    def alike(self, place: int) -> int:
+        """Any change point is as likely as any other."""
+        return len(self.family.ranks)
+
+    def place_of(self, effect: Effect) -> int:
+        """The place nearest to the change point of an effect of this family."""
+        return int(np.argmin(np.abs(self.family.ranks - effect.shape["rank"])))
+
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
         return self.family.at(float(self.family.ranks[place]))
@@ -138,13 +166,14 @@ class StepScores:
 
 @dataclass(frozen=True)
 class Score:
-    """One candidate at one place of its scan: fall of the residual sum of squares, and columns that count."""
+    """One candidate at one place of its scan: fall of the residual sum of squares, columns that count, evidence."""
 
     label: str
     effect: Effect
     gain: float
     freedom: int
     multiplicity: int
+    evidence: float
 
 
 class Scores:
@@ -190,9 +219,21 @@ class Scores:
         """(places,) gain and number of columns that count, of one family."""
         return gain_of(self.a[index], self.b[index], self.families[index].raw)
 
-    def multiplicity(self, index: int) -> int:
-        """How many tries this family stands for: all labels x the length of its scan."""
-        return len(self.families) * len(self.b[index])
+    @property
+    def noise(self) -> float:
+        """Variance of the whitened residual, at least that declared."""
+        return max(self.rss / max(self.freedom, 1), 1.0)
+
+    def multiplicity(self, index: int, place: int) -> int:
+        """How many tries a place stands for: all families x the places of its scan that are as likely as it."""
+        return len(self.families) * self.families[index].alike(place)
+
+    def multiplicity_of(self, effect: Effect) -> int:
+        """How many tries stand behind an effect of the model."""
+        for index, family in enumerate(self.families):
+            if effect.label == family.label or effect.label.startswith(family.label + ":"):
+                return self.multiplicity(index, family.place_of(effect))
+        return len(self.families)
 
     def best_of(self, index: int) -> Score:
         """The best place of one family."""
@@ -203,7 +244,31 @@ class Scores:
     def at(self, index: int, place: int, gain: float, freedom: int) -> Score:
         """The score of one place of one family."""
         family = self.families[index]
-        return Score(family.label, family.effect(place), gain, freedom, self.multiplicity(index))
+        effect = family.effect(place)
+        size = usual_sizes(effect)
+        information = self.a[index][place] * np.outer(size, size) / self.noise
+        volume = float(np.linalg.slogdet(np.eye(len(size)) + information)[1])
+        tries = self.multiplicity(index, place)
+        evidence = evidence_of(gain, volume, self.rss, self.space.rows, tries)
+        return Score(family.label, effect, gain, freedom, tries, evidence)
+
+    def own(self, effect: Effect, gain: float) -> float:
+        """Evidence of an effect that these scores do not hold, `gain` being what it alone explains.
+
+        Its covariance for unit noise is (A + s^2 S^-2)^-1, so the volume is -log det(S^-1 C S^-1 s^2).
+        """
+        positions = self.space.fitted.model.positions(effect)
+        live = [k for k, i in enumerate(positions) if self.space.covariance[i, i] > 0.0]
+        size = usual_sizes(effect)[live]
+        at = [positions[k] for k in live]
+        held = self.space.covariance[np.ix_(at, at)] / np.outer(size, size) * self.noise
+        volume = max(-float(np.linalg.slogdet(held)[1]), 0.0)
+        return evidence_of(gain, volume, self.rss, self.space.rows, self.multiplicity_of(effect))
+
+
+def usual_sizes(effect: Effect) -> Array:
+    """(p,) expected sizes of an effect's parameters, internal units; those without one count as 1 of their unit."""
+    return np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in effect.parameters])
 
 
 def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.dataset import Dataset
-from calib.diagnose.evidence import CLAIM, ebic_gain, p_value
+from calib.diagnose.evidence import CLAIM, p_value
 from calib.diagnose.refine import one_order, refine_orders, refine_steps
 from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
@@ -30,7 +30,7 @@ _PATIENCE = 2  # rounds without a better model before the best so far is kept
 _MANY = 12  # with more effects than this, one round without a better model is enough
 _LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
 _STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
-_SWAP_MARGIN = 1.0  # extended BIC that a rival must gain to take an effect's place
+_SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ def select(
 
 
 def _total(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> float:
-    """Extended BIC of the model as it stands, up to a constant."""
-    tries = sum(math.log(multiplicity_of(scores, effect)) for effect in chosen)
+    """Extended BIC of the model as it stands, up to a constant: whether a round of changes was worth it."""
+    tries = sum(math.log(scores.multiplicity_of(effect)) for effect in chosen)
     parameters = space.basis.shape[1]
     return space.rows * math.log(space.rss) + parameters * math.log(space.rows) + 2.0 * tries
 
@@ -114,11 +114,6 @@ def _settle(
     return refit(dataset, fitted, refined), refined
 
 
-def evidence(score: Score, scores: Scores) -> float:
-    """By how much a candidate lowers the extended BIC."""
-    return ebic_gain(score.gain, score.freedom, scores.rss, scores.space.rows, score.multiplicity)
-
-
 def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
     """The best of every family that is not in the model already."""
     found = [scores.best_of(index) for index in range(len(scores.families))]
@@ -137,7 +132,7 @@ def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Pr
         found = candidates(scores, wider)
         if not found:
             break
-        best = max(found, key=lambda score: evidence(score, scores))
+        best = max(found, key=lambda score: score.evidence)
         if (
             best.gain < _LEAST_SHARE * scores.rss
             or p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity) > CLAIM
@@ -171,21 +166,13 @@ def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores,
     return without, float(coefficients @ coefficients), len(coefficients)
 
 
-def multiplicity_of(scores: Scores, effect: Effect) -> int:
-    """How many tries stand behind an effect of the model."""
-    for index, family in enumerate(scores.families):
-        if effect.label == family.label or effect.label.startswith(family.label + ":"):
-            return scores.multiplicity(index)
-    return len(scores.families)
-
-
 def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Drop the weaker half of the effects that no longer pass by themselves (the others may pass without them)."""
     failing = []
     for effect in chosen:
         _, coefficients = space.own_direction(effect)
         gain, columns = float(coefficients @ coefficients), len(coefficients)
-        tries = multiplicity_of(scores, effect)
+        tries = scores.multiplicity_of(effect)
         chance = p_value(gain, columns, scores.rss + gain, scores.freedom + columns, tries)
         if chance > CLAIM:
             failing.append((chance, -gain, effect.label))
@@ -199,13 +186,13 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
     for i, effect in enumerate(chosen):
         if effect.label not in labels(tuple(out)):
             continue
-        without, gain, columns = leave_one_out(space, scores, effect)
-        own = ebic_gain(gain, columns, without.rss, space.rows, multiplicity_of(scores, effect))
+        without, gain, _ = leave_one_out(space, scores, effect)
+        own = without.own(effect, gain)
         others = tuple(other for j, other in enumerate(out) if j != i)
         rivals = [
             score for score in candidates(without, others) if not one_order(space, score.effect, effect)
         ]
-        best = max(rivals, key=lambda score: evidence(score, without), default=None)
-        if best is not None and evidence(best, without) > own + _SWAP_MARGIN:
+        best = max(rivals, key=lambda score: score.evidence, default=None)
+        if best is not None and best.evidence > own + _SWAP_MARGIN:
             out[i] = best.effect
     return tuple(out)

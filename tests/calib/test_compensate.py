@@ -147,7 +147,9 @@ def test_four_iterations_are_enough_for_98_percent(seed: int) -> None:
     model, estimate = real_robot(seed)
     targets = random_targets(1000, seed)
     done = correct(model, estimate, targets, STATED, most_iterations=4, limits=WIDE)
-    fit = least_singular_value(ROBOT, targets, np.zeros(3)) > 0.008  # wrist 2.6 deg, elbow 4 deg from singular
+    fit = (
+        least_singular_value(ROBOT, targets, np.zeros(3)) > 0.008
+    )  # wrist 2.6 deg, elbow 4 deg from singular
     assert np.mean(fit) > 0.85
     assert np.mean(done.landed[fit] < 1e-6) >= 0.98
     assert np.mean(correct(model, estimate, targets[fit], STATED, limits=WIDE).good) > 0.98
@@ -176,7 +178,9 @@ def test_a_perfect_robot_needs_no_correction() -> None:
 
 def test_the_instrument_is_not_corrected_for() -> None:
     model, estimate = real_robot(3)
-    still = np.array([0.0 if p.name.startswith("drift") else x for p, x in zip(model.parameters, estimate, strict=True)])
+    still = np.array(
+        [0.0 if p.name.startswith("drift") else x for p, x in zip(model.parameters, estimate, strict=True)]
+    )
     assert not np.array_equal(still, estimate)
     targets = random_targets(40, 3)
     one, other = (correct(model, e, targets, STATED) for e in (estimate, still))
@@ -189,8 +193,13 @@ def test_a_condition_that_the_model_needs_must_be_stated() -> None:
     model, estimate = real_robot(3)
     with pytest.raises(DataError, match=r"thermal_growth\.expansion"):
         correct(model, estimate, random_targets(3, 0), StatedConditions())
-    assert correct(model.without("thermal_growth"), np.delete(estimate, model.index["thermal_growth.expansion"]),
-                   random_targets(3, 0), StatedConditions(), limits=WIDE).good.any()
+    assert correct(
+        model.without("thermal_growth"),
+        np.delete(estimate, model.index["thermal_growth.expansion"]),
+        random_targets(3, 0),
+        StatedConditions(),
+        limits=WIDE,
+    ).good.any()
 
 
 def test_the_side_of_approach_decides() -> None:
@@ -277,7 +286,9 @@ def test_a_free_world_corrects_relative_to_its_own_base() -> None:
     placement = chain(ROBOT, np.zeros(6), {"base.x": 900.0, "base.rz": 1.0}).real
     free = RobotModel(ROBOT, model.effects, model.targets, {"main": placement}, model.station)
     np.testing.assert_allclose(
-        correct(free, estimate, targets, STATED).joints, correct(model, at_home, targets, STATED).joints, atol=1e-12
+        correct(free, estimate, targets, STATED).joints,
+        correct(model, at_home, targets, STATED).joints,
+        atol=1e-12,
     )
 
 

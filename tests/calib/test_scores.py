@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from calib.dataset import Dataset
 from calib.diagnose import select
-from calib.diagnose.evidence import ebic_gain, p_value
+from calib.diagnose.evidence import evidence_of, p_value
 from calib.diagnose.scan import HarmonicScores, Scores, StepScores
 from calib.diagnose.select import leave_one_out, refit
 from calib.diagnose.space import Space
@@ -273,9 +273,26 @@ def test_evidence_counts_its_tries() -> None:
     assert p_value(0.0, 2, 300.0, 500, 1) == 1.0
     assert p_value(30.0, 0, 300.0, 500, 1) == 1.0
     assert p_value(30.0, 3, 300.0, 3, 1) == 1.0
-    assert ebic_gain(30.0, 2, 300.0, 600, 1000) == pytest.approx(
-        600.0 * np.log(300.0 / 270.0) - 2.0 * np.log(600.0) - 2.0 * np.log(1000.0)
+    assert evidence_of(30.0, 11.0, 300.0, 600, 1000) == pytest.approx(
+        600.0 * np.log(300.0 / 270.0) - 11.0 - 2.0 * np.log(1000.0)
     )
+
+
+def test_evidence_of_an_effect_is_the_same_inside_and_outside_the_model(
+    complete: tuple[Dataset, Identification],
+) -> None:
+    """What an effect of the model would score if it were taken out is what its covariance says it scores."""
+    data, fitted = complete
+    effect = periodic(2, 7.0)
+    outside = library(fitted, Space.of(fitted))
+    index = next(i for i, f in enumerate(outside.families) if f.label == "periodic:j2")
+    place = outside.families[index].place_of(effect)
+    gain, freedom = outside.gains(index)
+    before = outside.at(index, place, float(gain[place]), int(freedom[place]))
+    whole = refit(data, fitted, (effect,))
+    scores = library(whole, Space.of(whole))
+    without, own_gain, _ = leave_one_out(Space.of(whole), scores, effect)
+    assert without.own(effect, own_gain) == pytest.approx(before.evidence, abs=0.5)
 
 
 def test_the_chance_of_a_claim_is_that_of_the_f_test(tmp_path: Path) -> None:
