@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json as json_module
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -18,14 +19,14 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition import ScaledClock, pausing_on_interrupt, read_status
-from acquisition.loop import LoopEnded, LoopResult, Rig, close_loop
+from acquisition import ScaledClock, pausing_on_interrupt, read_status, rehearsal
+from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop
 from calib.dataset import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.errors import DataError
 from calib.files import replace_file
 from calib.model_file import save_model
-from service import documents, exit_codes, rehearsal, tables, wording
+from service import documents, exit_codes, tables, wording
 from service.commands import options
 from service.commands.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
@@ -34,7 +35,7 @@ from service.progress import Progress
 from service.simulated_cell import simulated_cell
 from service.terminal import Terminal
 
-SIMULATION_TIMEOUT_S = 120.0
+SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 
 def demo(
@@ -47,7 +48,9 @@ def demo(
     ] = rehearsal.TIME_SCALE,
     effect: Annotated[
         str | None,
-        typer.Option(metavar="LABEL", help="Hide this effect, e.g. backlash:j4, instead of one from the seed."),
+        typer.Option(
+            metavar="LABEL", help="Hide this effect, e.g. backlash:j4, instead of one from the seed."
+        ),
     ] = None,
     in_memory: Annotated[
         bool, typer.Option("--in-memory", help="No devices, no correction: diagnose a simulated data set.")
@@ -71,7 +74,7 @@ def _on_the_cell(
     cell, campaign = rehearsal.write_files(out, seed, effect, time_scale)
     terminal.say("starting the simulated cell: an ABB IRB 120 and a FARO ION")
     with simulated_cell(cell) as simulated, rehearsal.wire_logs(out) as wire:
-        rig = Rig(
+        equipment = Equipment(
             cell,
             rehearsal.open_wired(cell, simulated.ports, wire),
             ScaledClock(time_scale),
@@ -80,13 +83,13 @@ def _on_the_cell(
             listen=lambda run: Progress(run, terminal),
         )
         try:
-            result = close_loop(rig, campaign, out, say=terminal.say)
+            result = close_loop(equipment, campaign, out, say=terminal.say)
         except LoopEnded as ended:
             terminal.rest()
             error = ended.outcome.error
             terminal.note(f"truepose: the demo ended early. {ended if error is None else error.what_to_do}")
             raise typer.Exit(ended.outcome.exit_code) from ended
-        hidden = rehearsal.reveal(simulated.ports["backdoor"])
+        hidden = _truth(simulated.ports["backdoor"])
     document = _write(result, out, terminal)
     terminal.rest()
     _show(result, hidden, terminal)
@@ -128,10 +131,19 @@ def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) 
         terminal.out.print(tables.effects(diagnosis.effects))
     for found in diagnosis.effects:
         terminal.out.print(f"Your model lacked: {wording.sentence_of(found)}")
-    scope = verification.scope_in_words(verified).rstrip(".")
-    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), scope))
+    holdout = diagnosis.dataset.header.holdout
+    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), holdout))
+    terminal.out.print(f"On the robot: {verification.scope_in_words(verified)}")
     terminal.out.print(verification.floor_in_words(verified))
     _reveal(hidden, diagnosis, terminal)
+
+
+def _truth(port: int) -> list[dict[str, Any]]:
+    """The effects that the simulated cell hides, from its back door. Raises OSError."""
+    with socket.create_connection(("127.0.0.1", port), timeout=BACK_DOOR_TIMEOUT_S) as link:
+        link.sendall(b'{"do": "truth"}\n')
+        with link.makefile("rb") as answers:
+            return json_module.loads(answers.readline())["effects"]
 
 
 def _reveal(hidden: list[dict[str, Any]], diagnosis: Diagnosis, terminal: Terminal) -> None:

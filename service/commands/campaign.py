@@ -1,0 +1,146 @@
+"""`truepose campaign`: measure, go on after a pause, look, export. The record in DIR is the state."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import acquisition
+from acquisition import Outcome, Run, RunStatus, pausing_on_interrupt, read_campaign, read_cell, read_status
+from calib.dataset import read_dataset
+from calib.errors import DataError
+from drivers.errors import AcquisitionError, ConfigError, NoOperator
+from service import documents, exit_codes
+from service.commands import options
+from service.files import STANDARD_OUTPUT, write_json
+from service.plain import finite
+from service.progress import Progress, terminal_operator
+from service.simulated_cell import simulated_cell
+from service.terminal import Terminal
+
+app = typer.Typer(help="Measure with a robot and an instrument; the record survives everything.")
+
+Simulate = Annotated[
+    bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
+]
+Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
+
+
+@app.command("run")
+def run_command(
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="What to measure.")],
+    record: Annotated[
+        Path, typer.Option("--record", metavar="DIR", help="New folder for the durable record.")
+    ],
+    simulate: Simulate = False,
+    json: options.Json = None,
+) -> None:
+    """Measure a campaign: every pose is checked before the first motion."""
+    options.refuse_missing_folders(json)
+    the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
+    with Run.create(record, the_cell, the_campaign, simulated=simulate) as run:
+        _execute(run, record, json, simulate=simulate)
+
+
+@app.command("resume")
+def resume_command(record: Record, simulate: Simulate = False, json: options.Json = None) -> None:
+    """Go on with a campaign after a pause, a stop, a crash or a power cut."""
+    options.refuse_missing_folders(json)
+    was_simulated = read_status(record).simulated
+    if was_simulated != simulate:
+        made = "on simulated devices" if was_simulated else "on real devices"
+        do = "Add --simulate." if was_simulated else "Leave --simulate out, or start a new record."
+        raise ConfigError(f"{record}: was measured {made}; both do not belong into one record", what_to_do=do)
+    with Run.open(record) as run:
+        if run.status().state != "ready":  # one that never began needs no permission to go on
+            run.resume(by="terminal")
+        _execute(run, record, json, simulate=simulate)
+
+
+@app.command("status")
+def status_command(record: Record, json: options.Json = None) -> None:
+    """Show how far a campaign is, also while another program runs it."""
+    options.refuse_missing_folders(json)
+    status = read_status(record)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(in_words(status))
+    write_json(_document(record, status), json)
+
+
+@app.command("export")
+def export_command(
+    record: Record,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
+    ],
+    json: options.Json = None,
+) -> None:
+    """Write the readings of a record as a data set, finished or not."""
+    if out.suffix != ".csv":
+        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    options.refuse_missing_folders(out, json)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        dataset = read_dataset(acquisition.export(record, out))
+        terminal.rest()
+        terminal.out.print(f"{out}: {len(dataset)} readings.")
+    write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
+
+
+def _execute(run: Run, record: Path, json: str | None, *, simulate: bool) -> None:
+    """Execute to the end, a pause or a stop, and leave with the contract's exit code."""
+    with ExitStack() as stack:
+        terminal = stack.enter_context(Terminal(quiet=json == STANDARD_OUTPUT))
+        progress = Progress(run, terminal)
+        operator = stack.enter_context(terminal_operator())
+        if simulate:
+            terminal.say("starting the simulators of the cell")
+            devices = stack.enter_context(simulated_cell(run.cell)).open(run.cell, operator)
+        else:
+            devices = acquisition.open_devices(run.cell, operator=operator)
+        stack.enter_context(pausing_on_interrupt(run))
+        outcome = run.execute(devices, on_event=progress)
+        terminal.rest()
+        status = run.status()
+        terminal.out.print(in_words(status))
+        if outcome.error is not None:
+            terminal.note(_complaint(outcome.error, progress.prompt))
+        if status.state in ("paused", "stopped"):
+            terminal.note(f"Go on with: truepose campaign resume {record}{' --simulate' if simulate else ''}")
+        elif status.done > status.skipped:
+            terminal.note(f"Next: truepose campaign export {record} OUT.csv")
+    write_json(_document(record, status, outcome), json)
+    if outcome.exit_code != exit_codes.DONE:
+        raise typer.Exit(outcome.exit_code)
+
+
+def _complaint(error: AcquisitionError, prompt: str | None) -> str:
+    if isinstance(error, NoOperator) and prompt:
+        return f"truepose: needs an operator: {prompt} {error.what_to_do}"
+    return f"truepose: {error.message}. {error.what_to_do}"
+
+
+def in_words(status: RunStatus) -> str:
+    """One line for people."""
+    parts = [f"{status.name}: {status.state.replace('_', ' ')}", f"{status.done} of {status.total} readings"]
+    if status.skipped:
+        parts.append(f"{status.skipped} of them skipped")
+    if status.simulated:
+        parts.append("SIMULATED")
+    if status.prompt is not None:
+        parts.append(f"asks: {status.prompt['text']}")
+    elif status.reason:
+        parts.append(status.reason)
+    return ", ".join(parts)
+
+
+def _document(record: Path, status: RunStatus, outcome: Outcome | None = None) -> dict[str, Any]:
+    document = {"format": "truepose-run/1", "record": str(record), **finite(status.as_dict())}
+    if outcome is not None:
+        error = outcome.error
+        document |= {"exit_code": outcome.exit_code, "error": None if error is None else error.as_dict()}
+    return document

@@ -1,0 +1,39 @@
+"""`truepose mock`: simulated devices on their real wire protocols, until a signal ends them."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from service.simulated_cell import command_of
+
+
+def mock(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="abb, faro, ..., or 'cell'.")],
+    cell: Annotated[
+        Path | None, typer.Argument(metavar="[CELL.toml]", help="All devices of this cell, for 'cell'.")
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device; 0: a free one.")] = 0,
+) -> None:
+    """Simulate devices; prints one JSON line per endpoint, then serves until SIGTERM or SIGINT."""
+    arguments = [name, *([] if cell is None else [str(cell)]), "--port", str(port)]
+    # In a session of its own, so that Ctrl-C reaches it once, through us.
+    with subprocess.Popen(command_of(*arguments), start_new_session=True) as child:
+
+        def forward(number: int, frame: FrameType | None) -> None:
+            with contextlib.suppress(ProcessLookupError):
+                child.send_signal(number)
+
+        before = {number: signal.signal(number, forward) for number in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            code = child.wait()
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+    raise typer.Exit(code)

@@ -1,0 +1,46 @@
+"""The application: what answers under which path. Nothing moves because it starts."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+import anyio.to_thread
+from fastapi import FastAPI
+
+from service.http import cell_routes, data_routes, job_routes, problems, prompt_routes, run_routes
+from service.http.gate import Gate
+from service.http.openapi import describe
+from service.http.settings import Settings
+from service.http.state import Service
+
+PREFIX = "/api/v1"
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The service of one record directory."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.service = service = Service(settings)
+        try:
+            yield
+        finally:
+            await anyio.to_thread.run_sync(service.close)
+
+    app = FastAPI(
+        title="TruePose",
+        version=version("truepose"),
+        description="Measure a robot, name what its model lacks. Not a safety function: the emergency stop is "
+        "hardware.",
+        docs_url=None,  # the usual pages load their scripts from elsewhere, and a cell has no internet
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    for routes in (cell_routes, run_routes, prompt_routes, data_routes, job_routes):
+        app.include_router(routes.router, prefix=PREFIX)
+    problems.install(app)
+    app.add_middleware(Gate, settings=settings)
+    describe(app)
+    return app

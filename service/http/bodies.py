@@ -1,0 +1,189 @@
+"""What may be sent and what comes back, as OpenAPI tells it.
+
+Requests are strict: `dry_run` is a boolean and nothing that resembles one, because it decides whether a robot
+moves. Fields that are not given are left out rather than null, which client generators handle best.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Name = Annotated[str, Field(max_length=200)]
+
+
+class Body(BaseModel):
+    """A request."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class NewRun(Body):
+    """One of `campaign` and `campaign_id`. `dry_run` true: everything is checked and nothing moves."""
+
+    campaign: dict[str, Any] = Field(default_factory=dict, description="As in campaign.toml.")
+    campaign_id: Name = ""
+    dry_run: bool = True
+    name: Name = ""
+
+    @model_validator(mode="after")
+    def _one_campaign(self) -> NewRun:
+        if bool(self.campaign) == bool(self.campaign_id):
+            raise ValueError("give either campaign or campaign_id")
+        return self
+
+
+class NewCampaign(Body):
+    """A campaign to be kept."""
+
+    campaign: dict[str, Any] = Field(min_length=1, description="As in campaign.toml.")
+    name: Name = ""
+
+
+class TakeLease(Body):
+    """`seconds` until the lease expires unless this is sent again."""
+
+    holder: Annotated[str, Field(min_length=1, max_length=200)]
+    seconds: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False, strict=False)] = 30.0
+
+
+class OfDataset(Body):
+    """Readings to work on."""
+
+    dataset_id: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class Answered(BaseModel):
+    """A response; members may be added in time."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class PromptShown(Answered):
+    """A question to a person; `expects`: the answers that can be given."""
+
+    id: str
+    text: str
+    picture: str | None
+    expects: list[str]
+
+
+class RunShown(Answered):
+    """A run. `version` grows with everything that happens to it."""
+
+    id: str
+    name: str
+    state: str
+    state_code: int
+    reason: str
+    version: int
+    done: int
+    total: int
+    skipped: int
+    prompt: PromptShown | None
+    last_reading: dict[str, Any] | None
+    seconds_left: float | None
+    simulated: bool
+    dry_run: bool
+    error: dict[str, Any] | None
+
+
+class LeaseShown(Answered):
+    """The motion lease; `lease_id` is only told to its holder."""
+
+    holder: str
+    expires_utc: str
+    seconds: float
+    lease_id: str = ""
+
+
+class CellShown(Answered):
+    """The cell of this service."""
+
+    name: str
+    robot: str
+    robot_driver: str
+    instrument: str
+    instrument_driver: str
+    targets: list[str]
+    nests: list[str]
+    simulated: bool
+    run_id: str | None
+    lease: LeaseShown | None
+
+
+class CampaignShown(Answered):
+    """A campaign that was kept."""
+
+    id: str
+    name: str
+    created_utc: str
+    campaign: dict[str, Any]
+
+
+class DatasetShown(Answered):
+    """A data set; `fit` and `validation`: how many readings take part in which."""
+
+    id: str
+    name: str
+    created_utc: str
+    run_id: str | None
+    simulated: bool
+    sha256: str
+    robot: str
+    instrument: str
+    readings: int
+    fit: int
+    validation: int
+
+
+class JobShown(Answered):
+    """An identification or a diagnosis; `result` once it has succeeded, `problem` once it has failed."""
+
+    id: str
+    kind: str
+    dataset_id: str
+    created_utc: str
+    state: str
+    state_code: int
+    version: int
+    result: dict[str, Any] | None
+    problem: dict[str, Any] | None
+    report: str | None
+
+
+class Health(Answered):
+    """The service answers."""
+
+    status: str
+    version: str
+    simulated: bool
+
+
+class Runs(Answered):
+    runs: list[RunShown]
+
+
+class Prompts(Answered):
+    prompts: list[PromptShown]
+
+
+class Campaigns(Answered):
+    campaigns: list[CampaignShown]
+
+
+class Datasets(Answered):
+    datasets: list[DatasetShown]
+
+
+class ProblemShown(Answered):
+    """RFC 9457, with a sentence on what happened and one on what to do."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    code: int
+    operator_text: str
+    what_to_do: str

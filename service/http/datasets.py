@@ -1,0 +1,108 @@
+"""Data sets: uploaded, or exported from a run; `RECORD/datasets/ID/data.csv`, `data.toml`, `about.json`.
+
+A data set is read before it is kept, so everything under `datasets/` can be worked with.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import time
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import acquisition
+from acquisition import read_status
+from calib.dataset import read_dataset
+from calib.errors import DataError
+from calib.files import replace_file
+from service import documents
+from service.files import as_json
+from service.http.names import new_id, safe_id
+from service.http.problems import not_found
+from service.plain import utc_text
+
+CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"
+
+
+class Datasets:
+    """The data sets of one record directory."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def upload(self, table: bytes, header: bytes, name: str) -> dict[str, Any]:
+        """Keep a data set. Raises DataError naming line or key."""
+        _refuse_paths(header)
+
+        def write(folder: Path) -> None:
+            (folder / CSV).write_bytes(table)
+            (folder / TOML).write_bytes(header)
+
+        return self._keep(write, name or "upload", run_id=None, simulated=False)
+
+    def export(self, record: Path, run_id: str) -> dict[str, Any]:
+        """The readings of a run up to now. Raises RecordError where there are none."""
+        status = read_status(record)
+        return self._keep(
+            lambda folder: acquisition.export(record, folder / CSV),
+            status.name,
+            run_id=run_id,
+            simulated=status.simulated,
+        )
+
+    def _keep(
+        self, write: Callable[[Path], object], name: str, *, run_id: str | None, simulated: bool
+    ) -> dict[str, Any]:
+        own = new_id()
+        coming = self._folder / f".{own}"  # not yet a data set; ids do not begin with a dot
+        coming.mkdir()
+        try:
+            write(coming)
+            try:
+                about = documents.data_of(read_dataset(coming / CSV))
+            except (csv.Error, RecursionError) as error:
+                raise DataError(f"cannot be read ({error}).", do="Mend the file.", file=CSV) from error
+            document = {
+                **about,
+                "id": own,
+                "name": name,
+                "created_utc": utc_text(time.time()),
+                "run_id": run_id,
+                "simulated": simulated,
+            }
+            replace_file(coming / ABOUT, as_json(document))
+            coming.rename(self._folder / own)
+        except BaseException:
+            shutil.rmtree(coming, ignore_errors=True)
+            raise
+        return document
+
+    def get(self, name: str) -> dict[str, Any]:
+        """Raises Problem 404."""
+        return json.loads((self.path(name) / ABOUT).read_text(encoding="utf-8"))
+
+    def path(self, name: str) -> Path:
+        """The folder of a data set. Raises Problem 404."""
+        if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
+            raise not_found("dataset", name)
+        return self._folder / name
+
+    def all(self) -> list[dict[str, Any]]:
+        """Newest first."""
+        names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
+        return [self.get(name) for name in names]
+
+
+def _refuse_paths(header: bytes) -> None:
+    """A robot given as a path would be looked for among the server's files; built-in ones have names."""
+    try:
+        robot = tomllib.loads(header.decode("utf-8")).get("robot", "")
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DataError(f"is not valid TOML ({error}).", do="Correct the file.", file=TOML) from error
+    if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
+        raise DataError("names a file of the server.", do="Name a built-in robot.", file=TOML, key="robot")

@@ -1,0 +1,133 @@
+"""`Idempotency-Key`: the same request sent twice does its work once.
+
+Every key is written to a journal before the work and again, with the answer, after it; both are synced. A key
+whose work was begun by a program that ended is refused, because nobody knows how far the work had come: a
+robot is never moved a second time on a guess.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fastapi.responses import JSONResponse
+
+from calib.errors import DataError
+from drivers.errors import AcquisitionError
+from service.http.problems import Problem
+
+JOURNAL = "idempotency.jsonl"
+
+
+@dataclass
+class _Entry:
+    fingerprint: str
+    reply: dict[str, Any] | None = None
+    done: threading.Event = field(default_factory=threading.Event)
+
+
+def reply(status: int, content: dict[str, Any], *, location: str = "", retry_after: int = 0) -> JSONResponse:
+    """A response with the headers that resources of this service have."""
+    headers = {"Location": location} if location else {}
+    if retry_after:
+        headers["Retry-After"] = str(retry_after)
+    return JSONResponse(content, status, headers)
+
+
+def fingerprint(path: str, *parts: object) -> str:
+    """Of a request: where it goes and what it says."""
+    text = json.dumps([path, *parts], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+class Keys:
+    """The keys of one record directory. Thread-safe."""
+
+    def __init__(self, folder: Path) -> None:
+        self._mutex = threading.Lock()
+        self._entries: dict[str, _Entry] = {}
+        path = folder / JOURNAL
+        if path.is_file():
+            for line in path.read_bytes().splitlines():
+                self._read(line)
+        self._journal = path.open("ab")
+        if self._journal.tell():
+            self._journal.write(b"\n")  # ends a line that was cut off; empty lines are passed over
+
+    def _read(self, line: bytes) -> None:
+        try:
+            told = json.loads(line)
+        except ValueError:
+            return  # the last line of a program that was killed while it wrote
+        if told["what"] == "freed":
+            self._entries.pop(told["key"], None)
+            return
+        entry = _Entry(told["fingerprint"], told.get("reply"))
+        entry.done.set()
+        self._entries[told["key"]] = entry
+
+    def once(self, key: str, request: str, work: Callable[[], JSONResponse]) -> JSONResponse:
+        """The answer of `work`, done at most once for a key; without a key, done. Raises Problem."""
+        if not key:
+            return work()
+        with self._mutex:
+            entry = self._entries.get(key)
+            mine = entry is None
+            if entry is None:
+                entry = self._entries[key] = _Entry(request)
+                self._write(what="begun", key=key, fingerprint=request)
+        if mine:
+            return self._work(key, entry, work)
+        if entry.fingerprint != request:
+            raise Problem(
+                422,
+                "This Idempotency-Key belongs to another request.",
+                "Use a new key for a new request, and the same key only to repeat the same one.",
+                code=8106,
+            )
+        entry.done.wait()
+        if entry.reply is None:
+            raise Problem(
+                409,
+                "This request was begun and its outcome is not known.",
+                "Look at what there is (GET), then ask again with a new key if it is still wanted.",
+                code=8107,
+            )
+        told = entry.reply
+        return JSONResponse(told["content"], told["status"], {**told["headers"], "Idempotent-Replay": "true"})
+
+    def _work(self, key: str, entry: _Entry, work: Callable[[], JSONResponse]) -> JSONResponse:
+        try:
+            answer = work()
+            names = ("location", "retry-after")
+            told = {
+                "status": answer.status_code,
+                "headers": {name: answer.headers[name] for name in names if name in answer.headers},
+                "content": json.loads(bytes(answer.body)),
+            }
+            with self._mutex:
+                entry.reply = told
+                self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=told)
+        except (Problem, AcquisitionError, DataError):
+            # Refused: nothing was made, so a corrected request may use the key again.
+            with self._mutex:
+                self._entries.pop(key)
+                self._write(what="freed", key=key)
+            raise
+        finally:
+            entry.done.set()
+        return answer
+
+    def _write(self, **told: Any) -> None:
+        self._journal.write(json.dumps(told).encode() + b"\n")
+        self._journal.flush()
+        os.fsync(self._journal.fileno())
+
+    def close(self) -> None:
+        self._journal.close()

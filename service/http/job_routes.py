@@ -1,0 +1,76 @@
+"""Identifications, diagnoses and their reports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import HTMLResponse, JSONResponse
+
+from service.http.bodies import JobShown, OfDataset
+from service.http.datasets import CSV
+from service.http.headers import After, IdempotencyKey, Wait
+from service.http.idempotency import fingerprint, reply
+from service.http.state import Here, Service
+
+router = APIRouter(tags=["results"])
+# A report stands by itself; whatever its data say, a browser runs and loads nothing for it.
+REPORT_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+def _add(here: Service, kind: str, collection: str, body: OfDataset, key: str) -> JSONResponse:
+    def work() -> JSONResponse:
+        dataset = here.datasets.get(body.dataset_id)
+        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV)
+        return reply(202, job, location=f"/api/v1/{collection}/{job['id']}", retry_after=1)
+
+    return here.keys.once(key, fingerprint(collection, body.model_dump()), work)
+
+
+async def _get(here: Service, kind: str, name: str, wait: int, after: int) -> dict[str, Any]:
+    document = await here.waiting(lambda: here.jobs.document(kind, name))
+    if wait and document["version"] <= after and document["state"] not in ("succeeded", "failed"):
+        await here.changed(lambda seconds: here.jobs.wait(kind, name, after, seconds) > after, wait)
+        document = await here.waiting(lambda: here.jobs.document(kind, name))
+    return document
+
+
+@router.post(
+    "/identifications", operation_id="createIdentification", status_code=202, response_model=JobShown
+)
+def create_identification(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Identify the robot of a data set."""
+    return _add(here, "identification", "identifications", body, idempotency_key)
+
+
+@router.get("/identifications/{job_id}", operation_id="getIdentification", response_model=JobShown)
+async def get_identification(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """An identification; with `wait`, as soon as its version is beyond `after`."""
+    return await _get(here, "identification", job_id, wait, after)
+
+
+@router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=JobShown)
+def create_diagnosis(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Identify the robot of a data set and find what its model lacks."""
+    return _add(here, "diagnosis", "diagnoses", body, idempotency_key)
+
+
+@router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=JobShown)
+async def get_diagnosis(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A diagnosis; with `wait`, as soon as its version is beyond `after`."""
+    return await _get(here, "diagnosis", job_id, wait, after)
+
+
+@router.get("/models/{job_id}", operation_id="getModel")
+def get_model(here: Here, job_id: str) -> dict[str, Any]:
+    """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
+    return here.jobs.model(job_id)
+
+
+@router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
+def get_report(here: Here, job_id: str) -> HTMLResponse:
+    """The report of an identification or a diagnosis: one HTML page that loads nothing."""
+    return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)

@@ -1,0 +1,172 @@
+"""Identifications and diagnoses: worked off one at a time, each in a process of its own.
+
+    RECORD/identifications/ID/, RECORD/diagnoses/ID/: job.json, then result.json + report.html or problem.json
+
+A process, because a fit must not hold up the thread that stops a robot, and because matplotlib is not made for
+threads. The folder is the state: a job without an outcome that nobody works on was cut off.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from acquisition import State
+from calib.files import replace_file
+from service.files import as_json
+from service.http import problems
+from service.http.names import new_id, safe_id
+from service.http.problems import Problem, not_found
+from service.plain import utc_text
+from service.worker import JOB, MODEL, PROBLEM, REPORT, RESULT
+
+JOB_TIMEOUT_S = 900.0
+MOST_WAITING = 50
+_FOLDERS = {"identification": "identifications", "diagnosis": "diagnoses"}
+
+
+class Jobs:
+    """The jobs of one record directory. Thread-safe."""
+
+    def __init__(self, record: Path) -> None:
+        self._record = record
+        self._queue: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
+        self._changed = threading.Condition()
+        self._waiting: set[Path] = set()
+        self._current: Path | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
+        for folder in _FOLDERS.values():
+            (record / folder).mkdir(parents=True, exist_ok=True)
+        self._thread = threading.Thread(target=self._work, name="jobs")
+        self._thread.start()
+
+    def add(self, kind: str, dataset: dict[str, Any], data: Path) -> dict[str, Any]:
+        """Put a job in the queue; its document. Raises Problem 503 when too many wait."""
+        own = new_id()
+        folder = self._record / _FOLDERS[kind] / own
+        job = {
+            "id": own,
+            "kind": kind,
+            "dataset_id": dataset["id"],
+            "created_utc": utc_text(time.time()),
+            "data": str(data),
+            "simulated": dataset["simulated"],
+        }
+        with self._changed:
+            if len(self._waiting) >= MOST_WAITING:
+                raise Problem(503, "Too many jobs are waiting.", "Ask again when some are done.")
+            self._waiting.add(folder)
+        folder.mkdir()
+        replace_file(folder / JOB, as_json(job))
+        self._queue.put(folder)
+        return self.document(kind, own)
+
+    def document(self, kind: str, name: str) -> dict[str, Any]:
+        """The state of a job. Raises Problem 404."""
+        folder = self._record / _FOLDERS[kind] / name
+        if not safe_id(name) or not (folder / JOB).is_file():
+            raise not_found(kind, name)
+        job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+        with self._changed:
+            waiting, current = folder in self._waiting, folder == self._current
+        result = problem = None
+        if waiting:
+            state, version = State.READY, 1
+        elif current:
+            state, version = State.RUNNING, 2
+        elif (folder / RESULT).is_file():
+            state, version = State.SUCCEEDED, 3
+            result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        else:
+            state, version = State.FAILED, 3
+            problem = self._problem(folder)
+        return {key: job[key] for key in ("id", "kind", "dataset_id", "created_utc")} | {
+            "state": state.value,
+            "state_code": state.code,
+            "version": version,
+            "result": result,
+            "problem": problem,
+            "report": f"/api/v1/reports/{name}" if result is not None else None,
+        }
+
+    def _problem(self, folder: Path) -> dict[str, Any]:
+        if (folder / PROBLEM).is_file():
+            told = json.loads((folder / PROBLEM).read_text(encoding="utf-8"))
+            return problems.document(422, told.pop("text"), told.pop("do"), **told)
+        return problems.document(500, "The work was cut off before its end.", "Ask for it again.")
+
+    def wait(self, kind: str, name: str, after: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds for one beyond `after`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.document(kind, name)["version"] > after, seconds)
+        return self.document(kind, name)["version"]
+
+    def report(self, name: str) -> str:
+        """The HTML of a job's report. Raises Problem 404."""
+        return self._file(name, REPORT, "report")
+
+    def model(self, name: str) -> dict[str, Any]:
+        """The model that a job has found. Raises Problem 404."""
+        return json.loads(self._file(name, MODEL, "model"))
+
+    def _file(self, name: str, file_name: str, what: str) -> str:
+        for folder in _FOLDERS.values():
+            done = self._record / folder / name
+            # The result is written last: with it everything is there.
+            if safe_id(name) and (done / RESULT).is_file():
+                return (done / file_name).read_text(encoding="utf-8")
+        raise Problem(404, f"There is no {what} {name!r} (yet).", "Wait until its diagnosis has succeeded.")
+
+    def _work(self) -> None:
+        while (folder := self._queue.get()) is not None:
+            with self._changed:
+                self._waiting.discard(folder)
+                if self._closed:
+                    continue
+                self._current = folder
+                # Its input stays open as long as we live: when it closes, the guard ends the work.
+                self._process = subprocess.Popen(
+                    [
+                        sys.executable,
+                        "-m",
+                        "service.guard",
+                        sys.executable,
+                        "-m",
+                        "service.worker",
+                        str(folder),
+                    ],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    start_new_session=True,
+                )
+                self._changed.notify_all()
+            self._attend(self._process)
+            with self._changed:
+                self._current = self._process = None
+                self._changed.notify_all()
+
+    def _attend(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None
+        try:
+            process.wait(JOB_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.terminate()
+        finally:
+            process.stdin.close()
+            process.wait()
+
+    def close(self) -> None:
+        """End the work in hand; it can be asked for again."""
+        with self._changed:
+            self._closed = True
+            if self._process is not None:
+                self._process.terminate()
+        self._queue.put(None)
+        self._thread.join()

@@ -1,0 +1,19 @@
+"""Ids of resources: sortable by time, safe as the name of a folder and in a URL."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from datetime import UTC, datetime
+
+_SAFE = re.compile(r"[0-9A-Za-z][0-9A-Za-z-]{0,63}")
+
+
+def new_id() -> str:
+    """For instance `20261121-170459-3f9a1c07`."""
+    return f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{secrets.token_hex(4)}"
+
+
+def safe_id(name: str) -> bool:
+    """It cannot lead out of its folder, whatever a client sends."""
+    return _SAFE.fullmatch(name) is not None

@@ -1,0 +1,48 @@
+"""The OpenAPI document: FastAPI's own, with the problems and the token that every route has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from service.http.bodies import ProblemShown
+from service.http.problems import MEDIA_TYPE
+
+
+def describe(app: FastAPI) -> None:
+    """Let `/openapi.json` tell the whole truth."""
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            app.openapi_schema = _document(app)
+        return app.openapi_schema
+
+    app.openapi = openapi
+
+
+def _document(app: FastAPI) -> dict[str, Any]:
+    document = get_openapi(
+        title=app.title, version=app.version, description=app.description, routes=app.routes
+    )
+    parts = document.setdefault("components", {})
+    schemas = parts.setdefault("schemas", {})
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    schemas["Problem"] = ProblemShown.model_json_schema()
+    parts["responses"] = {
+        "Problem": {
+            "description": "What went wrong, and what to do.",
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+    }
+    parts["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+    document["security"] = [{"token": []}]
+    for path, item in document["paths"].items():
+        for operation in item.values():
+            operation["responses"].pop("422", None)  # FastAPI's own form, which is never sent
+            operation["responses"]["default"] = {"$ref": "#/components/responses/Problem"}
+            if path.endswith("/health"):
+                operation["security"] = []
+    return document

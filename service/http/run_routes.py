@@ -1,0 +1,114 @@
+"""Runs: made, looked at, paused, resumed, stopped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from service.http.bodies import DatasetShown, NewRun, Runs, RunShown
+from service.http.campaigns import campaign_of
+from service.http.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.idempotency import fingerprint, reply
+from service.http.state import Here, Service
+
+router = APIRouter(tags=["runs"])
+RUNS = "/api/v1/runs"
+FINAL = ("succeeded", "failed")
+
+
+def accepted(here: Service, run_id: str, **more: Any) -> JSONResponse:
+    """202 with the run as it is now, and where to look."""
+    document = here.book.document(run_id) | more
+    return reply(202, document, location=f"{RUNS}/{run_id}", retry_after=1)
+
+
+@router.post("/runs", operation_id="createRun", status_code=202, response_model=RunShown)
+def create_run(
+    here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Check a campaign (`dry_run`, the default), or measure it: that moves the robot and needs the lease."""
+
+    def work() -> JSONResponse:
+        cell = here.cell
+        table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        if body.dry_run:
+            return accepted(here, here.book.check(cell, campaign_of(table), body.name))
+        with here.permission_to_move(lease_id):
+            here.book.refuse_busy()
+            run_id = here.book.start(cell, campaign_of(table), body.name)
+        return accepted(here, run_id)
+
+    return here.keys.once(idempotency_key, fingerprint(RUNS, body.model_dump()), work)
+
+
+@router.get("/runs", operation_id="listRuns", response_model=Runs)
+def list_runs(here: Here) -> dict[str, Any]:
+    """Every run, newest first."""
+    return {"runs": here.book.documents()}
+
+
+@router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
+async def get_run(here: Here, run_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+    document = await here.waiting(lambda: here.book.document(run_id))
+    if wait and document["version"] <= after and document["state"] not in FINAL and not document["dry_run"]:
+        run = await here.waiting(lambda: here.book.get(run_id))
+        await here.changed(lambda seconds: run.wait(after, seconds) > after, wait)
+        document = await here.waiting(lambda: here.book.document(run_id))
+    return document
+
+
+@router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunShown)
+async def pause_run(here: Here, run_id: str) -> JSONResponse:
+    """The run ends after the reading in hand; it can be resumed."""
+
+    def work() -> JSONResponse:
+        here.book.pause(run_id, by=_who(here))
+        return accepted(here, run_id)
+
+    return await here.urgent(work)
+
+
+@router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
+def resume_run(
+    here: Here, run_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Go on; the robot moves, so this needs the lease."""
+
+    def work() -> JSONResponse:
+        here.book.path(run_id)
+        with here.permission_to_move(lease_id) as holder:
+            here.book.resume(run_id, holder, here.cell)
+        return accepted(here, run_id)
+
+    return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/resume"), work)
+
+
+@router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunShown)
+async def stop_run(here: Here, run_id: str) -> JSONResponse:
+    """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped."""
+
+    def work() -> JSONResponse:
+        problems = here.book.get(run_id).stop(by=_who(here))
+        return accepted(here, run_id, problems=[problem.as_dict() for problem in problems])
+
+    return await here.urgent(work)
+
+
+@router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
+def export_run(here: Here, run_id: str, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """The readings up to now as a data set."""
+
+    def work() -> JSONResponse:
+        here.book.get(run_id)  # a dry run has none
+        dataset = here.datasets.export(here.book.path(run_id), run_id)
+        return reply(201, dataset, location=f"/api/v1/datasets/{dataset['id']}")
+
+    return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/dataset"), work)
+
+
+def _who(here: Service) -> str:
+    held = here.lease.current
+    return "http" if held is None else f"http ({held.holder} holds the lease)"

@@ -1,0 +1,23 @@
+"""What the service was started with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition import Cell
+from service.simulated_cell import SimulatedDevices
+
+UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`record`: the folder that holds everything. `simulated` None: the real devices of `cell`."""
+
+    record: Path
+    token: str = field(repr=False)
+    cell: Cell | None = None
+    simulated: SimulatedDevices | None = None
+    host: str = "127.0.0.1"
+    upload_bytes: int = UPLOAD_BYTES

@@ -1,0 +1,94 @@
+"""What one running service holds, made when it starts and given up when it ends; lives in `app.state`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, TypeVar
+
+import anyio
+import anyio.to_thread
+from fastapi import Depends, Request
+
+from acquisition import Cell, Devices, open_devices
+from service.http.book import Book
+from service.http.campaigns import Shelf
+from service.http.datasets import Datasets
+from service.http.idempotency import Keys
+from service.http.jobs import Jobs
+from service.http.lease import Lease
+from service.http.problems import Problem
+from service.http.settings import Settings
+
+_T = TypeVar("_T")
+SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of the service, may hold a thread
+WAITERS = 100
+STOPPERS = 4
+
+
+class Service:
+    """The parts of the service. Made within the event loop."""
+
+    def __init__(self, settings: Settings) -> None:
+        record = settings.record
+        record.mkdir(parents=True, exist_ok=True)
+        self.settings = settings
+        self.keys = Keys(record)
+        self.book = Book(record / "runs", self._open_devices, simulated=settings.simulated is not None)
+        self.shelf = Shelf(record / "campaigns")
+        self.datasets = Datasets(record / "datasets")
+        self.jobs = Jobs(record)
+        self.lease = Lease(lambda holder: self.book.stop_all(by=f"lease of {holder} expired"))
+        self.closing = False
+        # Threads of their own: a hundred clients that wait must never keep a stop from being heard.
+        self._waiters = anyio.CapacityLimiter(WAITERS)
+        self._stoppers = anyio.CapacityLimiter(STOPPERS)
+
+    def _open_devices(self, cell: Cell) -> Devices:
+        simulated = self.settings.simulated
+        return open_devices(cell) if simulated is None else simulated.open(cell)
+
+    @property
+    def cell(self) -> Cell:
+        """Raises Problem 404 where the service has none."""
+        if self.settings.cell is None:
+            raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
+        return self.settings.cell
+
+    @contextmanager
+    def permission_to_move(self, lease_id: str) -> Iterator[str]:
+        """For what sets a robot in motion: the holder of the lease. Raises Problem 409 where there is none."""
+        yield self.lease.needed(lease_id)
+        if self.lease.current is None:  # it ran out meanwhile, when there was nothing to be stopped yet
+            self.book.stop_all(by="lease expired")
+
+    async def changed(self, wait: Callable[[float], bool], seconds: float) -> None:
+        """Until `wait(slice)` is true, the service ends, or so many seconds have passed."""
+        end = time.monotonic() + seconds
+        while not self.closing and (left := end - time.monotonic()) > 0.0:
+            if await self.waiting(lambda left=left: wait(min(left, SLICE_S))):
+                return
+
+    async def waiting(self, what: Callable[[], _T]) -> _T:
+        """In a thread of those that may wait."""
+        return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
+
+    async def urgent(self, what: Callable[[], _T]) -> _T:
+        """In a thread that is kept for stopping."""
+        return await anyio.to_thread.run_sync(what, limiter=self._stoppers)
+
+    def close(self) -> None:
+        """Pause what runs, give everything up."""
+        self.closing = True
+        self.lease.close()
+        self.book.close()
+        self.jobs.close()
+        self.keys.close()
+
+
+def _service(request: Request) -> Service:
+    return request.app.state.service
+
+
+Here = Annotated[Service, Depends(_service)]

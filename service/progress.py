@@ -1,0 +1,68 @@
+"""A campaign as it is seen at a terminal: how far, how long still, and what a person is asked."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from acquisition import Event, Run, RunStatus
+from drivers.operator import TerminalOperator
+from service.terminal import Terminal
+
+LINES = 20  # of progress in a log, where nobody wants one a reading
+_TOLD = {
+    "warm_up": "warming up",
+    "reconnect": "connection lost, connecting again",
+    "nests_again": "measuring the nests again",
+    "instrument_moved": "the instrument has moved: the nests give its new place",
+}
+
+
+class Progress:
+    """Hears the events of a run. `prompt`: what was asked last."""
+
+    def __init__(self, run: Run, terminal: Terminal) -> None:
+        self._run, self._terminal = run, terminal
+        self._told = -1
+        self.prompt: str | None = None
+
+    def __call__(self, event: Event) -> None:
+        if event.kind == "prompt":
+            self.prompt = event.data["text"]
+            self._terminal.rest()  # the spinner would write over the question
+        elif event.kind == "answer":
+            self._terminal.begin("measuring")
+        elif event.kind == "connected":
+            if not event.data["can_stop"] and event.data["role"] == "robot":
+                self._terminal.note("This robot cannot be stopped by the program: keep a hand at its button.")
+        elif event.kind in ("reading", "skipped"):
+            self._tell(self._run.status())
+        elif event.kind in _TOLD:
+            self._terminal.say(_TOLD[event.kind])
+
+    def _tell(self, status: RunStatus) -> None:
+        step = status.done * LINES // max(status.total, 1)
+        if self._terminal.live or step != self._told:
+            self._told = step
+            self._terminal.say(f"{status.done} of {status.total} readings{_left(status.seconds_left)}")
+
+
+def _left(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    return f", {seconds:.0f} s left" if seconds < 100.0 else f", {seconds / 60.0:.0f} min left"
+
+
+@contextmanager
+def terminal_operator() -> Iterator[TerminalOperator]:
+    """A person at this terminal; without one, asking raises NoOperator.
+
+    It reads through a file object of its own. A thread that still waits for a line when the program ends would
+    otherwise hold the lock of `sys.stdin`, which makes the interpreter abort while it shuts down.
+    """
+    if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
+        yield TerminalOperator()
+        return
+    yield TerminalOperator(reader=os.fdopen(os.dup(sys.stdin.fileno()), encoding="utf-8", errors="replace"))

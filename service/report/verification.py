@@ -1,0 +1,71 @@
+"""The verification section: where the robot really landed with corrected targets, beside what was predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from acquisition.verification import Verification
+from calib.diagnose.diagnosis import Diagnosis
+from calib.statistics import ErrorStatistics
+
+NEARLY = 1.3  # times the floor: what a correction is held to
+
+
+def rows_of(diagnosis: Diagnosis, verification: Verification) -> dict[str, ErrorStatistics | None]:
+    """The one table: what each model predicts on validation readings, then what the robot did."""
+    return {
+        "nominal robot, placed (predicted)": diagnosis.error_nominal,
+        "level 3 (predicted)": diagnosis.error_before,
+        "with the effects found (predicted)": diagnosis.error_after,
+        "driven uncorrected (on the robot)": verification.uncorrected,
+        "driven corrected: verified on the robot": verification.verified,
+    }
+
+
+def floor_in_words(verification: Verification) -> str:
+    """How the verified error compares with what noise and repeatability allow."""
+    return (
+        f"A perfect correction would show {verification.floor_mm:.3f} mm RMS here, from the instrument's noise and "
+        f"the robot's repeatability; the robot shows {verification.ratio:.2f} times that."
+    )
+
+
+def scope_in_words(verification: Verification) -> str:
+    """For what the figures hold."""
+    text = (
+        f"{verification.poses} new poses, {verification.verified.n} readings; approach {verification.approach}; "
+        "position errors against where the nominal robot would put the targets"
+    )
+    if verification.refused:
+        count = len(verification.refused)
+        text += f"; {count} other{'s were' if count > 1 else ' was'} refused: {verification.refused[0]}"
+    return text + "."
+
+
+def document_of(verification: Verification) -> dict[str, Any]:
+    """JSON of the verification."""
+    uncorrected = verification.uncorrected
+    return {
+        "error_uncorrected_mm": None if uncorrected is None else asdict(uncorrected),
+        "error_verified_mm": asdict(verification.verified),
+        "floor_rms_mm": verification.floor_mm,
+        "ratio": verification.ratio,
+        "poses": verification.poses,
+        "refused": list(verification.refused),
+        "nests_off_mm": verification.nests_off_mm,
+        "approach": verification.approach,
+    }
+
+
+def section_of(diagnosis: Diagnosis, verification: Verification | None) -> Mapping[str, Any] | None:
+    """What the template needs; None where nothing was driven."""
+    if verification is None:
+        return None
+    return {
+        "rows": [(name, e) for name, e in rows_of(diagnosis, verification).items() if e is not None],
+        "floor": floor_in_words(verification),
+        "scope": scope_in_words(verification),
+        "reached": verification.ratio <= NEARLY,
+    }

@@ -1,0 +1,95 @@
+"""The simulators of a cell, in a process of their own: started, asked for their addresses, surely ended."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import IO
+
+from acquisition import Cell, Devices, open_devices
+from drivers.errors import ConfigError
+from drivers.interfaces import Operator
+
+START_TIMEOUT_S = 60.0  # a shared machine may be slow to import numpy
+END_TIMEOUT_S = 5.0
+_LAST = "backdoor"  # printed after all others
+
+
+class SimulatedDevices:
+    """Where the simulators of a cell listen."""
+
+    def __init__(self, ports: Mapping[str, int]) -> None:
+        self.ports = ports
+
+    def open(self, cell: Cell, operator: Operator | None = None) -> Devices:
+        """The cell's devices at the simulators' addresses. Raises ConfigError."""
+        return open_devices(
+            cell,
+            operator=operator,
+            robot_url=self._url(cell.robot.driver),
+            instrument_url=self._url(cell.instrument.driver),
+        )
+
+    def _url(self, driver: str) -> str:
+        if driver not in self.ports:
+            raise ConfigError(f"there is no simulator for the driver {driver!r} in this cell")
+        return f"tcp://127.0.0.1:{self.ports[driver]}"
+
+
+def command_of(*arguments: str) -> list[str]:
+    """The command line of the simulators."""
+    return [sys.executable, "-m", "mocks", *arguments]
+
+
+@contextmanager
+def simulated_cell(cell: Cell) -> Iterator[SimulatedDevices]:
+    """The simulators of `cell` until the block ends. Raises ConfigError when they do not start."""
+    with TemporaryDirectory(prefix="truepose-cell-") as folder:
+        file = Path(folder) / "cell.toml"
+        file.write_text(cell.source, encoding="utf-8")
+        process = subprocess.Popen(
+            [sys.executable, "-m", "service.guard", *command_of("cell", str(file), "--port", "0")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C at the terminal is for the campaign; it still needs its devices
+        )
+        try:
+            assert process.stdout is not None
+            yield SimulatedDevices(_ports(process, process.stdout))
+        finally:
+            _end(process)
+
+
+def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
+    ports: dict[str, int] = {}
+    impatience = threading.Timer(START_TIMEOUT_S, process.kill)
+    impatience.start()
+    try:
+        while _LAST not in ports:
+            line = lines.readline()
+            if not line:
+                raise ConfigError("the simulators of the cell did not start; their message stands above")
+            endpoint = json.loads(line)
+            ports[endpoint["device"]] = endpoint["port"]
+    finally:
+        impatience.cancel()
+    return ports
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Closing its input tells the guard, which ends the simulators and then itself."""
+    for stream in (process.stdin, process.stdout):
+        assert stream is not None
+        stream.close()
+    try:
+        process.wait(END_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

@@ -1,0 +1,65 @@
+"""One identification or diagnosis, in a process of its own: `python -m service.worker FOLDER`.
+
+The folder holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data cannot
+be used. Ends with 0 in both cases.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+
+JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
+
+
+def main(folder: Path) -> int:
+    """Do the job of a folder."""
+    # Read when numpy is first imported, hence the late imports: see service.cli.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from calib.errors import DataError
+    from calib.files import replace_file
+    from service.files import as_json
+    from service.http.problems import data_place, data_text
+
+    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    try:
+        if job["kind"] == "diagnosis":
+            diagnosis(Path(job["data"]), folder, simulated=job["simulated"])
+        else:
+            identification(Path(job["data"]), folder)
+    except DataError as error:
+        problem = {"text": data_text(error), "do": error.do, **data_place(error)}
+        replace_file(folder / PROBLEM, as_json(problem))
+    return 0
+
+
+def diagnosis(data: Path, folder: Path, *, simulated: bool) -> None:
+    """Diagnose, save the model, draw the report. Raises DataError."""
+    from calib.dataset import read_dataset
+    from calib.diagnose.diagnosis import diagnose
+    from calib.files import replace_file
+    from calib.model_file import save_model
+    from service import documents
+    from service.files import as_json
+    from service.report import diagnosis_report
+
+    found = diagnose(read_dataset(data))
+    document = documents.of_diagnosis(found) | {"simulated": simulated}
+    save_model(folder / MODEL, found.final, found)
+    replace_file(folder / REPORT, diagnosis_report(found, document, simulated=simulated))
+    replace_file(folder / RESULT, as_json(document))
+
+
+def identification(data: Path, folder: Path) -> None:
+    """Identify, save the model, draw the report. Raises DataError."""
+    from service.commands.identify import identify_command
+
+    # The command writes its JSON last, so a result always has its report.
+    identify_command(data, json=str(folder / RESULT), model=folder / MODEL, report=folder / REPORT)
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

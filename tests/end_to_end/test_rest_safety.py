@@ -1,0 +1,148 @@
+"""The service at a cell that is not its own child: stop in mid-move, a silent holder, `kill -9`, restart."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tests.drivers.waiting import until
+from tests.end_to_end.simulated import SimulatedCell, campaign_file, cell_file, simulated_cell
+from tests.service.test_http_support import Served, problem, served
+
+
+@contextmanager
+def at_a_cell(folder: Path, time_scale: float) -> Iterator[tuple[SimulatedCell, Path]]:
+    """Simulators of their own, and a cell file with their addresses, as if they were the real devices."""
+    file = cell_file(folder, time_scale=time_scale)
+    with simulated_cell(file) as simulated:
+        text = file.read_text("utf-8")
+        text = text.replace("tcp://192.168.125.1:5000", simulated.url("abb"))
+        text = text.replace("tcp://127.0.0.1:5701", simulated.url("faro"))
+        real = folder / "real.toml"
+        real.write_text(text, "utf-8")
+        yield simulated, real
+
+
+def order(folder: Path, **changes: object) -> dict[str, Any]:
+    """The body that starts a run."""
+    file = campaign_file(folder, warm_up_s=0.0, settle_s=0.0, samples=1, reference_every=0, **changes)
+    return {"campaign": tomllib.loads(file.read_text("utf-8")), "dry_run": False}
+
+
+def start(service: Served, body: dict[str, Any]) -> str:
+    answer = service.client.post("/runs", json=body)
+    assert answer.status_code == 202, answer.text
+    return answer.json()["id"]
+
+
+def test_stop_in_mid_move_and_a_holder_who_falls_silent(tmp_path: Path) -> None:
+    """At real speed, where a move takes seconds."""
+    with (
+        at_a_cell(tmp_path, 1.0) as (simulated, cell),
+        served(tmp_path / "record", "--cell", str(cell)) as service,
+    ):
+        service.lease()
+        run = start(service, order(tmp_path))
+        until(lambda: simulated.do("state")["moving"])
+        assert service.client.delete("/cell/lease").status_code == 204  # pauses after the reading in hand
+        assert simulated.do("state")["moving"]
+        began = time.monotonic()
+        stopped = service.client.post(f"/runs/{run}/stop")
+        took_s = time.monotonic() - began
+        still = simulated.do("state")
+        assert not still["moving"]
+        assert took_s < 1.0, took_s
+        assert stopped.status_code == 202
+        assert stopped.json()["problems"] == []
+        assert service.until(f"/runs/{run}", "stopped")["state_code"] == 7
+        assert simulated.do("state")["joints_deg"] == still["joints_deg"]
+        problem(service.client.post(f"/runs/{run}/resume"), 409)  # nobody holds the lease
+
+        service.lease(seconds=2.0)
+        assert service.client.post(f"/runs/{run}/resume").status_code == 202
+        until(lambda: simulated.do("state")["moving"])
+        service.lease(seconds=1.0)  # the last sign of life
+        began = time.monotonic()
+        shown = service.until(f"/runs/{run}", "stopped", seconds=10.0)
+        assert time.monotonic() - began < 2.0
+        assert not simulated.do("state")["moving"]
+        assert shown["done"] < shown["total"]
+        assert service.client.get("/cell").json()["lease"] is None
+
+
+def test_killed_in_mid_run_it_comes_back_paused_and_moves_only_when_resumed(tmp_path: Path) -> None:
+    record = tmp_path / "record"
+    body = order(tmp_path, calibration=6, validation=2)
+    with at_a_cell(tmp_path, 40.0) as (simulated, cell):
+        with served(record, "--cell", str(cell)) as service:
+            service.lease()
+            key = {"Idempotency-Key": "only-once"}
+            run = service.client.post("/runs", json=body, headers=key).json()["id"]
+            until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 3, 30.0)
+            service.process.kill()
+            service.process.wait()
+        until(lambda: not simulated.do("state")["moving"])  # the controller ends the move it was given
+        before = simulated.do("state")
+        with served(record, "--cell", str(cell)) as service:
+            (listed,) = service.client.get("/runs").json()["runs"]
+            assert (listed["id"], listed["state"]) == (run, "paused")
+            assert listed["done"] >= 3
+            assert service.client.get("/cell").json()["run_id"] is None
+            again = service.client.post("/runs", json=body, headers=key)  # the client tries again
+            assert (again.status_code, again.json()["id"]) == (202, run)
+            problem(service.client.post(f"/runs/{run}/resume"), 409)  # and has no lease any more
+            service.client.get(f"/runs/{run}", params={"wait": 1, "after": listed["version"]})
+            now = simulated.do("state")
+            assert now["joints_deg"] == before["joints_deg"]
+            assert now["readings"] == before["readings"]
+            service.lease()
+            resumed = [
+                service.client.post(f"/runs/{run}/resume", headers={"Idempotency-Key": "go-on"})
+                for _ in range(2)
+            ]
+            assert [answer.status_code for answer in resumed] == [202, 202]
+            done = service.until(f"/runs/{run}", "succeeded", "failed", "paused")
+            assert (done["state"], done["done"]) == ("succeeded", done["total"])
+            problem(service.client.post(f"/runs/{run}/resume"), 409)
+
+
+def test_pause_and_resume(tmp_path: Path) -> None:
+    with (
+        at_a_cell(tmp_path, 50.0) as (simulated, cell),
+        served(tmp_path / "record", "--cell", str(cell)) as service,
+    ):
+        service.lease()
+        run = start(service, order(tmp_path, calibration=6, validation=2))
+        service.client.post(f"/runs/{run}/pause")  # at once, when it has hardly begun
+        assert service.until(f"/runs/{run}", "paused")["done"] == 0
+        assert service.client.post(f"/runs/{run}/resume").status_code == 202
+        until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 1, 30.0)
+        assert service.client.post(f"/runs/{run}/pause").status_code == 202
+        paused = service.until(f"/runs/{run}", "paused")
+        assert paused["reason"] == "Paused on request."
+        before = simulated.do("state")["readings"]
+        assert service.client.get("/cell").json()["run_id"] is None
+        assert service.client.post(f"/runs/{run}/resume").status_code == 202  # at once: nobody is busy
+        assert service.until(f"/runs/{run}", "succeeded")["done"] == 24
+        assert (
+            simulated.do("state")["readings"] == before + (24 - paused["done"]) + 3
+        )  # nests again, nothing twice
+
+
+def test_devices_that_are_not_there_and_a_resume_at_another_cell(tmp_path: Path) -> None:
+    with at_a_cell(tmp_path, 50.0) as (_, cell):
+        pass  # the simulators are gone, their addresses stand in the file
+    with served(tmp_path / "record", "--cell", str(cell)) as service:
+        service.lease()
+        run = start(service, order(tmp_path))
+        paused = service.until(f"/runs/{run}", "paused")
+        assert 1000 <= paused["error"]["code"] < 2000
+        assert "Check cable" in paused["reason"]
+    cell.write_text(cell.read_text("utf-8").replace("table_z_mm = 20.0", "table_z_mm = 30.0"), "utf-8")
+    with served(tmp_path / "record", "--cell", str(cell)) as service:
+        service.lease()
+        assert problem(service.client.post(f"/runs/{run}/resume"), 409)["code"] == 8109

@@ -1,0 +1,219 @@
+"""`truepose campaign`, `mock` and `serve` as a shell sees them: exit codes, streams, Ctrl-C, no operator."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from calib.dataset import read_dataset
+from service.cli import main
+from service.commands.serve import is_loopback
+from tests.drivers.waiting import until
+from tests.service.test_http_support import ROOT
+
+EXAMPLE = ROOT / "examples" / "irb120_faro" / "cell.toml"
+CAMPAIGN = """
+format = "truepose-campaign/1"
+settle_s = 0.5
+samples = 5
+[[block]]
+set = "calibration"
+count = {count}
+select = "random"
+"""
+
+
+def files(folder: Path, *, count: int = 3, one_smr: bool = False, time_scale: float = 500.0) -> list[str]:
+    """A cell and a campaign, as the arguments of `campaign run`."""
+    text = EXAMPLE.read_text("utf-8").replace("time_scale = 200.0", f"time_scale = {time_scale}")
+    if one_smr:
+        text = text.replace("one_smr = false", "one_smr = true")
+    (folder / "cell.toml").write_text(text, "utf-8")
+    (folder / "campaign.toml").write_text(CAMPAIGN.format(count=count), "utf-8")
+    return [str(folder / "cell.toml"), str(folder / "campaign.toml"), "--record", str(folder / "record")]
+
+
+@contextmanager
+def started(*arguments: str, stdin: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[str]]:
+    """`truepose` in a process of its own, killed when the block ends."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "service.cli", *arguments],
+        stdin=stdin,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record, out = tmp_path / "record", tmp_path / "out.csv"
+    arguments = files(tmp_path)
+    assert main(["campaign", "run", *arguments, "--simulate", "--json", str(tmp_path / "r.json")]) == 0
+    shown = capsys.readouterr()
+    assert "succeeded, 9 of 9 readings, SIMULATED" in shown.out
+    assert "9 of 9 readings" in shown.err
+    assert "\x1b" not in shown.err
+    document = json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert (document["format"], document["state"], document["exit_code"]) == (
+        "truepose-run/1",
+        "succeeded",
+        0,
+    )
+    assert main(["campaign", "status", str(record), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["done"] == 9
+    assert main(["campaign", "export", str(record), str(out)]) == 0
+    assert len(read_dataset(out)) == 9
+    capsys.readouterr()
+    for words, code, message in (
+        (["run", *arguments, "--simulate"], 2, "there is a record already"),
+        (["resume", str(record)], 2, "Add --simulate"),
+        (["resume", str(record), "--simulate"], 1, "succeeded cannot be resumed"),
+        (["status", str(tmp_path)], 2, "there is no record"),
+        (["export", str(tmp_path), str(out)], 2, "there is no record"),
+        (["export", str(record), str(tmp_path / "out")], 2, "Let it end in .csv"),
+    ):
+        assert main(["campaign", *words]) == code
+        complaint = capsys.readouterr().err
+        assert message in complaint
+        assert "Traceback" not in complaint
+
+
+def test_an_unsafe_pose_ends_with_5_before_anything_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = files(tmp_path)
+    text = (
+        (tmp_path / "campaign.toml").read_text("utf-8").replace("count = 3", "joints_deg = [[0,99,0,0,0,0]]")
+    )
+    (tmp_path / "campaign.toml").write_text(text.replace('"random"', '"list"'), "utf-8")
+    assert main(["campaign", "run", *arguments, "--simulate"]) == 5
+    assert "nothing has moved" in capsys.readouterr().err
+    assert not (tmp_path / "record").exists()
+
+
+def test_without_a_terminal_a_prompt_ends_with_4_and_says_what_is_needed(tmp_path: Path) -> None:
+    with started("campaign", "run", *files(tmp_path, one_smr=True), "--simulate") as process:
+        _, complaint = process.communicate(timeout=40)
+    assert process.returncode == 4, complaint
+    assert "needs an operator: Seat the SMR in N1 and press confirm." in complaint
+    assert "campaign resume" in complaint
+
+
+def test_a_real_cell_that_does_not_answer_ends_with_4(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = files(tmp_path)
+    text = (tmp_path / "cell.toml").read_text("utf-8")
+    for url in ("tcp://192.168.125.1:5000", "tcp://127.0.0.1:5701"):
+        text = text.replace(url, "tcp://127.0.0.1:1")
+    (tmp_path / "cell.toml").write_text(text, "utf-8")
+    assert main(["campaign", "run", *arguments]) == 4
+    assert "Check cable" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
+def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, state: str) -> None:
+    """At the real speed a reading takes seconds, so that a second Ctrl-C comes before the pause."""
+    scale = 1.0 if times == 2 else 50.0
+    arguments = files(tmp_path, count=8, time_scale=scale)
+    with started("campaign", "run", *arguments, "--simulate", "--json", "-") as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if "of 24 readings" in line:
+                break
+        process.send_signal(signal.SIGINT)
+        if times == 2:
+            record = tmp_path / "record"
+            until(lambda: commands(record) == ["pause"])
+            process.send_signal(signal.SIGINT)
+        out, complaint = process.communicate(timeout=40)
+    assert process.returncode == 130, complaint
+    document = json.loads(out)
+    assert document["state"] == state
+    assert document["done"] < document["total"]
+    assert "campaign resume" in complaint
+    if times == 1:
+        assert main(["campaign", "resume", str(tmp_path / "record"), "--simulate"]) == 0
+
+
+def commands(record: Path) -> list[str]:
+    """What was asked of a campaign, from its record, which another program writes."""
+    from acquisition.store import Store
+
+    store = Store.open(record, writer=False)
+    try:
+        return [event.data["verb"] for event in store.events() if event.kind == "command"]
+    finally:
+        store.close()
+
+
+def test_ctrl_c_at_a_prompt_ends_cleanly(tmp_path: Path) -> None:
+    """The thread that still waits for a line must not make the interpreter abort."""
+    master, slave = pty.openpty()
+    with started("campaign", "run", *files(tmp_path, one_smr=True), "--simulate", stdin=slave) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if "Seat the SMR in N1" in line:
+                break
+        process.send_signal(signal.SIGINT)
+        _, complaint = process.communicate(timeout=40)
+    os.close(master)
+    os.close(slave)
+    assert process.returncode == 130, complaint
+    assert "Fatal" not in complaint
+
+
+def test_mock_forwards_lines_and_signals(tmp_path: Path) -> None:
+    files(tmp_path)
+    with started("mock", "cell", str(tmp_path / "cell.toml")) as process:
+        assert process.stdout is not None
+        ends = [json.loads(process.stdout.readline()) for _ in range(4)]
+        assert {end["device"] for end in ends} >= {"abb", "faro"}
+        assert all(end["port"] > 0 for end in ends)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    with started("mock", "nobody") as process:
+        assert process.wait(20) == 2
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "cell-pc"])
+def test_serving_a_network_without_a_token_is_refused(
+    host: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("TRUEPOSE_TOKEN", raising=False)
+    assert main(["serve", "--host", host]) == 5
+    assert "refused to listen" in capsys.readouterr().err
+    assert not is_loopback(host)
+
+
+@pytest.mark.parametrize("token", ["short", "with spaces in the middle of it", "tökentökentökentöken"])
+def test_a_token_that_is_none_is_refused(
+    token: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "token").write_text(token, "utf-8")
+    assert main(["serve", "--token-file", str(tmp_path / "token")]) == 2
+    assert "not a usable token" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "[::1]", "127.1.2.3"])
+def test_loopback(host: str) -> None:
+    assert is_loopback(host)
+
+
+def test_serve_simulated_needs_a_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", "--simulate"]) == 2
+    assert "--cell" in capsys.readouterr().err

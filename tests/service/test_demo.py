@@ -1,0 +1,87 @@
+"""`truepose demo` as a person starts it: over sockets, in a process of its own, to its end or to Ctrl-C."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from acquisition import read_status
+
+FILES = "report.html diagnosis.json predictions.csv data.csv data.toml model.json targets.csv cell.toml campaign.toml"
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "service.cli", "demo", "--time-scale", "400", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def test_the_whole_loop(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with start(
+        "--seed", "2", "--effect", "backlash:j5", "--out", str(out), "--json", str(tmp_path / "d.json")
+    ) as demo:
+        shown, progress = demo.communicate(timeout=110)
+    assert demo.returncode == 0, progress
+    document = json.loads((tmp_path / "d.json").read_text("utf-8"))
+    assert document["hidden"] == ["backlash:j5"]
+    assert [e["label"] for e in document["effects"]] == ["backlash:j5"]
+    verified = document["verification"]
+    assert verified["error_verified_mm"]["rms"] < 0.1 * verified["error_uncorrected_mm"]["rms"]
+    assert verified["ratio"] < 1.4
+    assert (verified["poses"], verified["error_verified_mm"]["n"]) == (20, 60)
+    for words in ("Joint 5 has play", "verified on the robot", "Now revealed", "found.", "report.html"):
+        assert words in shown
+    assert all((out / name).is_file() for name in FILES.split())
+    report = (out / "report.html").read_text("utf-8")
+    assert "Verified on the robot" in report
+    assert "SIMULATED" in report
+    for device, words in (("abb", ">"), ("faro", "MEASURE")):
+        lines = [json.loads(line) for line in (out / f"wire_{device}.log").read_text("utf-8").splitlines()]
+        assert len(lines) > 200
+        assert all(line["device"].startswith(device) for line in lines)
+        assert any(words in line["data"] or words == line["dir"] for line in lines)
+    with (out / "targets.csv").open(encoding="utf-8") as lines:
+        assert len(list(csv.DictReader(lines))) == 20
+
+
+def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with start("--out", str(out)) as demo:
+        assert demo.stderr is not None
+        told = ""
+        while "readings" not in told:
+            told = demo.stderr.readline()
+            assert told, "it ended before its first reading"
+        os.kill(demo.pid, signal.SIGINT)
+        _, rest = demo.communicate(timeout=60)
+    assert demo.returncode == 130
+    assert "Traceback" not in rest
+    assert read_status(out / "campaign1").state == "paused"
+
+
+def test_a_record_of_a_real_robot_is_not_thrown_away(tmp_path: Path) -> None:
+    (tmp_path / "out" / "campaign1").mkdir(parents=True)
+    with start("--out", str(tmp_path / "out")) as demo:
+        _, told = demo.communicate(timeout=60)
+    assert demo.returncode == 2, told
+    assert (tmp_path / "out" / "campaign1").is_dir()
+
+
+def test_in_memory_needs_no_devices(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with start("--in-memory", "--seed", "3", "--out", str(out)) as demo:
+        shown, told = demo.communicate(timeout=60)
+    assert demo.returncode == 0, told
+    assert "Now revealed" in shown
+    assert (out / "report.html").is_file()
+    assert not (out / "wire_abb.log").exists()

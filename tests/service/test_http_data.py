@@ -1,0 +1,109 @@
+"""Data sets over HTTP: uploaded, refused with their line, identified, diagnosed, reported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calib.dataset import read_dataset
+from tests.service.campaigns import edit_rows, write_data
+from tests.service.test_http_support import Served, problem, served
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(tmp_path_factory.mktemp("record")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_data(tmp_path_factory.mktemp("data"), n=60)
+
+
+def files(data: Path) -> dict[str, Any]:
+    return {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
+
+
+def test_upload_diagnose_report(service: Served, data: Path, tmp_path: Path) -> None:
+    answer = service.client.post("/datasets", files=files(data), data={"name": "mine"})
+    assert answer.status_code == 201, answer.text
+    dataset = answer.json()
+    assert (dataset["name"], dataset["fit"], dataset["validation"]) == ("mine", 60, 30)
+    for name in ("data.csv", "data.toml"):
+        file = service.client.get(f"/datasets/{dataset['id']}/{name}")
+        (tmp_path / name).write_bytes(file.content)
+    assert read_dataset(tmp_path / "data.csv").sha256 == dataset["sha256"]
+    key = {"Idempotency-Key": "diagnosis-1"}
+    order = {"dataset_id": dataset["id"]}
+    first, second = (service.client.post("/diagnoses", json=order, headers=key) for _ in range(2))
+    assert first.status_code == 202
+    assert first.json()["id"] == second.json()["id"]
+    assert problem(service.client.get(f"/reports/{first.json()['id']}"), 404)
+    identification = service.client.post("/identifications", json=order).json()
+    done = service.until(f"/diagnoses/{first.json()['id']}", "succeeded", "failed")
+    assert done["result"]["format"] == "truepose-diagnosis/1"
+    assert done["result"]["effects"][0]["label"] == "backlash:j4"
+    report = service.client.get(f"/reports/{first.json()['id']}")
+    assert report.headers["content-type"].startswith("text/html")
+    assert "default-src 'none'" in report.headers["content-security-policy"]
+    assert "backlash:j4" in report.text
+    assert service.client.get(f"/models/{first.json()['id']}").json()["format"] == "truepose-model/1"
+    done = service.until(f"/identifications/{identification['id']}", "succeeded", "failed")
+    assert done["result"]["format"] == "truepose-identification/1"
+
+
+def test_a_data_set_that_cannot_be_used_is_refused_with_its_line(
+    service: Served, data: Path, tmp_path: Path
+) -> None:
+    bad = tmp_path / "bad.csv"
+    bad.write_bytes(data.read_bytes())
+    edit_rows(bad, lambda rows: rows[3].update(z_mm="nan"))
+    before = service.client.get("/datasets").json()
+    answer = service.client.post(
+        "/datasets", files={"csv": bad.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
+    )
+    told = problem(answer, 422)
+    assert told["line"] == 5
+    assert told["detail"].startswith("data.csv, line 5: column 'z_mm'")
+    assert service.client.get("/datasets").json() == before
+
+
+@pytest.mark.parametrize(
+    ("part", "content", "word"),
+    [
+        ("toml", b'robot = "../../robot.toml"', "robot"),
+        ("toml", b"\xff\xfe", "TOML"),
+        ("toml", b"a = " + b"[" * 5000, "TOML"),
+        ("csv", b"\xff\xfe", "UTF-8"),
+        ("csv", b"", "empty"),
+        ("csv", b'"' + b"x" * 200_000 + b'"\n', "data.csv"),
+    ],
+)
+def test_files_that_are_none_are_refused(
+    service: Served, data: Path, part: str, content: bytes, word: str
+) -> None:
+    told = problem(service.client.post("/datasets", files=files(data) | {part: content}), 422)
+    assert word in told["detail"]
+    assert "/" not in told["detail"].replace("../../robot.toml", "")
+
+
+def test_half_an_upload_is_refused(service: Served, data: Path) -> None:
+    problem(service.client.post("/datasets", files={"csv": data.read_bytes()}), 422)
+
+
+def test_a_diagnosis_that_cannot_be_is_a_failed_one(service: Served, data: Path, tmp_path: Path) -> None:
+    few = tmp_path / "few.csv"
+    few.write_bytes(data.read_bytes())
+    edit_rows(few, lambda rows: rows.__setitem__(slice(None), rows[:8]))
+    dataset = service.client.post(
+        "/datasets", files={"csv": few.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
+    ).json()
+    job = service.client.post("/diagnoses", json={"dataset_id": dataset["id"]}).json()
+    done = service.until(f"/diagnoses/{job['id']}", "succeeded", "failed")
+    assert done["state"] == "failed"
+    assert "calibration readings" in done["problem"]["operator_text"]
+    assert done["problem"]["key"] == "set"

@@ -1,0 +1,152 @@
+"""Parts of the service by themselves: the lease, the keys, the gate of addresses, plain values."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from fastapi.responses import JSONResponse
+from starlette.types import Receive, Scope, Send
+
+from drivers.errors import ConfigError
+from service.http.gate import Gate
+from service.http.idempotency import JOURNAL, Keys, fingerprint, reply
+from service.http.lease import Lease
+from service.http.names import new_id, safe_id
+from service.http.problems import Problem
+from service.http.settings import Settings
+from service.plain import finite, utc_text
+from tests.drivers.waiting import in_thread, until
+
+
+@pytest.fixture
+def silent() -> Iterator[tuple[Lease, list[str]]]:
+    lost: list[str] = []
+    lease = Lease(lost.append)
+    with closing(lease):
+        yield lease, lost
+
+
+def test_silence_is_told_once_and_frees_the_lease(silent: tuple[Lease, list[str]]) -> None:
+    lease, lost = silent
+    first = lease.take("anna", 0.05, "")
+    until(lambda: lost == ["anna"])
+    with pytest.raises(Problem, match="Nobody holds"):
+        lease.needed("")
+    second = lease.take("bert", 60.0, "")
+    assert second.id != first.id
+    with pytest.raises(Problem, match="held by bert"):
+        lease.needed(first.id)
+    assert lease.needed(second.id) == lease.needed("") == "bert"
+    assert lost == ["anna"]
+
+
+def test_a_lease_given_back_is_not_lost(silent: tuple[Lease, list[str]]) -> None:
+    lease, lost = silent
+    lease.take("anna", 0.2, "")
+    assert lease.give_back("") == "anna"
+    lease.take("bert", 0.05, "")
+    until(lambda: lost == ["bert"])
+
+
+def test_a_lease_that_is_prolonged_lives(silent: tuple[Lease, list[str]]) -> None:
+    lease, lost = silent
+    held = lease.take("anna", 0.05, "")
+    assert lease.take("anna", 60.0, held.id).id == held.id
+    until(lambda: lost == [] and lease.current is not None and lease.current.seconds == 60.0)
+
+
+def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> None:
+    done: list[int] = []
+    go = threading.Event()
+
+    def work() -> JSONResponse:
+        go.wait(10.0)
+        done.append(1)
+        return reply(202, {"id": "one"}, location="/one")
+
+    with closing(Keys(tmp_path)) as keys:
+        asked = [in_thread(lambda: keys.once("k", "print", work)) for _ in range(5)]
+        go.set()
+        answers = [each.result(10.0) for each in asked]
+    assert len(done) == 1
+    assert {bytes(answer.body) for answer in answers} == {b'{"id":"one"}'}
+    assert {answer.headers["location"] for answer in answers} == {"/one"}
+
+
+def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: Path) -> None:
+    with closing(Keys(tmp_path)) as keys:
+        keys.once("done", "a", lambda: reply(201, {"id": "x"}))
+        with pytest.raises(ConfigError):
+            keys.once("refused", "a", _refuse)
+        with pytest.raises(ZeroDivisionError):
+            keys.once("fault", "a", lambda: reply(201, {"id": 1 // 0}))
+    with (tmp_path / JOURNAL).open("a", encoding="utf-8") as journal:
+        journal.write('{"what": "begun", "key": "cut off", "fingerprint": "a"}\n{"what": "beg')
+    for _ in range(2):  # the second program reads what the first has written after the broken line
+        with closing(Keys(tmp_path)) as keys:
+            assert json.loads(bytes(keys.once("done", "a", _never).body)) == {"id": "x"}
+            for key in ("cut off", "fault"):
+                with pytest.raises(Problem, match="outcome is not known"):
+                    keys.once(key, "a", _never)
+            with pytest.raises(Problem, match="another request"):
+                keys.once("done", "b", _never)
+            assert keys.once("refused", "a", lambda: reply(201, {"id": "y"})).status_code == 201
+
+
+def _refuse() -> JSONResponse:
+    raise ConfigError("no")
+
+
+def _never() -> JSONResponse:
+    raise AssertionError("done twice")
+
+
+def test_fingerprints_tell_requests_apart() -> None:
+    assert fingerprint("/a", {"x": 1, "y": 2}) == fingerprint("/a", {"y": 2, "x": 1})
+    assert fingerprint("/a", {"x": 1}) != fingerprint("/a", {"x": True})
+    assert fingerprint("/a", {"x": 1}) != fingerprint("/b", {"x": 1})
+    fingerprint("/a", {"x": math.nan, "y": "\ud800"})
+
+
+@pytest.mark.parametrize(
+    ("bound", "host", "good"),
+    [
+        ("127.0.0.1", "127.0.0.1:80", True),
+        ("127.0.0.1", "localhost:80", True),
+        ("127.0.0.1", "[::1]:80", True),
+        ("127.0.0.1", "192.168.1.5", False),
+        ("127.0.0.1", "localhost.evil.example", False),
+        ("127.0.0.1", "127.0.0.1.evil.example", False),
+        ("127.0.0.1", "", False),
+        ("127.0.0.1", "[", False),
+        ("0.0.0.0", "192.168.1.5:80", True),
+        ("0.0.0.0", "evil.example", False),
+        ("cell-pc", "cell-pc:80", True),
+        ("cell-pc", "other-pc:80", False),
+    ],
+)
+def test_which_hosts_are_ours(tmp_path: Path, bound: str, host: str, good: bool) -> None:
+    async def nothing(scope: Scope, receive: Receive, send: Send) -> None: ...
+
+    gate = Gate(nothing, Settings(record=tmp_path, token="t", host=bound))
+    assert gate._ours(host) is good
+
+
+def test_plain_values() -> None:
+    assert finite({"a": [math.nan, 1.0, (math.inf, "x")], "b": None}) == {
+        "a": [None, 1.0, [None, "x"]],
+        "b": None,
+    }
+    assert utc_text(0.0) == "1970-01-01T00:00:00.000Z"
+
+
+def test_ids() -> None:
+    assert safe_id(new_id())
+    for name in ("", ".", "..", "a/b", "-a", "a\n", ".hidden", "a" * 65, "a\x00"):
+        assert not safe_id(name)

@@ -1,0 +1,83 @@
+"""How the tests start the service: in a process of its own, on a free port, with a client that has its token."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx2
+
+ROOT = Path(__file__).parents[2]
+TOKEN = "only-for-the-tests-of-truepose"
+MEDIA_TYPE = "application/problem+json"
+
+
+@dataclass
+class Served:
+    """A running service."""
+
+    process: subprocess.Popen[str]
+    url: str
+    client: httpx2.Client
+
+    def until(self, path: str, *states: str, seconds: float = 40.0) -> dict[str, Any]:
+        """Long-poll a run or a job until it is in one of these states."""
+        end, version = time.monotonic() + seconds, 0
+        while True:
+            answer = self.client.get(path, params={"wait": 5, "after": version})
+            assert answer.status_code == 200, answer.text
+            document = answer.json()
+            if document["state"] in states:
+                return document
+            assert time.monotonic() < end, document
+            version = document["version"]
+
+    def lease(self, holder: str = "anna", seconds: float = 120.0) -> dict[str, Any]:
+        answer = self.client.post("/cell/lease", json={"holder": holder, "seconds": seconds})
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+
+@contextmanager
+def served(record: Path, *options: str) -> Iterator[Served]:
+    """`truepose serve --record RECORD ...` until the block ends."""
+    command = [sys.executable, "-m", "service.cli", "serve", "--record", str(record), *options]
+    env = os.environ | {"TRUEPOSE_TOKEN": TOKEN, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
+        try:
+            assert process.stdout is not None
+            hello = json.loads(process.stdout.readline())
+            assert hello["token"] == TOKEN
+            with httpx2.Client(
+                base_url=f"{hello['url']}/api/v1",
+                headers={"Authorization": f"Bearer {TOKEN}"},
+                timeout=httpx2.Timeout(30.0),
+            ) as client:
+                yield Served(process, hello["url"], client)
+        finally:
+            process.terminate()
+
+
+def problem(answer: httpx2.Response, status: int) -> dict[str, Any]:
+    """The document of an error, which must be one by the contract."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == MEDIA_TYPE
+    document = json.loads(answer.text, parse_constant=_refuse)
+    assert document["status"] == status
+    for key in ("type", "title", "detail", "operator_text", "what_to_do"):
+        assert isinstance(document[key], str)
+        assert document[key]
+    assert isinstance(document["code"], int)
+    return document
+
+
+def _refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} in JSON")
