@@ -18,7 +18,6 @@ from calib.diagnose.select import candidates, leave_one_out
 from calib.diagnose.space import Space
 from calib.effects.effect import Effect
 
-
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 

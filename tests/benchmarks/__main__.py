@@ -1,6 +1,6 @@
-"""`python -m tests.benchmarks [kinematics | identification | diagnosis [N]]`: the figures the program is held to.
+"""`python -m tests.benchmarks [kinematics | identification | diagnosis [N] | demo [N]]`: the figures the program is held to.
 
-Without a name all three run. Every figure is a ratio within one run, or a count over seeded campaigns, so that it
+Without a name all but the demos run (twenty take some four minutes). Every figure is a ratio within one run, or a count over seeded campaigns, so that it
 means the same on any machine. Exit code 1 when one is missed.
 """
 
@@ -12,14 +12,14 @@ import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread against one thread
 
-from tests.benchmarks import diagnosis, identification, kinematics
+from tests.benchmarks import demo, diagnosis, identification, kinematics
 
 
 def main() -> int:
     """Run what was asked for; 0 when every figure is reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
-    parser.add_argument("name", nargs="?", choices=("kinematics", "identification", "diagnosis"))
-    parser.add_argument("count", nargs="?", type=int, default=100, help="campaigns of each kind (diagnosis)")
+    parser.add_argument("name", nargs="?", choices=("kinematics", "identification", "diagnosis", "demo"))
+    parser.add_argument("count", nargs="?", type=int, help="campaigns of each kind (diagnosis, default 100; demo, default 20)")
     options = parser.parse_args()
     reached = True
     if options.name in (None, "kinematics"):
@@ -27,7 +27,9 @@ def main() -> int:
     if options.name in (None, "identification"):
         reached &= identification.run()
     if options.name in (None, "diagnosis"):
-        reached &= diagnosis.run(options.count)
+        reached &= diagnosis.run(options.count or 100)
+    if options.name == "demo":
+        reached &= demo.run(options.count or 20)
     return 0 if reached else 1
 
 

@@ -152,7 +152,7 @@ def test_effects_are_carried_over_to_another_data_set(data: Path, tmp_path: Path
 
 
 def test_demo_finds_what_the_simulation_hid_and_says_where_results_are(tmp_path: Path) -> None:
-    done = run("demo", "--seed", "3", "--out", str(tmp_path / "out"))
+    done = run("demo", "--in-memory", "--seed", "3", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
     assert "Now revealed" in done.stdout
     assert "periodic:j1:n101" in done.stdout
