@@ -7,12 +7,13 @@ it cannot trust. Rows of `set = validation` never enter a fit or a choice: `fit_
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arrivals import arrivals_of, order_of
 from calib.columns import Columns
 from calib.conditions import Conditions
 from calib.errors import DataError
@@ -20,6 +21,7 @@ from calib.header import Header, read_header
 from calib.kinematics import Array, gravity_torques
 from calib.units import DEG
 
+_FEWEST_A_SERIES = 3
 SETS = ("calibration", "reference", "repeat", "validation")
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 
@@ -66,10 +68,6 @@ class Dataset:
         """(k, 3, 3) covariance of the instrument for some rows, mm2."""
         return self.header.noise.of_points(self.points[rows], self.u_point[rows])
 
-    def with_sets(self, sets: NDArray[np.str_]) -> Dataset:
-        """The same readings, divided otherwise into sets."""
-        return replace(self, sets=sets)
-
 
 def read_dataset(path: Path | str) -> Dataset:
     """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
@@ -96,13 +94,14 @@ def read_dataset(path: Path | str) -> Dataset:
     for i, name in enumerate(sets):
         if name not in SETS:
             raise table.refuse(i, "set", f"is {name!r}", f"Use {', '.join(SETS)}")
-    points, orientation = _measured(table)
+    status = _status(table)
+    points, orientation = _measured(table, status)
     series, target = _names(table, header)
     time = table.numbers("t_s")
-    order = _order(time)
     torque = gravity_torques(header.robot, joints, header.loads, header.gravity)
-    side, previous = _arrivals(table, header, joints, order)
     series_names, series_index = np.unique(series, return_inverse=True)
+    order = order_of(time, series_index)
+    side, previous = arrivals_of(table, header, joints, order, series_index)
     target_names, target_index = np.unique(target, return_inverse=True)
     conditions = Conditions(
         joints=joints,
@@ -123,7 +122,7 @@ def read_dataset(path: Path | str) -> Dataset:
         header=header,
         reading_id=reading_id,
         sets=sets,
-        status=table.text("status"),
+        status=status,
         conditions=conditions,
         points=points,
         orientation=orientation,
@@ -182,7 +181,15 @@ def _joints(table: Columns, header: Header) -> Array:
     return header.robot.model_angles(degrees * DEG, header.coupling)
 
 
-def _measured(table: Columns) -> tuple[Array, Array]:
+def _status(table: Columns) -> NDArray[np.str_]:
+    status = np.array([cell.lower() if cell.lower() == "ok" else cell for cell in table.text("status")])
+    for i, cell in enumerate(status):
+        if cell not in ("", "ok") and not cell.startswith("rejected"):
+            raise table.refuse(i, "status", f"is {cell!r}", "Use ok, rejected:REASON, or leave it empty")
+    return status
+
+
+def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
     for axis in "xyz":
         table.require(
             f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
@@ -190,7 +197,7 @@ def _measured(table: Columns) -> tuple[Array, Array]:
     points = np.column_stack([table.numbers(f"{axis}_mm") for axis in "xyz"])
     for i in np.flatnonzero(np.isfinite(points).any(axis=1) & ~np.isfinite(points).all(axis=1)):
         raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are only partly filled", "Fill all three or none")
-    zero = np.all(points == 0.0, axis=1)
+    zero = np.all(points == 0.0, axis=1) & np.isin(status, ("", "ok"))
     for i in np.flatnonzero(zero):
         raise table.refuse(
             int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty"
@@ -228,42 +235,6 @@ def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np
     return series, target
 
 
-def _order(time: Array) -> NDArray[np.int64]:
-    """Rank of every row in time; by line where the time is missing."""
-    order = np.empty(len(time), dtype=np.int64)
-    order[np.argsort(time, kind="stable") if np.all(np.isfinite(time)) else np.arange(len(time))] = np.arange(
-        len(time)
-    )
-    return order
-
-
-def _arrivals(table: Columns, header: Header, joints: Array, order: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Side of approach and previous angles: as recorded, else derived from the order of the rows."""
-    count = header.robot.joints
-    in_time = np.argsort(order)
-    before = np.empty_like(joints)
-    before[in_time[1:]] = joints[in_time[:-1]]
-    before[in_time[0]] = joints[in_time[0]]
-    recorded = np.column_stack([table.numbers(f"prev{k}_deg") for k in range(1, count + 1)]) * DEG
-    recorded = header.robot.model_angles(recorded, header.coupling)
-    previous = np.where(np.isfinite(recorded), recorded, before)
-    side = np.column_stack([table.numbers(f"approach{k}") for k in range(1, count + 1)])
-    for i, k in np.argwhere(np.isfinite(side) & ~np.isin(side, (-1.0, 1.0))):
-        raise table.refuse(
-            int(i), f"approach{k + 1}", f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)"
-        )
-    if header.coupling != "none":
-        side = side * np.sign(np.diag(np.array(header.robot.joint_matrices[header.coupling].matrix)))
-    moved = np.sign(joints - previous)
-    # A joint that did not move still rests on the side of its last move.
-    in_order = moved[in_time]
-    last = np.maximum.accumulate(np.where(in_order != 0.0, np.arange(len(moved))[:, None], 0), axis=0)
-    derived = np.empty_like(moved)
-    derived[in_time] = np.take_along_axis(in_order, last, axis=0)
-    derived[derived == 0.0] = 1.0
-    return np.where(np.isfinite(side), side, derived), previous
-
-
 def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
     rows = dataset.fit_rows
     if not rows.any():
@@ -283,15 +254,36 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
             file=table.path,
             key="j1_deg.. x_mm..",
         )
-    for s, name in enumerate(dataset.conditions.series_names):
-        own = dataset.conditions.series == s
-        if dataset.usable[own].any() and not rows[own].any():
+    conditions = dataset.conditions
+    for s, name in enumerate(conditions.series_names):
+        few = int(rows[conditions.series == s].sum())
+        if few < _FEWEST_A_SERIES:
             raise DataError(
-                f"series '{name}' has validation rows only: nothing says where its base stands.",
-                do="Mark some of its rows set = calibration.",
+                f"series '{name}' has {few} calibration readings: they cannot say where its base stands.",
+                do=f"Measure {_FEWEST_A_SERIES} or more with set = calibration, or leave the series out.",
                 file=table.path,
                 key="set",
             )
+    if "tool" in dataset.header.groups:
+        pairs = {
+            (int(s), int(t)) for s, t in zip(conditions.series[rows], conditions.target[rows], strict=True)
+        }
+        for i, pair in enumerate(zip(conditions.series, conditions.target, strict=True)):
+            if (int(pair[0]), int(pair[1])) not in pairs:
+                raise table.refuse(
+                    i,
+                    "tool_target",
+                    f"names {conditions.target_names[pair[1]]}, which no calibration reading measured",
+                    "With 'tool' under [model] fit every target needs calibration readings of its series",
+                )
+    given = np.isfinite(dataset.u_point)
+    for i in np.flatnonzero(given.any(axis=1) & ~(given & (dataset.u_point > 0.0)).all(axis=1)):
+        raise table.refuse(
+            int(i),
+            "u_x_mm, u_y_mm, u_z_mm",
+            "are not all above zero",
+            "Give all three, or none for [noise] to hold",
+        )
     if dataset.header.noise.kind == "per-row":
         for i in np.flatnonzero(dataset.usable & ~np.all(dataset.u_point > 0.0, axis=1)):
             raise table.refuse(

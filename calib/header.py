@@ -104,7 +104,7 @@ def read_header(path: Path) -> Header:
             file=path,
         )
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"is not valid TOML ({error}).", do="Correct that place.", file=path) from error
     table = _Table(values, path)

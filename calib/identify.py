@@ -17,6 +17,7 @@ from calib.conditions import Conditions
 from calib.dataset import Dataset
 from calib.effects import base_model
 from calib.errors import DataError
+from calib.header import Header
 from calib.kinematics import Array, forward
 from calib.least_squares import MAX_ITERATIONS, Dropped, Solution, find_dependent, solve
 from calib.model import Design, RobotModel
@@ -67,6 +68,7 @@ class Identification:
     iterations: int
     converged: bool
     warnings: tuple[str, ...]
+    header: Header
     data_sha256: str
 
     @property
@@ -124,9 +126,9 @@ def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Arra
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
     design = Design(placed, readings.conditions)
     active, _ = find_dependent(design, readings.points, start)
-    for _ in range(4):
+    for _ in range(3):
         weights = robust.huber(points_residual(design, readings, start))
-        start = solve(design, readings.points, start, active, weights, max_iterations=1).estimate
+        start = solve(design, readings.points, start, active, weights).estimate
     return placed, start
 
 
@@ -228,7 +230,8 @@ def _result(
     warnings = list(_warnings(model, active, dropped, covariance, solution))
     if faulty:
         share = len(faulty) / (len(faulty) + len(readings.rows))
-        warnings.append(f"{len(faulty)} readings ({share:.1%}) do not fit and were left out.")
+        many = f"{len(faulty)} readings" if len(faulty) > 1 else "1 reading"
+        warnings.append(f"{many} ({share:.1%}) outside what the model and the noise allow: left out.")
     if relabelled:
         warnings.append(
             f"{len(relabelled)} readings fit only when another tool target is assumed; relabelled."
@@ -248,6 +251,7 @@ def _result(
         iterations=solution.iterations,
         converged=solution.converged,
         warnings=tuple(warnings),
+        header=dataset.header,
         data_sha256=dataset.sha256,
     )
 

@@ -86,7 +86,8 @@ def find_dependent(
 ) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
     """Which parameters the readings determine: mask (m,) and the dropped ones by name.
 
-    A column that those before it explain to one part in 10^7 is dropped: the first of a confounded group stays.
+    A column that those before it explain to one part in 10^7 is dropped. Base and tool are
+    looked at first: of a confounded group they stay, then whatever comes first in the model.
     With `settled`, what was decided for the base model stands, and only the parameters of effects are looked at.
     """
     parameters = design.model.parameters
@@ -100,7 +101,10 @@ def find_dependent(
     triangle = triangular_factor(columns / np.where(seen, scale, 1.0))
     kept: list[int] = []
     dropped = []
-    for j, name in enumerate(names):
+    # Parameters without a usual size (base, tool) first: among confounded ones those with a size give way, since
+    # their nominal value is a good guess of them and a rough start is not.
+    for j in sorted(range(len(names)), key=lambda j: parameters[j].size is not None):
+        name = names[j]
         if of_base[j] and name in before:
             dropped.append(before[name])
         elif not seen[j]:

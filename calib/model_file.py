@@ -18,10 +18,11 @@ from calib.diagnose.diagnosis import Diagnosis
 from calib.effects.effect import Effect
 from calib.errors import DataError
 from calib.files import replace_file
+from calib.header import Vector
 from calib.identify import Identification
 from calib.kinematics import Array
 from calib.model import RobotModel
-from calib.robot import load_robot
+from calib.robot import JointMatrix, Load, Robot
 from calib.units import FACTORS, to_display, to_internal
 
 FORMAT = "truepose-model/1"
@@ -34,6 +35,9 @@ class SavedModel:
     model: RobotModel
     estimate: Array
     covariance: Array
+    loads: tuple[Load, ...]
+    gravity: Vector
+    coupling: str
     data_sha256: str
     holds_for: dict[str, Any]
 
@@ -53,6 +57,10 @@ def save_model(path: Path, identification: Identification, diagnosis: Diagnosis 
     document = {
         "format": FORMAT,
         "robot": model.robot.name,
+        "robot_table": asdict(model.robot),
+        "loads": [asdict(load) for load in identification.header.loads],
+        "gravity_base": list(identification.header.gravity),
+        "joint_coupling": identification.header.coupling,
         "groups": [e.label for e in model.effects if e.group == "base model"],
         "parameters": [
             {
@@ -109,7 +117,7 @@ def load_model(path: Path) -> SavedModel:
             raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
         effects = tuple(Effect.from_json(entry) for entry in document["effects"])
         model = RobotModel(
-            robot=load_robot(document["robot"], path.parent),
+            robot=_robot(document["robot_table"]),
             effects=effects,
             targets={
                 s: {t: tuple(v) for t, v in own.items()} for s, own in document["tool_targets_mm"].items()
@@ -122,9 +130,24 @@ def load_model(path: Path) -> SavedModel:
         }
         estimate = np.array([values[p.name] for p in model.parameters])
         covariance = np.array(document["covariance_internal_units"])
-        return SavedModel(model, estimate, covariance, document["data_sha256"], document["holds_for"])
-    except FileNotFoundError as error:
+        return SavedModel(
+            model,
+            estimate,
+            covariance,
+            loads=tuple(_load(load) for load in document["loads"]),
+            gravity=tuple(document["gravity_base"]),
+            coupling=document["joint_coupling"],
+            data_sha256=document["data_sha256"],
+            holds_for=document["holds_for"],
+        )
+    except DataError:
+        raise
+    except (FileNotFoundError, IsADirectoryError) as error:
         raise DataError("there is no such file.", do="Check the name.", file=path) from error
+    except (TypeError, AttributeError) as error:
+        raise DataError(
+            f"is damaged ({error}).", do="Write the model again with this version.", file=path
+        ) from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"is not valid JSON ({error}).", do="Write the model again.", file=path) from error
     except KeyError as error:
@@ -134,3 +157,18 @@ def load_model(path: Path) -> SavedModel:
             file=path,
             key=str(error.args[0]),
         ) from error
+
+
+def _robot(table: dict[str, Any]) -> Robot:
+    """The nominal robot as it was when the model was fitted, whatever has become of its file since."""
+    matrices = {
+        name: JointMatrix(tuple(tuple(row) for row in entry["matrix"]), tuple(entry["offset"]))
+        for name, entry in table["joint_matrices"].items()
+    }
+    plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    loads = tuple(_load(load) for load in table["loads"])
+    return Robot(**{**plain, "loads": loads, "joint_matrices": matrices})
+
+
+def _load(table: dict[str, Any]) -> Load:
+    return Load(table["link"], table["mass_kg"], tuple(table["cog_mm"]))

@@ -39,7 +39,7 @@ def base_and_tool(
         rotation, translation = align(nominal, measured, weights)
         back = (measured - translation) @ rotation
         miss = np.linalg.norm(back - nominal, axis=1)
-        weights = np.minimum(1.0, 2.0 * np.median(miss) / np.maximum(miss, 1e-12))
+        weights = np.minimum(1.0, np.maximum(2.0 * np.median(miss), 1e-9) / np.maximum(miss, 1e-9))
         if tool_unknown:
             at_flange = np.einsum("nji,nj->ni", turn, back - place)
             for t in range(len(targets)):

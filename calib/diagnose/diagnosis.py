@@ -89,7 +89,7 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
             break
     final = selection.fitted
     space = Space.of(final)
-    scores = Scores(offers(Survey(final.model.robot, final.readings.conditions)), space)
+    scores = Scores(offers(Survey(final.model.robot, final.readings.conditions, dataset.conditions)), space)
     progress("weighing rivals of every effect")
     found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
     found.sort(key=lambda f: -f.evidence.explained_variance)
@@ -162,10 +162,16 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
         notes.append(
             f"Backlash of {joints} is invisible: every reading arrived from one side. It is not absent."
         )
-    if not np.all(np.isfinite(conditions.time)):
-        notes.append("The readings carry no time: drift of the instrument was not looked for.")
-    if not np.all(np.isfinite(conditions.temperature)):
-        notes.append("The readings carry no temperature: thermal growth was not looked for.")
+    untimed = int(np.sum(~np.isfinite(dataset.conditions.time)))
+    if untimed:
+        notes.append(
+            f"{untimed} of {len(dataset)} rows carry no time (t_s): drift of the instrument was not looked for."
+        )
+    cold = int(np.sum(~np.isfinite(dataset.conditions.temperature)))
+    if cold:
+        notes.append(
+            f"{cold} of {len(dataset)} rows carry no temperature (t_air_c): thermal growth was not looked for."
+        )
     elif np.ptp(conditions.temperature) < 0.2:
         notes.append("The air temperature hardly moved: thermal growth is invisible here, not absent.")
     if len({int(t) for t in conditions.target}) == 1:

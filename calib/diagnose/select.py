@@ -45,7 +45,7 @@ def select(
     dataset: Dataset, start: Identification, *, progress: Progress = silent, most: int = MOST_EFFECTS
 ) -> Selection:
     """Choose effects for the readings of `start`, beside those its model holds already."""
-    library = offers(Survey(start.model.robot, start.readings.conditions))
+    library = offers(Survey(start.model.robot, start.readings.conditions, dataset.conditions))
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
     seen = {labels(chosen)}

@@ -32,6 +32,6 @@ def drift_rotation() -> Effect:
 
 def offer(survey: Survey) -> list[Candidate]:
     """Both, where the readings carry their time."""
-    if not survey.varies(survey.conditions.time):
+    if not (survey.recorded("time") and survey.varies(survey.conditions.time)):
         return []
     return [Candidate(drift_translation()), Candidate(drift_rotation())]

@@ -13,10 +13,19 @@ from calib.robot import Robot
 
 @dataclass(frozen=True)
 class Survey:
-    """The robot and the conditions of the readings that take part in the fit."""
+    """The robot, and the conditions of the readings that take part in the fit."""
 
     robot: Robot
     conditions: Conditions
+    everywhere: Conditions | None = None  # of all rows, those too that are only to be predicted
+
+    def recorded(self, name: str) -> bool:
+        """Whether a quantity ('time', 'temperature') is there for every row that must ever be predicted."""
+        return all(
+            bool(np.all(np.isfinite(getattr(c, name))))
+            for c in (self.conditions, self.everywhere)
+            if c is not None
+        )
 
     @property
     def joint_numbers(self) -> range:

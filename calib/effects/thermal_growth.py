@@ -38,6 +38,6 @@ def thermal_growth(robot: Robot, reference_c: float) -> Effect:
 def offer(survey: Survey) -> list[Candidate]:
     """One, where the temperature was recorded and moved."""
     temperature = survey.conditions.temperature
-    if not survey.varies(temperature):
+    if not (survey.recorded("temperature") and survey.varies(temperature)):
         return []
     return [Candidate(thermal_growth(survey.robot, float(np.mean(temperature))))]

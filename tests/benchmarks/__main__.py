@@ -1,7 +1,7 @@
-"""`python -m tests.benchmarks [kinematics | identification | diagnosis [N] | demo [N]]`: the figures the program is held to.
+"""`python -m tests.benchmarks [kinematics | identification | diagnosis [N] | demo [N]]`: figures we are held to.
 
-Without a name all but the demos run (twenty take some four minutes). Every figure is a ratio within one run, or a count over seeded campaigns, so that it
-means the same on any machine. Exit code 1 when one is missed.
+Without a name all but the demos run (twenty take some four minutes). Every figure is a ratio within one run, or a
+count over seeded campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ def main() -> int:
     """Run what was asked for; 0 when every figure is reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
     parser.add_argument("name", nargs="?", choices=("kinematics", "identification", "diagnosis", "demo"))
-    parser.add_argument("count", nargs="?", type=int, help="campaigns of each kind (diagnosis, default 100; demo, default 20)")
+    parser.add_argument(
+        "count", nargs="?", type=int, help="campaigns (diagnosis: 100 of each kind; demo: 20)"
+    )
     options = parser.parse_args()
     reached = True
     if options.name in (None, "kinematics"):

@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.dataset import read_dataset
 from calib.diagnose.diagnosis import diagnose
 from calib.errors import DataError
+from calib.identify import identify
 from calib.model import Design
 from calib.model_file import load_model, save_model
-from tests.calib.campaigns import simulate
+from calib.robot import BUILT_IN
+from mocks.campaign import make_campaign
+from tests.calib.campaigns import simulate, write_files
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +64,30 @@ def test_what_is_no_model_is_refused(case: str, saved: str, tmp_path: Path) -> N
     elif case != "missing":
         key = {"format": "format", "no effects": "effects", "no covariance": "covariance_internal_units"}
         if case == "robot":
-            document["robot"] = "kuka"
+            document["robot_table"] = "kuka"
         else:
             del document[key[case]]
         path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(DataError) as caught:
         load_model(path)
     assert len(caught.value.do) > 5
-    assert case == "robot" or str(path) in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_it_holds_the_robot_it_was_fitted_with(tmp_path: Path) -> None:
+    """A robot file of the user's own, changed or gone since: the model still predicts as it did."""
+    text = (BUILT_IN / "abb-irb120.toml").read_text(encoding="utf-8").replace("a_mm = 270.0", "a_mm = 275.0")
+    (tmp_path / "plant7.toml").write_text(
+        text.replace('name = "abb-irb120"', 'name = "plant7"'), encoding="utf-8"
+    )
+    campaign = make_campaign(seed=5, n=60, n_validation=10, effects=[])
+    data = read_dataset(write_files(tmp_path, campaign.rows, {**campaign.header, "robot": "plant7.toml"}))
+    result = identify(data)
+    save_model(tmp_path / "m.json", result)
+    (tmp_path / "plant7.toml").unlink()
+    back = load_model(tmp_path / "m.json")
+    assert back.model.robot == data.header.robot
+    assert back.loads == data.header.loads
+    np.testing.assert_allclose(
+        Design(back.model, data.conditions).predict(back.estimate), result.predict(data.conditions), atol=1e-9
+    )
