@@ -127,14 +127,11 @@ def _block(table: TomlTable, approach: Approach, folder: Path | None) -> Block:
         poses = _listed(table)
     elif select == "file" and folder is not None:
         poses = read_poses(folder / table.text("file"))
-    wanted = table.values.get("targets")
-    if wanted is not None and (not isinstance(wanted, list) or not wanted or len({*wanted}) != len(wanted)):
-        raise table.refuse("targets", f"is {wanted!r}; list names of targets, each once.")
     return Block(
         set=table.text("set", "calibration", SETS),
         select=cast(Select, select),
         count=table.whole("count", len(poses) or None, low=1) if select == "random" else len(poses),
-        targets=None if wanted is None else tuple(str(name) for name in wanted),
+        targets=table.names("targets"),
         approach=_approach(table.table("approach"), approach),
         joints_deg=poses,
     )

@@ -177,7 +177,7 @@ class Run:
         with self._mutex:
             state = self._store.state
             if self._execution is not None or not (state is State.READY or self._resumed):
-                raise NotResumed(f"the campaign is {state.value}", command="execute")
+                raise _not_resumed(state, f"the campaign is {state.value}", "execute")
             self._check_disk()
             self._trouble = None
             self._store.recover()
@@ -206,7 +206,10 @@ class Run:
         if not counts.get("measured"):
             return State.FAILED, "Not one pose could be measured."
         skipped = counts.get("skipped", 0)
-        return State.SUCCEEDED, f"{skipped} readings were skipped." if skipped else ""
+        return (
+            State.SUCCEEDED,
+            f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped." if skipped else "",
+        )
 
     def _check_disk(self) -> None:
         folder = self._store.database.path.parent
@@ -242,7 +245,7 @@ class Run:
         with self._mutex:
             state = self._store.state
             if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
-                raise NotResumed(f"a campaign that is {state.value} cannot be resumed", command="resume")
+                raise _not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
             self._resumed = True
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
@@ -287,6 +290,16 @@ class Run:
     def wait(self, after: int, seconds: float) -> int:
         """The version, waiting up to so many seconds for one beyond `after`."""
         return self._store.wait_beyond(after, seconds)
+
+
+def _not_resumed(state: State, message: str, command: str) -> NotResumed:
+    if state is State.SUCCEEDED:
+        return NotResumed(
+            "the campaign is finished; nothing to resume",
+            command=command,
+            what_to_do="Export its readings, or start a new record to measure again.",
+        )
+    return NotResumed(message, command=command)
 
 
 def _ignore(_: Event) -> None:

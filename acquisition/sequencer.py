@@ -85,10 +85,11 @@ class Sequencer:
     # -- before the first pose ----------------------------------------------------------------------------
 
     def _warm_up(self) -> None:
-        now_s = self._store.moment().t_s or 0.0
-        if now_s < self._campaign.warm_up_s:
-            self._store.tell("warm_up", until_t_s=self._campaign.warm_up_s)
-            self._control.wait(self._campaign.warm_up_s - now_s)
+        """Again in every execution: a cell that is resumed next morning has cooled down."""
+        if self._campaign.warm_up_s > 0.0:
+            now_s = self._store.moment().t_s or 0.0
+            self._store.tell("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
+            self._control.wait(self._campaign.warm_up_s)
 
     def _measure_nests(self) -> None:
         while self._world is None:

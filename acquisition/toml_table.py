@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Text and table of a TOML file. Raises ConfigError."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # Notepad writes a byte order mark
         return text, tomllib.loads(text)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}).") from error
@@ -106,6 +106,16 @@ class TomlTable:
         if not isinstance(value, Sequence) or not all(_are_numbers(row, width) for row in value):
             raise self.refuse(key, f"is {value!r}; give a list of rows of {width} numbers.")
         return [tuple(float(x) for x in row) for row in value]
+
+    def names(self, key: str) -> tuple[str, ...] | None:
+        """A list of names, each once, not empty; absent: None."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        good = isinstance(value, list | tuple) and all(isinstance(name, str) and name for name in value)
+        if not good or not value or len(set(value)) != len(value):
+            raise self.refuse(key, f"is {value!r}; list names of {key}, each once.")
+        return tuple(value)
 
     def words(
         self, key: str, allowed: Sequence[str], default: Sequence[str] | None = None

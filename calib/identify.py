@@ -126,9 +126,10 @@ def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Arra
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
     design = Design(placed, readings.conditions)
     active, _ = find_dependent(design, readings.points, start)
-    for _ in range(3):
-        weights = robust.huber(points_residual(design, readings, start))
-        start = solve(design, readings.points, start, active, weights).estimate
+    residual = points_residual(design, readings, start)
+    for _ in range(2):
+        solution = solve(design, readings.points, start, active, robust.huber(residual))
+        start, residual = solution.estimate, solution.residual
     return placed, start
 
 
@@ -179,17 +180,15 @@ def fit(
     progress("fitting, robust to gross errors")
     design = Design(model, readings.conditions)
     active, dropped = find_dependent(design, readings.points, start, settled)
-    estimate = start
+    estimate, residual = start, points_residual(design, readings, start)
     for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
-        residual = points_residual(design, readings, estimate)
-        scale = robust.noise_scale(residual)
-        estimate = solve(
-            design, readings.points, estimate, active, weigh(residual), scale, max_iterations=1
-        ).estimate
+        scale, weights = robust.noise_scale(residual), weigh(residual)
+        solution = solve(design, readings.points, estimate, active, weights, scale, max_iterations=1)
+        estimate, residual = solution.estimate, solution.residual
     progress("fitting")
-    residual = points_residual(design, readings, estimate)
     readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
-    residual = points_residual(Design(model, readings.conditions), readings, estimate)
+    if relabelled:
+        residual = points_residual(Design(model, readings.conditions), readings, estimate)
     faulty = robust.outliers(residual)
     rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
     readings = readings.take(~faulty)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from acquisition import Event, Run, RunStatus
 from drivers.operator import TerminalOperator
 from service.terminal import Terminal
+from service.wording import counted
 
 LINES = 20  # of progress in a log, where nobody wants one a reading
 _TOLD = {
@@ -46,7 +47,9 @@ class Progress:
         step = status.done * LINES // max(status.total, 1)
         if self._terminal.live or step != self._told:
             self._told = step
-            self._terminal.say(f"{status.done} of {status.total} readings{_left(status.seconds_left)}")
+            self._terminal.say(
+                f"{status.done} of {counted(status.total, 'reading')}{_left(status.seconds_left)}"
+            )
 
 
 def _left(seconds: float | None) -> str:

@@ -38,6 +38,11 @@ def with_uncertainty(value: float, uncertainty: float) -> tuple[str, str]:
     return f"{round(value, decimals):.{places}f}", f"{rounded:.{places}f}"
 
 
+def counted(count: int, what: str) -> str:
+    """So many of something, "1 reading" or "3 readings"."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
 def chance(p: float) -> str:
     """A p-value as text; far below what anyone believes it only says so."""
     if p < 1e-12:
@@ -92,19 +97,23 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     """The verdict as a plain sentence or two, with what it gains."""
     names = [found.effect.label for found in diagnosis.effects]
     listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    effects = f"{len(names)} effect{'s' if len(names) != 1 else ''} that the base model lacks"
+    effects = f"{counted(len(names), 'effect')} that the base model lacks"
+    before, after = diagnosis.error_before, diagnosis.error_after
+    lost = bool(names) and before is not None and after is not None and after.rms > before.rms
     where = ", ".join(s.where for s in diagnosis.structure[:3])
     head = {
         "complete": "Nothing is missing: the base model explains these readings to the declared noise.",
         "excess_noise": "No missing effect, but the readings scatter "
         f"{diagnosis.final.noise_scale:.2f} times as much as declared, without structure.",
-        "attributed": f"Found {effects}: {listed}. Nothing else is left beyond noise.",
+        "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
         "ambiguous": f"Found {effects}: {listed}. These poses cannot tell "
         "at least one of them from its rivals, which are listed.",
         "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
         + f"Structure is left that none explains ({where}).",
     }[diagnosis.verdict]
-    return f"{head} {gain_in_words(diagnosis.error_before, diagnosis.error_after)}".strip()
+    if lost:
+        head += f" {'The effects do' if len(names) > 1 else 'The effect does'} not carry over to the held-out readings."
+    return f"{head} {gain_in_words(before, after)}".strip()
 
 
 def grouped(warnings: Sequence[str], most: int | None = None) -> list[str]:

@@ -10,10 +10,11 @@ import typer
 
 import acquisition
 from acquisition import Outcome, Run, RunStatus, pausing_on_interrupt, read_campaign, read_cell, read_status
+from acquisition.database import FILE as RECORD_FILE
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
-from service import documents, exit_codes
+from service import documents, exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
@@ -40,7 +41,7 @@ def run_command(
     json: options.Json = None,
 ) -> None:
     """Measure a campaign: every pose is checked before the first motion."""
-    options.refuse_missing_folders(json)
+    options.check_outputs({"--json": json}, inputs=(cell, campaign))
     the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
     with Run.create(record, the_cell, the_campaign, simulated=simulate) as run:
         _execute(run, record, json, simulate=simulate)
@@ -49,7 +50,7 @@ def run_command(
 @app.command("resume")
 def resume_command(record: Record, simulate: Simulate = False, json: options.Json = None) -> None:
     """Go on with a campaign after a pause, a stop, a crash or a power cut."""
-    options.refuse_missing_folders(json)
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     was_simulated = read_status(record).simulated
     if was_simulated != simulate:
         made = "on simulated devices" if was_simulated else "on real devices"
@@ -64,7 +65,7 @@ def resume_command(record: Record, simulate: Simulate = False, json: options.Jso
 @app.command("status")
 def status_command(record: Record, json: options.Json = None) -> None:
     """Show how far a campaign is, also while another program runs it."""
-    options.refuse_missing_folders(json)
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     status = read_status(record)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.rest()
@@ -83,11 +84,14 @@ def export_command(
     """Write the readings of a record as a data set, finished or not."""
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
-    options.refuse_missing_folders(out, json)
+    data, header = options.files_of(out)
+    options.check_outputs(
+        {"OUT.csv": data, "header of OUT.csv": header, "--json": json}, inputs=(record / RECORD_FILE,)
+    )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         dataset = read_dataset(acquisition.export(record, out))
         terminal.rest()
-        terminal.out.print(f"{out}: {len(dataset)} readings.")
+        terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}.")
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
 
 
@@ -126,7 +130,10 @@ def _complaint(error: AcquisitionError, prompt: str | None) -> str:
 
 def in_words(status: RunStatus) -> str:
     """One line for people."""
-    parts = [f"{status.name}: {status.state.replace('_', ' ')}", f"{status.done} of {status.total} readings"]
+    parts = [
+        f"{status.name}: {status.state.replace('_', ' ')}",
+        f"{status.done} of {wording.counted(status.total, 'reading')}",
+    ]
     if status.skipped:
         parts.append(f"{status.skipped} of them skipped")
     if status.simulated:

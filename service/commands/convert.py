@@ -10,6 +10,7 @@ import typer
 
 from calib.convert import IMPORTERS
 from calib.errors import DataError
+from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.terminal import Terminal
@@ -49,7 +50,8 @@ def convert(
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     if not file.is_file():
         raise DataError("there is no such file.", do="Check the name.", file=file)
-    options.refuse_missing_folders(out, json)
+    data, header = options.files_of(out)
+    options.check_outputs({"OUT.csv": data, "header of OUT.csv": header, "--json": json}, inputs=(file,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {file}")
         table = IMPORTERS[source](file)
@@ -59,7 +61,9 @@ def convert(
         table.write(out)
         terminal.rest()
         held = table.columns.get("set", []).count("validation")
-        terminal.out.print(f"{out}: {len(table)} readings, {held} of them held out for validation.")
+        terminal.out.print(
+            f"{out}: {wording.counted(len(table), 'reading')}, {held} of them held out for validation."
+        )
     write_json(
         {
             "format": "truepose-conversion/1",

@@ -35,6 +35,20 @@ from service.progress import Progress
 from service.simulated_cell import simulated_cell
 from service.terminal import Terminal
 
+FILES = (
+    "cell.toml",
+    "campaign.toml",
+    "data.csv",
+    "data.toml",
+    "diagnosis.json",
+    "model.json",
+    "predictions.csv",
+    "report.html",
+    "targets.csv",
+    "truth.json",
+    "wire_abb.log",
+    "wire_faro.log",
+)  # what a demo writes into its folder
 SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 
@@ -58,7 +72,13 @@ def demo(
     json: options.Json = None,
 ) -> None:
     """See the whole loop on a simulated robot with an undeclared effect."""
-    options.refuse_missing_folders(out, json)
+    if out.exists() and not out.is_dir():
+        raise DataError("is not a folder.", do="Name a folder.", file=f"--out {out}")
+    options.check_outputs({"--json": json}, inputs=[out / name for name in FILES])
+    if not out.absolute().parent.is_dir():
+        raise DataError(
+            "cannot be made: the folder above it does not exist.", do="Make it first.", file=f"--out {out}"
+        )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         if in_memory:
             document, hidden = _in_memory(seed, out, effect, terminal)
@@ -109,16 +129,16 @@ def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
         "simulated": True,
         "verification": verification.document_of(result.verification),
     }
+    write_json(document, str(out / "diagnosis.json"))
+    replace_file(out / "predictions.csv", predictions_csv(diagnosis))
+    replace_file(out / "targets.csv", rehearsal.targets_csv(result.targets))
+    if diagnosis.final.converged:
+        save_model(out / "model.json", diagnosis.final, diagnosis)
     terminal.say("drawing the report")
     replace_file(
         out / "report.html",
         diagnosis_report(diagnosis, document, simulated=True, verified=result.verification),
     )
-    replace_file(out / "predictions.csv", predictions_csv(diagnosis))
-    replace_file(out / "targets.csv", rehearsal.targets_csv(result.targets))
-    if diagnosis.final.converged:
-        save_model(out / "model.json", diagnosis.final, diagnosis)
-    write_json(document, str(out / "diagnosis.json"))
     return document
 
 
@@ -168,6 +188,7 @@ def _in_memory(
     dataset = read_dataset(out / "data.csv")
     diagnosis = diagnose(dataset, progress=terminal.say)
     document = documents.of_diagnosis(diagnosis) | {"simulated": True}
+    write_json(document, str(out / "diagnosis.json"))
     write_results(
         diagnosis,
         document,
@@ -176,7 +197,6 @@ def _in_memory(
         report=out / "report.html",
         simulated=True,
     )
-    write_json(document, str(out / "diagnosis.json"))
     hidden = json_module.loads((out / "truth.json").read_text(encoding="utf-8"))["effects"]
     terminal.rest()
     show(diagnosis, terminal)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +18,7 @@ from calib.files import replace_file
 from calib.model_file import save_model
 from service import documents, exit_codes, tables
 from service.commands import options
-from service.files import STANDARD_OUTPUT, write_json
+from service.files import STANDARD_OUTPUT
 from service.predictions import predictions_csv
 from service.terminal import Terminal
 
@@ -46,7 +47,12 @@ def diagnose_command(
     ] = None,
 ) -> None:
     """Identify, find what the model lacks, correct it, and judge the gain on held-out readings."""
-    options.refuse_missing_folders(json, predictions, model, report)
+    options.check_outputs(
+        {"--json": json, "--predictions": predictions, "--model": model, "--report": report},
+        inputs=(*options.files_of(data), *options.files_of(carry_to)),
+    )
+    if accept_rms is not None and not (math.isfinite(accept_rms) and accept_rms > 0.0):
+        raise DataError(f"is {accept_rms:g}.", do="Give an error above 0 mm.", file="--accept-rms")
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
@@ -59,15 +65,21 @@ def diagnose_command(
             terminal.say(f"judging the effects on {carry_to}")
             carried = carry_over(diagnosis, other)
         document = documents.of_diagnosis(diagnosis, carried)
-        write_results(diagnosis, document, terminal, predictions=predictions, report=report, carried=carried)
-        if model is not None:
-            save_model(model, diagnosis.final, diagnosis)
+        options.write_result(document, json, terminal)
+        write_results(
+            diagnosis,
+            document,
+            terminal,
+            predictions=predictions,
+            model=model,
+            report=report,
+            carried=carried,
+        )
         terminal.rest()
         show(diagnosis, terminal, carried)
         for what, path in (("predictions", predictions), ("model", model), ("report", report)):
             if path is not None:
                 terminal.note(f"{what}: {path}")
-    write_json(document, json)
     reached = diagnosis.error_after
     if accept_rms is not None and reached is not None and reached.rms > accept_rms:
         terminal.note(f"truepose: {reached.rms:.4f} mm RMS is above the {accept_rms:g} mm asked for.")
@@ -81,12 +93,15 @@ def write_results(
     *,
     predictions: Path | None,
     report: Path | None,
+    model: Path | None = None,
     carried: CarryOver | None = None,
     simulated: bool = False,
 ) -> None:
-    """Write predictions and report, where they were asked for."""
+    """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))
+    if model is not None:
+        save_model(model, diagnosis.final, diagnosis)
     if report is not None:
         # drawing is not needed for the numbers, and takes long to import
         from service.report import diagnosis_report

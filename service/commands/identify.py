@@ -10,7 +10,7 @@ from calib.model_file import save_model
 from calib.statistics import distances, statistics_of
 from service import documents, tables, wording
 from service.commands import options
-from service.files import STANDARD_OUTPUT, write_json
+from service.files import STANDARD_OUTPUT
 from service.terminal import Terminal
 
 
@@ -21,7 +21,9 @@ def identify_command(
     report: options.Report = None,
 ) -> None:
     """Identify the robot's parameters, nothing else."""
-    options.refuse_missing_folders(json, model, report)
+    options.check_outputs(
+        {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
+    )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
@@ -32,6 +34,7 @@ def identify_command(
         error_nominal = statistics_of(distances(Design(nominal, conditions).predict(placed), measured))
         error_identified = statistics_of(distances(found.predict(conditions), measured))
         document = documents.of_identification(dataset, found, error_nominal, error_identified)
+        options.write_result(document, json, terminal)
         if model is not None:
             save_model(model, found)
         if report is not None:
@@ -51,7 +54,6 @@ def identify_command(
         ):
             terminal.out.print(table)
         _say_where(terminal, model, report)
-    write_json(document, json)
 
 
 def _say_where(terminal: Terminal, model: object, report: object) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from calib.errors import DataError
+from service.files import STANDARD_OUTPUT, write_json
+from service.terminal import Terminal
 
 Data = Annotated[
     Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml stands beside it.")
@@ -25,10 +29,61 @@ Model = Annotated[
 ]
 
 
-def refuse_missing_folders(*paths: Path | str | None) -> None:
-    """Raise DataError for an output whose folder does not exist: told before the work, not after it."""
-    for path in paths:
-        if path is not None and str(path) != "-" and not Path(path).absolute().parent.is_dir():
+def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[Path | None] = ()) -> None:
+    """Raise DataError, naming the option, for an output that cannot be written or would write over something.
+
+    Told before the work, not after it. `outputs`: option or argument -> file; `inputs`: files that are read.
+    """
+    read = [path for path in inputs if path is not None]
+    taken: dict[str, str] = {}
+    for option, path in outputs.items():
+        if path is None or (option == "--json" and path == STANDARD_OUTPUT):
+            continue
+        if not str(path).strip():
+            raise DataError("is empty.", do="Name a file.", file=option)
+        shown = f"{option} {path}"
+        place = _place(Path(path), shown)
+        if place.is_dir():
+            raise DataError("is a folder.", do="Name a file.", file=shown)
+        if not place.parent.is_dir():
             raise DataError(
-                "cannot be written: its folder does not exist.", do="Make the folder first.", file=path
+                "cannot be written: its folder does not exist.", do="Make the folder first.", file=shown
             )
+        if place.exists() and not place.is_file():
+            raise DataError("is not an ordinary file.", do="Name another file.", file=shown)
+        for each in read:
+            if _same(place, _place(each, str(each))):
+                raise DataError(
+                    f"would be written over {each}, which is read.", do="Name another file.", file=shown
+                )
+        key = os.path.normcase(place)
+        if key in taken:
+            raise DataError(f"is the same file as {taken[key]}.", do="Name another file.", file=shown)
+        taken[key] = option
+
+
+def write_result(document: Mapping[str, Any], json: str | None, terminal: Terminal) -> None:
+    """Write the JSON first of all results, with the spinner out of its way."""
+    if json == STANDARD_OUTPUT:
+        terminal.rest()
+    write_json(document, json)
+    terminal.begin("writing")
+
+
+def files_of(data: Path | None) -> tuple[Path, ...]:
+    """A data set's files: the CSV and its header."""
+    return () if data is None or not data.name else (data, data.with_suffix(".toml"))
+
+
+def _place(path: Path, shown: str) -> Path:
+    """The file itself, where a symlink leads to."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError) as error:  # links that lead back to themselves
+        raise DataError("leads nowhere.", do="Name another file.", file=shown) from error
+
+
+def _same(one: Path, other: Path) -> bool:
+    if os.path.normcase(one) == os.path.normcase(other):
+        return True
+    return one.exists() and other.exists() and one.samefile(other)

@@ -23,6 +23,7 @@ from service.files import as_json
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
 from service.plain import finite
+from service.wording import counted
 
 DRY_RUN = "dry_run.json"
 PAUSE_S = 15.0  # for the reading in hand when the service ends; then the robot is stopped
@@ -138,7 +139,7 @@ class Book:
             "name": name or cell.name,
             "state": done.value,
             "state_code": done.code,
-            "reason": f"Checked only: {len(visits)} visits, {total} readings; nothing has moved.",
+            "reason": f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
             "version": 1,
             "done": 0,
             "total": total,

@@ -9,6 +9,7 @@ from typing import Any
 from acquisition.verification import Verification
 from calib.diagnose.diagnosis import Diagnosis
 from calib.statistics import ErrorStatistics
+from service import wording
 
 NEARLY = 1.3  # times the floor: what a correction is held to
 
@@ -35,7 +36,8 @@ def floor_in_words(verification: Verification) -> str:
 def scope_in_words(verification: Verification) -> str:
     """For what the figures hold."""
     text = (
-        f"{verification.poses} new poses, {verification.verified.n} readings; approach {verification.approach}; "
+        f"{wording.counted(verification.poses, 'new pose')}, {wording.counted(verification.verified.n, 'reading')}; "
+        f"approach {verification.approach}; "
         "position errors against where the nominal robot would put the targets"
     )
     if verification.refused:

@@ -85,6 +85,10 @@ BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
         ({"block": [BLOCK, BLOCK | {"count": 0}]}, "block[1].count"),
         ({"block": [BLOCK | {"targets": []}]}, "block[0].targets"),
         ({"block": [{"select": "list", "joints_deg": [[0, 1], [0]]}]}, "block[0].joints_deg"),
+        ({"block": [BLOCK | {"targets": [["T1"], ["T2"]]}]}, "block[0].targets"),
+        ({"block": [BLOCK | {"targets": ["T1", "T1"]}]}, "block[0].targets"),
+        ({"block": [BLOCK | {"targets": [1]}]}, "block[0].targets"),
+        ({"block": [BLOCK | {"targets": "T1"}]}, "block[0].targets"),
         ({"block": [{"select": "list"}]}, "block[0].joints_deg"),
     ],
 )
@@ -101,6 +105,12 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("= 3")
     with pytest.raises(ConfigError, match="not valid TOML"):
         read_campaign(tmp_path / "bad.toml")
+
+
+def test_files_saved_by_notepad_are_read(tmp_path: Path) -> None:
+    text = (EXAMPLE / "cell.toml").read_text("utf-8")
+    (tmp_path / "cell.toml").write_text(text, "utf-8-sig")
+    assert read_cell(tmp_path / "cell.toml") == read_cell(EXAMPLE / "cell.toml")
 
 
 def test_poses_of_a_file(tmp_path: Path) -> None:

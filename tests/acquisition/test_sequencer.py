@@ -96,8 +96,9 @@ def test_the_order_of_a_campaign(stage: Stage) -> None:
             assert max(away) < 1e-6
     with pytest.raises(NotResumed):
         stage.execute()
-    with pytest.raises(NotResumed):
+    with pytest.raises(NotResumed, match="finished; nothing to resume") as caught:
         stage.run.resume()
+    assert "Look at the cell" not in caught.value.what_to_do
 
 
 def test_settle_and_warm_up_take_campaign_time(tmp_path: Path) -> None:
@@ -107,6 +108,24 @@ def test_settle_and_warm_up_take_campaign_time(tmp_path: Path) -> None:
     first = next(e for e in stage.run.events() if e.kind == "arrived")
     assert first.t_s is not None
     assert first.t_s > 3600.0
+    stage.run.close()
+
+
+def test_a_cell_resumed_the_next_morning_warms_up_again(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, warm_up_s=3600.0)
+    stage.bench.faults[10] = stage.run.pause
+    assert stage.execute().state.value == "paused"
+    stage.clock.calendar += 16 * 3600.0
+    begin = stage.clock.now()
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+    assert stage.clock.now() - begin > 3600.0
+    first, again = (e for e in stage.run.events() if e.kind == "warm_up")
+    assert first.t_s is not None
+    assert again.t_s is not None
+    assert again.data["until_t_s"] == pytest.approx(again.t_s + 3600.0, abs=1.0)
+    shots = [e.t_s for e in stage.run.events(after=again.id) if e.kind == "reading"]
+    assert min(t for t in shots if t is not None) > again.t_s + 3600.0
     stage.run.close()
 
 

@@ -40,7 +40,7 @@ def shown(campaign: Campaign, diagnosis: Diagnosis) -> float:
         campaign.world, campaign.world.effects[0], [campaign.readings[i] for i in readings.rows]
     )
     whitened = np.einsum("abn,nb->an", readings.points.whiten, moved).ravel()
-    return float(whitened @ whitened - np.sum((space.basis.T @ whitened) ** 2))
+    return float(whitened @ whitened - np.sum((space.basis_of_readings.T @ whitened) ** 2))
 
 
 def same(label: str, truth: str) -> bool:

@@ -81,7 +81,7 @@ def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     for words, code, message in (
         (["run", *arguments, "--simulate"], 2, "there is a record already"),
         (["resume", str(record)], 2, "Add --simulate"),
-        (["resume", str(record), "--simulate"], 1, "succeeded cannot be resumed"),
+        (["resume", str(record), "--simulate"], 1, "finished; nothing to resume"),
         (["status", str(tmp_path)], 2, "there is no record"),
         (["export", str(tmp_path), str(out)], 2, "there is no record"),
         (["export", str(record), str(tmp_path / "out")], 2, "Let it end in .csv"),

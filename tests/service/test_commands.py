@@ -183,3 +183,17 @@ def test_nothing_half_written_is_left(data: Path, tmp_path: Path) -> None:
     result = tmp_path / "r.json"
     assert main(["diagnose", str(data), "--json", str(result)]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["r.json"]
+
+
+def test_the_json_is_there_when_the_report_fails(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> str:
+        raise OSError(28, "No space left on device", "report.html")
+
+    monkeypatch.setattr("service.report.diagnosis_report", broken)
+    names = ("r.json", "p.csv", "m.json", "report.html")
+    outputs = [str(tmp_path / name) for name in names]
+    words = zip(("--json", "--predictions", "--model", "--report"), outputs, strict=True)
+    assert main(["diagnose", str(data), *(word for pair in words for word in pair)]) == 1
+    assert {path.name for path in tmp_path.iterdir()} == set(names[:3])

@@ -128,6 +128,53 @@ def test_an_output_folder_that_is_not_there_is_told_before_the_work(
 
 
 @pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("diagnose {a} --json {a}", r"--json .*data\.csv: would be written over .*which is read"),
+        ("diagnose {a} --model {header}", r"--model .*data\.toml: would be written over"),
+        ("diagnose {a} --carry-to {b} --report {b}", r"--report .*other\.csv: would be written over"),
+        ("diagnose {a} --predictions {link}", r"--predictions .*link\.csv: would be written over"),
+        ("diagnose {a} --json {new} --report {new}", r"--report .*new: is the same file as --json"),
+        (
+            "diagnose {a} --model {folder}/../new --report {new}",
+            r"--report .*new: is the same file as --model",
+        ),
+        ("diagnose {a} --report {folder}", r"--report .*folder: is a folder"),
+        ("diagnose {a} --json {empty}", r"--json: is empty"),
+        ("diagnose {a} --json /dev/null", r"--json /dev/null: is not an ordinary file"),
+        ("diagnose {a} --report {loop}", r"--report .*loop: leads nowhere"),
+        ("identify {a} --model {a}", r"--model .*data\.csv: would be written over"),
+        ("identify {a} --json {new} --model {new}", r"--model .*new: is the same file as --json"),
+        ("convert {a} {a} --from ipa-ur10", r"OUT\.csv .*data\.csv: would be written over"),
+        ("convert {header} {a} --from ipa-ur10", r"OUT\.csv .*data\.toml: would be written over"),
+        ("convert {a} {new}.csv --from ipa-ur10 --json {new}.toml", r"--json .*is the same file as header"),
+        ("demo --out {folder} --json {folder}/data.csv", r"--json .*data\.csv: would be written over"),
+        ("demo --out {a}", r"--out .*data\.csv: is not a folder"),
+        ("diagnose {a} --accept-rms nan", r"--accept-rms: is nan. Give an error above 0 mm"),
+        ("diagnose {a} --accept-rms inf", r"--accept-rms: is inf"),
+        ("diagnose {a} --accept-rms 0", r"--accept-rms: is 0"),
+        ("diagnose {a} --accept-rms -1", r"--accept-rms: is -1"),
+    ],
+)
+def test_outputs_never_replace_what_is_read(
+    words: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a = write_data(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "other.csv").write_bytes(a.read_bytes())
+    (tmp_path / "other.toml").write_bytes(a.with_suffix(".toml").read_bytes())
+    (tmp_path / "link.csv").symlink_to(a)
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    names = {"a": a, "b": tmp_path / "other.csv", "header": a.with_suffix(".toml"), "empty": ""}
+    names |= {name: tmp_path / name for name in ("folder", "new", "loop")} | {"link": tmp_path / "link.csv"}
+    shown = refused([word.format(**names) for word in words.split()], capsys)
+    assert re.search(message, shown)
+    assert "truepose: reading" not in shown
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["convert", "{file}", "{out}.csv", "--from", "nobody"], r"--from.*'nobody' is not a known kind"),

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calib.statistics import ErrorStatistics
 from service.documents import reading
 from service.files import as_json
-from service.wording import chance, grouped, with_uncertainty
+from service.wording import chance, counted, grouped, verdict_in_words, with_uncertainty
 
 
 @pytest.mark.parametrize(
@@ -54,6 +58,33 @@ def test_warnings_that_say_the_same_of_many_become_one() -> None:
     assert grouped(warnings) == ["Each of d2, d3 and d4 is weak.", "The fit did not converge."]
     assert grouped(warnings, most=1)[0] == "Each of d2 and 2 more is weak."
     assert grouped(warnings[:3]) == ["d2 is weak.", "d3 is weak.", "The fit did not converge."]
+
+
+def errors(rms: float) -> ErrorStatistics:
+    return ErrorStatistics(40, rms, rms, rms, rms)
+
+
+@pytest.mark.parametrize("verdict", ["attributed", "ambiguous", "unexplained"])
+def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
+    found = SimpleNamespace(effect=SimpleNamespace(label="backlash:j4"))
+    diagnosis: Any = SimpleNamespace(
+        verdict=verdict,
+        effects=(found,),
+        structure=(),
+        final=SimpleNamespace(noise_scale=1.0),
+        error_before=errors(0.1),
+        error_after=errors(0.2),
+    )
+    text = verdict_in_words(diagnosis)
+    assert "Nothing else" not in text
+    assert "does not carry over to the held-out readings. The held-out error rises by 100%" in text
+    diagnosis.error_before = errors(0.3)
+    assert "carry over" not in verdict_in_words(diagnosis)
+    assert ("Nothing else" in verdict_in_words(diagnosis)) == (verdict == "attributed")
+
+
+def test_one_is_not_many() -> None:
+    assert [counted(n, "reading") for n in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
 
 
 def test_nan_never_reaches_a_file() -> None:
