@@ -2,9 +2,9 @@
 
 minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j (x_j / size_j)^2
 
-s is the noise scale, at least 1: where the readings are noisier than declared, the prior is as much weaker
-relative to the declared noise as they are. Steps are solved on scaled columns; a step that does not lower the cost is
-halved.
+s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
+they are better than declared for less, so that readings without noise come back as they are. Steps are solved
+on scaled columns; a step that does not lower the cost is halved.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from calib.units import to_internal
 
 MAX_ITERATIONS = 50
 _CONVERGED = 0.02  # length of a step in standard errors of the estimate
+_LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
 _MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
 _DEPENDENT = 1e-7  # share of a column left when those before it are projected out
 
@@ -145,7 +146,7 @@ def solve(
     weights: (n,) per reading; scale: noise scale s for the prior. A solution that did not converge says so.
     """
     root = np.ones(len(design.conditions)) if weights is None else np.sqrt(weights)
-    prior = np.where(active, max(scale, 1.0) / design.model.prior_std, 0.0)[active]
+    prior = np.where(active, max(scale, _LEAST_NOISE) / design.model.prior_std, 0.0)[active]
     estimate = start.copy()
     frames = design.frames(estimate)
     residual = points.residual(frames)

@@ -243,7 +243,8 @@ def test_leaving_one_out_is_fitting_without_it(
     # and the exact chain, fitted anew
     anew = refit(data, whole, tuple(e for e in chosen if e is not effect))
     again = Space.of(anew)
-    assert again.rss == pytest.approx(without.rss, rel=2e-3)
+    # (its prior weighs with the noise that it leaves, which is not that of the whole model)
+    assert again.rss == pytest.approx(without.rss, rel=3e-2)
 
 
 def test_the_basis_is_orthonormal_with_its_priors(complete: tuple[Dataset, Identification]) -> None:
