@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from acquisition.control import Control
 from acquisition.devices import Devices
 from drivers.errors import AcquisitionError, LinkError, Unmeasurable
-from drivers.interfaces import Device, Identity, JointReading, PointReading
+from drivers.interfaces import Identity, JointReading, PointReading
 
 
 class Rig:
@@ -87,10 +87,9 @@ class Rig:
     def halt(self) -> list[AcquisitionError]:
         """Robot and instrument stop now; from any thread. Returns what could not be stopped."""
         problems = []
-        both: tuple[Device, ...] = (self._devices.robot, self._devices.instrument)
-        for device in both:
+        for stop in (self._devices.robot.stop, self._devices.instrument.stop):
             try:
-                device.stop()  # type: ignore[attr-defined]
+                stop()
             except AcquisitionError as error:
                 problems.append(error)
         return problems
@@ -98,6 +97,8 @@ class Rig:
     def release(self) -> None:
         """Disarm and disconnect both."""
         for device in (self._devices.robot, self._devices.instrument):
+            # One by one: a device that cannot be disarmed is disconnected all the same.
             with suppress(AcquisitionError):
                 device.disarm()
+            with suppress(AcquisitionError):
                 device.disconnect()

@@ -24,7 +24,6 @@ from calib.identify import (
     Identification,
     Progress,
     base_model_of,
-    carry,
     fit,
     identify,
     place_nominal,
@@ -177,6 +176,3 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
     if len({int(t) for t in conditions.target}) == 1:
         notes.append("One tool target only: a shifted and a tilted tool look the same.")
     return tuple(notes)
-
-
-__all__ = ["Diagnosis", "Found", "Verdict", "carry", "diagnose"]

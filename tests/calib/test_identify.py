@@ -69,10 +69,10 @@ class TestWithoutNoise:
             assert value[f"c{k}"] == pytest.approx(campaign.world.compliance[k - 1], abs=1e-12)
 
     def test_realistic_noise_declared(self, tmp_path: Path) -> None:
-        """Priors and convergence leave less than a hundredth of the declared noise."""
+        """Priors and convergence leave nothing that a tracker could see."""
         campaign = make_campaign(seed=5, n=80, n_validation=80, effects=[])
         data = read_dataset(write_files(tmp_path, *exact(campaign, sigma_mm=0.01)))
-        assert worst(identify(data), data, true_points(campaign)) < 1e-4
+        assert worst(identify(data), data, true_points(campaign)) < 1e-6
 
     @pytest.mark.parametrize("robot", ["abb-irb120", "ur10"])
     @pytest.mark.parametrize("turn", [[0, 0, 0], [np.pi, 0, 0], [0, 0, np.pi], [1.9, -1.1, 0.7]])
