@@ -27,7 +27,7 @@ from acquisition.world_frame import WorldFrame
 from calib.compensate import StatedConditions, conditions_at
 from calib.conditions import Conditions
 from calib.dataset import Dataset
-from calib.identify import Identification
+from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import Design, RobotModel
 from calib.statistics import ErrorStatistics, statistics_of
@@ -196,10 +196,11 @@ def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Cond
 def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) -> float:
     """RMS distance, mm, that a perfect correction would show under these conditions (3D, all readings)."""
     noise = dataset.header.noise
-    frames = Design(found.model, conditions).frames(found.estimate)
+    joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
+    frames = Design(found.model, conditions).frames(found.estimate, joints)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
-    covariance = covariance + noise.of_repeatability(frames, found.model.robot.joints)
+    covariance = covariance + noise.of_joints(frames.twists(joints)[0])
     return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
 
 

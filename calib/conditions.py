@@ -29,8 +29,10 @@ class Conditions:
     point: Array  # (n, 3) measured or nominally expected point, mm, world
     series: NDArray[np.int64]  # (n,) index into series_names
     target: NDArray[np.int64]  # (n,) index into target_names
+    anchor: NDArray[np.int64]  # (n,) index into anchor_names of the base target of a distance; -1: none
     series_names: tuple[str, ...]
     target_names: tuple[str, ...]
+    anchor_names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.joints)

@@ -38,7 +38,10 @@ class Dataset:
     conditions: Conditions
     points: Array  # (n, 3) mm, NaN where not measured
     orientation: Array  # (n, 4) quaternion, scalar first, NaN where not measured
+    lengths: Array  # (n,) mm from the tool target to the base target, NaN where not measured
     u_point: Array  # (n, 3) mm, NaN where the header's noise holds
+    u_rotation: Array  # (n,) rad, likewise
+    u_length: Array  # (n,) mm, likewise
     sha256: str
 
     def __len__(self) -> int:
@@ -50,9 +53,25 @@ class Dataset:
         return self.path.name
 
     @property
+    def pointed(self) -> NDArray[np.bool_]:
+        """(n,) a point was measured."""
+        return np.isfinite(self.points[:, 0])
+
+    @property
+    def turned(self) -> NDArray[np.bool_]:
+        """(n,) an orientation was measured, and its noise declared: without, nobody knows what it is worth."""
+        weighed = np.isfinite(self.u_rotation) | (self.header.noise.rotation > 0.0)
+        return np.isfinite(self.orientation[:, 0]) & weighed
+
+    @property
+    def spanned(self) -> NDArray[np.bool_]:
+        """(n,) a distance was measured."""
+        return np.isfinite(self.lengths)
+
+    @property
     def usable(self) -> NDArray[np.bool_]:
         """(n,) measured and not rejected."""
-        return np.isin(self.status, ("", "ok")) & np.all(np.isfinite(self.points), axis=1)
+        return np.isin(self.status, ("", "ok")) & (self.pointed | self.spanned)
 
     @property
     def fit_rows(self) -> NDArray[np.bool_]:
@@ -64,9 +83,13 @@ class Dataset:
         """(n,) measured rows that only ever judge."""
         return self.usable & (self.sets == "validation")
 
-    def covariance(self, rows: NDArray[np.bool_]) -> Array:
-        """(k, 3, 3) covariance of the instrument for some rows, mm2."""
-        return self.header.noise.of_points(self.points[rows], self.u_point[rows])
+    @property
+    def numbers(self) -> int:
+        """How many numbers were measured in the rows that enter a fit."""
+        rows = self.fit_rows
+        return int(
+            3 * (self.pointed & rows).sum() + 3 * (self.turned & rows).sum() + (self.spanned & rows).sum()
+        )
 
 
 def read_dataset(path: Path | str) -> Dataset:
@@ -103,6 +126,7 @@ def read_dataset(path: Path | str) -> Dataset:
     order = order_of(time, series_index)
     side, previous = arrivals_of(table, header, joints, order, series_index)
     target_names, target_index = np.unique(target, return_inverse=True)
+    anchor_names, anchor_index = _base_targets(table, header)
     conditions = Conditions(
         joints=joints,
         previous=previous,
@@ -114,8 +138,10 @@ def read_dataset(path: Path | str) -> Dataset:
         point=points,
         series=series_index,
         target=target_index,
+        anchor=anchor_index,
         series_names=tuple(str(name) for name in series_names),
         target_names=tuple(str(name) for name in target_names),
+        anchor_names=anchor_names,
     )
     dataset = Dataset(
         path=path,
@@ -126,6 +152,9 @@ def read_dataset(path: Path | str) -> Dataset:
         conditions=conditions,
         points=points,
         orientation=orientation,
+        lengths=table.numbers("length_mm"),
+        u_rotation=table.numbers("u_rot_mrad") * 1e-3,
+        u_length=table.numbers("u_length_mm"),
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
         sha256=hashlib.sha256(
             (table.sha256 + path.with_suffix(".toml").read_text("utf-8")).encode()
@@ -189,8 +218,33 @@ def _status(table: Columns) -> NDArray[np.str_]:
     return status
 
 
+def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Names of the base targets, and the index of each row's, -1 where the row has none."""
+    named = table.text("base_target")
+    lengths = table.numbers("length_mm")
+    for i, (name, length) in enumerate(zip(named, lengths, strict=True)):
+        if np.isfinite(length) and not name:
+            raise table.refuse(i, "base_target", "is empty", "A distance needs the base target it ends at")
+        if name and not header.knows_base_target(str(name)):
+            raise table.refuse(
+                i,
+                "base_target",
+                f"names {name!r}, which the header does not",
+                f'Add it under [base_targets], with its position in the world or as {name} = "free"',
+            )
+        if length <= 0.0 and not header.frees_length_zero:
+            raise table.refuse(
+                i,
+                "length_mm",
+                f"is {length:g}",
+                "A distance is above zero; free the group 'length_zero' where lengths count from an unknown zero",
+            )
+    names = tuple(sorted({str(name) for name in named if name}))
+    return names, np.array([names.index(str(name)) if name else -1 for name in named], dtype=np.int64)
+
+
 def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
-    for axis in "xyz":
+    for axis in "xyz" if "length_mm" not in table else "":
         table.require(
             f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
         )
@@ -206,7 +260,17 @@ def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
     norm = np.linalg.norm(orientation, axis=1)
     for i in np.flatnonzero(np.abs(norm - 1.0) > 1e-3):
         raise table.refuse(int(i), "rot_w..rot_z", f"have the norm {norm[i]:.4f}", "A quaternion has norm 1")
-    return points, orientation
+    partly = np.isfinite(orientation).any(axis=1) & ~np.isfinite(orientation).all(axis=1)
+    for i in np.flatnonzero(partly):
+        raise table.refuse(int(i), "rot_w..rot_z", "are only partly filled", "Fill all four or none")
+    for i in np.flatnonzero(np.isfinite(norm) & ~np.isfinite(points).all(axis=1)):
+        raise table.refuse(
+            int(i),
+            "x_mm, y_mm, z_mm",
+            "are empty beside an orientation",
+            "A pose has both; give the point too",
+        )
+    return points, orientation / norm[:, None]
 
 
 def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
@@ -244,9 +308,9 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
             file=table.path,
             key="set",
         )
-    if (
-        len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1
-        or np.ptp(dataset.points[rows], axis=0).max() < 1.0
+    pointed = dataset.points[rows & dataset.pointed]
+    if len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1 or (
+        len(pointed) == int(rows.sum()) and np.ptp(pointed, axis=0).max() < 1.0
     ):
         raise DataError(
             "all calibration readings are the same.",
@@ -285,10 +349,27 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
             "Give all three, or none for [noise] to hold",
         )
     if dataset.header.noise.kind == "per-row":
-        for i in np.flatnonzero(dataset.usable & ~np.all(dataset.u_point > 0.0, axis=1)):
+        pointed_rows = dataset.usable & dataset.pointed
+        for i in np.flatnonzero(pointed_rows & ~np.all(dataset.u_point > 0.0, axis=1)):
             raise table.refuse(
                 int(i),
                 "u_x_mm",
                 "is empty or zero, and [noise] kind is 'per-row'",
                 "Give u_x_mm, u_y_mm, u_z_mm",
             )
+    _refuse_without_noise(dataset, table)
+
+
+def _refuse_without_noise(dataset: Dataset, table: Columns) -> None:
+    """Distances weigh by their own noise, which cannot be guessed."""
+    for of_row, column in ((dataset.u_rotation, "u_rot_mrad"), (dataset.u_length, "u_length_mm")):
+        for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row > 0.0)):
+            raise table.refuse(int(i), column, "is not above zero", "Leave it empty for [noise] to hold")
+    missing = np.flatnonzero(dataset.usable & dataset.spanned & ~np.isfinite(dataset.u_length))
+    if dataset.header.noise.length_mm == 0.0 and len(missing):
+        raise DataError(
+            f"is missing or zero, but line {table.lines[int(missing[0])]} of {dataset.path.name} holds a distance.",
+            do="Give its standard uncertainty under [noise], or fill the column u_length_mm.",
+            file=dataset.path.with_suffix(".toml"),
+            key="noise.length_mm",
+        )

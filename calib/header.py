@@ -9,13 +9,33 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.effects.base_model import DEFAULT_GROUPS, GROUPS
+from calib.effects.base_model import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.errors import DataError
 from calib.noise import Noise
 from calib.robot import Load, Robot, load_robot, parse_loads
 from calib.units import DEG
 
 FORMAT = "truepose-dataset/1"
+
+_KEYS = {
+    *(
+        "format",
+        "robot",
+        "instrument",
+        "world",
+        "joint_coupling",
+        "gravity_base",
+        "model",
+        "noise",
+        "tool_targets",
+    ),
+    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout"),
+}
+_MODEL_KEYS = {"fit", "level", "hold", "priors"}
+_NOISE_KEYS = {
+    *("kind", "sigma_mm", "station_mm", "range_mm", "range_ppm", "transverse_mm", "transverse_ppm"),
+    *("rotation_mrad", "length_mm", "repeatability_deg"),
+}
 
 Vector = tuple[float, float, float]
 World = Literal["free", "nominal"]
@@ -37,6 +57,22 @@ class Header:
     loads: tuple[Load, ...]
     holdout: str
     base_targets: Mapping[str, Vector] = field(default_factory=dict)
+    free_base_targets: tuple[str, ...] = ()  # names, or "*" for every one that is not in base_targets
+    base_targets_u_mm: float = 0.0  # standard uncertainty of base_targets; 0: exact
+    hold: tuple[str, ...] = ()  # parameters held at their nominal values
+    priors: Mapping[str, float] = field(
+        default_factory=dict
+    )  # parameter or group -> std in the parameter's unit
+    unknown_keys: tuple[str, ...] = ()
+
+    def knows_base_target(self, name: str) -> bool:
+        """Whether distances may end at a base target of this name."""
+        return name in self.base_targets or name in self.free_base_targets or "*" in self.free_base_targets
+
+    @property
+    def frees_length_zero(self) -> bool:
+        """Whether lengths count from an unknown zero."""
+        return "length_zero" in self.groups
 
     def targets_of(self, series: str) -> dict[str, Vector]:
         """Nominal tool targets of a series, flange frame, mm."""
@@ -131,7 +167,10 @@ def read_header(path: Path) -> Header:
         series_targets={name: _targets(series.table(name).table("tool_targets")) for name in series.values},
         loads=loads or robot.loads,
         holdout=str(table.table("holdout").values.get("kind", "as measured")),
-        base_targets=_base_targets(table),
+        **_base_targets(table),
+        hold=_names(table.table("model"), "hold"),
+        priors=_priors(table.table("model").table("priors")),
+        unknown_keys=tuple(_unknown(values)),
     )
 
 
@@ -139,13 +178,51 @@ def _targets(table: _Table) -> dict[str, Vector]:
     return {name: table.vector(name) for name in table.values}
 
 
-def _base_targets(table: _Table) -> dict[str, Vector]:
+def _base_targets(table: _Table) -> dict[str, Any]:
+    u_mm = table.number("base_targets_u_mm", 0.0)
     if table.values.get("base_targets") == "free":
-        return {}
-    return _targets(table.table("base_targets"))
+        return {"free_base_targets": ("*",), "base_targets_u_mm": u_mm}
+    given = table.table("base_targets")
+    free = tuple(name for name, value in given.values.items() if value == "free")
+    known = {name: given.vector(name) for name in given.values if name not in free}
+    return {"base_targets": known, "free_base_targets": free, "base_targets_u_mm": u_mm}
+
+
+def _names(table: _Table, key: str) -> tuple[str, ...]:
+    names = table.values.get(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise table.refuse(key, f"is {names!r}.", 'Give a list of parameter names, ["d2", "beta3"].')
+    return tuple(names)
+
+
+def _priors(table: _Table) -> dict[str, float]:
+    priors = {name: table.number(name) for name in table.values}
+    for name, value in priors.items():
+        if value == 0.0:
+            raise table.refuse(
+                name, "is 0.", f"Name it under [model] hold to keep it as it is: hold = [{name!r}]."
+            )
+    return priors
+
+
+def _unknown(values: Mapping[str, Any]) -> list[str]:
+    """Keys that mean nothing here, so that a misspelt one is told and not silently passed over."""
+    out = [key for key in values if key not in _KEYS]
+    for name, keys in (("model", _MODEL_KEYS), ("noise", _NOISE_KEYS)):
+        table = values.get(name)
+        if isinstance(table, dict):
+            out += [f"{name}.{key}" for key in table if key not in keys]
+    return out
 
 
 def _groups(table: _Table) -> tuple[str, ...]:
+    if "level" in table.values:
+        level = table.values["level"]
+        if "fit" in table.values:
+            raise table.refuse("level", "stands beside 'fit'.", "Give one of the two.")
+        if isinstance(level, bool) or level not in LEVELS:
+            raise table.refuse("level", f"is {level!r}.", "Use 1, 2 or 3.")
+        return LEVELS[level]
     groups = table.values.get("fit", list(DEFAULT_GROUPS))
     if not isinstance(groups, list) or not groups:
         raise table.refuse("fit", f"is {groups!r}.", f"Give a list of: {', '.join(GROUPS)}.")

@@ -8,7 +8,9 @@ motions before it have made. Each has a name, its *slot*:
     alphaK aK thetaK dK betaK   link K: Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)  (modified DH), or
                                         Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)  (standard DH)
     tool.x .. tool.rz      the tool at the flange
-    target.x .. target.z   the measured target on the tool
+    target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
+    anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
+    length.zero            what a length meter shows at distance nought
 
 Arrays hold one reading a column, so every product runs over all readings at once: vectors are (3, n).
 Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex I (I.2) for the base.
@@ -16,7 +18,8 @@ Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,7 +55,10 @@ def _link(robot: Robot, k: int) -> tuple[Motion, ...]:
 
 FRAME = _six("frame")
 TOOL = _six("tool")
-TARGET = _six("target")[:3]
+TARGET = _six("target")
+ANCHOR = tuple(motion.slot for motion in _six("anchor")[:3])
+LENGTH_ZERO = "length.zero"
+BESIDE = (*ANCHOR, LENGTH_ZERO)
 
 
 @dataclass(frozen=True)
@@ -75,19 +81,28 @@ class Chain:
 
     @property
     def slots(self) -> dict[str, Motion]:
-        """Every slot of the chain by name, in order from world to target."""
+        """Every slot of the chain by name, in order from world to target; those beside the chain are not here."""
         motions = (*FRAME, *self.base, *(m for link in self.links for m in link), *TOOL, *TARGET)
         return {motion.slot: motion for motion in motions}
 
 
 @dataclass
 class Frames:
-    """Where the chain stands: columns of the rotation `x`, `y`, `z` and the origin `p`, each (3, n) or (3, 1)."""
+    """Where the chain stands: columns of the rotation `x`, `y`, `z` and the origin `p`, each (3, n) or (3, 1).
+
+    anchor: (3, n) base target of every reading, mm; world: axes of the frame in which it stands;
+    length_zero: (n,) or float, mm.
+    record: the slots whose axis and origin are kept; None for all.
+    """
 
     x: Array
     y: Array
     z: Array
     p: Array
+    anchor: Array = field(default_factory=lambda: np.zeros((3, 1)))
+    world: tuple[Array, Array, Array] | None = None
+    length_zero: Array | float = 0.0
+    record: Collection[str] | None = None
     axis: dict[str, Array] = field(default_factory=dict)
     origin: dict[str, Array] = field(default_factory=dict)
     turns: dict[str, bool] = field(default_factory=dict)
@@ -100,6 +115,17 @@ class Frames:
             return axis, np.zeros((3, 1))
         return cross(axis, self.p - self.origin[slot]), axis
 
+    def twists(self, slots: Sequence[str]) -> tuple[Array, Array]:
+        """Velocities and angular velocities of some slots, both (S, 3, n); slots beside the chain move nothing."""
+        n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
+        axes, origins = np.zeros((2, len(slots), 3, n))
+        turning = np.zeros(len(slots), dtype=bool)
+        for i, slot in enumerate(slots):
+            if slot in self.axis:
+                axes[i], origins[i], turning[i] = self.axis[slot], self.origin[slot], self.turns[slot]
+        velocity = np.where(turning[:, None, None], cross(axes, self.p - origins), axes)
+        return velocity, np.where(turning[:, None, None], axes, 0.0)
+
     @property
     def rotation(self) -> Array:
         """(n, 3, 3) rotation of the target frame in the world."""
@@ -110,15 +136,17 @@ class Frames:
     def _move(self, motion: Motion, value: Array | float) -> None:
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
         columns = (self.x, self.y, self.z)
-        self.axis[motion.slot] = columns[motion.axis]
-        self.origin[motion.slot] = self.p
-        self.turns[motion.slot] = motion.turns
-        if isinstance(value, float) and value == 0.0:
+        if self.record is None or motion.slot in self.record:
+            self.axis[motion.slot] = columns[motion.axis]
+            self.origin[motion.slot] = self.p
+            self.turns[motion.slot] = motion.turns
+        one = isinstance(value, float)
+        if one and value == 0.0:
             return
         if not motion.turns:
             self.p = self.p + columns[motion.axis] * value
             return
-        c, s = np.cos(value), np.sin(value)
+        c, s = (math.cos(value), math.sin(value)) if one else (np.cos(value), np.sin(value))
         if motion.axis == 0:
             self.y, self.z = self.y * c + self.z * s, self.z * c - self.y * s
         elif motion.axis == 1:
@@ -139,8 +167,10 @@ class Frames:
 
 
 def cross(u: Array, v: Array) -> Array:
-    """Cross product of (3, n) arrays along the first axis (several times faster than numpy.cross)."""
-    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    """Cross product of (..., 3, n) arrays along the last axis but one (several times faster than numpy.cross)."""
+    ux, uy, uz = u[..., 0, :], u[..., 1, :], u[..., 2, :]
+    vx, vy, vz = v[..., 0, :], v[..., 1, :], v[..., 2, :]
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=-2)
 
 
 @dataclass(frozen=True)
@@ -152,19 +182,30 @@ class Placement:
 
 
 def propagate(
-    chain: Chain, values: Mapping[str, Array | float], placement: Placement, station: Array | None = None
+    chain: Chain,
+    values: Mapping[str, Array | float],
+    placement: Placement,
+    station: Array | None = None,
+    record: Collection[str] | None = None,
+    turn: Array | None = None,
 ) -> Frames:
     """Carry frames through the chain.
 
     values: slot -> (n,) or float, rad or mm; a slot that is absent is zero. station: (3,) mm, the point about
-    which the instrument's frame turns. Returns the frame of the target and the axis of every slot on the way.
+    which the instrument's frame turns. turn: (3, 3, n or 1) constant orientation of the tool frame, behind the
+    target's position. Returns the frame of the target and the axis of every slot on the way, or of the slots of
+    `record` alone.
     """
     eye = np.eye(3)
     centre = np.zeros((3, 1)) if station is None else np.asarray(station, dtype=np.float64).reshape(3, 1)
-    frames = Frames(eye[:, :1], eye[:, 1:2], eye[:, 2:], centre)
+    frames = Frames(eye[:, :1], eye[:, 1:2], eye[:, 2:], centre, record=record)
     for motion in FRAME:
         frames._move(motion, values.get(motion.slot, 0.0))
     frames._shift(-centre)
+    frames.world = (frames.x, frames.y, frames.z)
+    x, y, z = (values.get(slot, 0.0) for slot in ANCHOR)
+    frames.anchor = frames.p + frames.x * x + frames.y * y + frames.z * z
+    frames.length_zero = values.get(LENGTH_ZERO, 0.0)
     frames._place(placement.rotation, placement.translation)
     for motion in chain.base:
         frames._move(motion, values.get(motion.slot, 0.0))
@@ -172,7 +213,11 @@ def propagate(
         for motion in link:
             frames._move(motion, values.get(motion.slot, 0.0))
         frames.link_frames.append((frames.x, frames.y, frames.z, frames.p))
-    for motion in (*TOOL, *TARGET):
+    for motion in (*TOOL, *TARGET[:3]):
+        frames._move(motion, values.get(motion.slot, 0.0))
+    if turn is not None:
+        frames._place(turn, np.zeros((3, 1)))
+    for motion in TARGET[3:]:
         frames._move(motion, values.get(motion.slot, 0.0))
     return frames
 

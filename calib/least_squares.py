@@ -17,11 +17,11 @@ from scipy.linalg import solve_triangular
 
 from calib.kinematics import Array, Frames
 from calib.model import Design
-from calib.observations import Points
+from calib.observations import Observations
 from calib.units import to_internal
 
 MAX_ITERATIONS = 50
-_CONVERGED = 0.02  # length of a step in standard errors of the estimate
+CONVERGED = 0.02  # length of a step in standard errors of the estimate
 _LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
 _MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
 _DEPENDENT = 1e-7  # share of a column left when those before it are projected out
@@ -43,14 +43,29 @@ class Solution:
     covariance: Array
     residual: Array  # (k, n) whitened, unweighted
     frames: Frames
+    columns: Array  # (k n, active) whitened, weighted Jacobian of the last step
     prior: Array  # (m,) weight of the prior of every parameter, 0 where there is none
     iterations: int
     converged: bool
 
+    def standardised(self) -> Array:
+        """(n,) length of every residual for noise as declared, in the metric of its own spread, I - H.
 
-def jacobian(design: Design, points: Points, frames: Frames) -> Array:
-    """(rows, m) whitened derivative of the prediction."""
-    return design.columns(lambda slot: points.column(frames, slot), points.rows)
+        H is the reading's block of the hat matrix: a fit pulls itself to its readings, most to those that stand
+        alone. Each is chi distributed with as many degrees of freedom as the reading has rows.
+        """
+        k, n = self.residual.shape
+        live = np.diag(self.covariance) > 0.0
+        lower = np.linalg.cholesky(self.covariance[np.ix_(live, live)])
+        hat = (self.columns @ lower).reshape(k, n, -1)
+        left = np.eye(k) - np.einsum("ina,jna->nij", hat, hat, optimize=True)
+        solved = np.linalg.solve(left, self.residual.T[:, :, None])[:, :, 0]
+        return np.sqrt(np.maximum(np.sum(self.residual.T * solved, axis=1), 0.0))
+
+
+def jacobian(design: Design, observed: Observations, frames: Frames) -> Array:
+    """(k n, m) whitened derivative of the prediction."""
+    return design.columns(observed.columns(frames, design.slots))
 
 
 def triangular_factor(matrix: Array) -> Array:
@@ -83,83 +98,93 @@ def _normal_factor(matrix: Array) -> Array:
 
 
 def find_dependent(
-    design: Design, points: Points, estimate: Array, settled: tuple[Dropped, ...] | None = None
+    design: Design, observed: Observations, estimate: Array, settled: tuple[Dropped, ...] | None = None
 ) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
     """Which parameters the readings determine: mask (m,) and the dropped ones by name.
 
     A column that those before it explain to one part in 10^7 is dropped. Base and tool are
-    looked at first: of a confounded group they stay, then whatever comes first in the model.
+    looked at first: of a confounded group they stay, then whatever comes first in the model. Where a prior is a
+    measurement (base targets known to 0.05 mm) it counts as one: the readings and it together determine them.
     With `settled`, what was decided for the base model stands, and only the parameters of effects are looked at.
     """
     parameters = design.model.parameters
     names = [p.name for p in parameters]
     of_base = [e.group == "base model" for e in design.model.effects for _ in e.parameters]
     before = {} if settled is None else {drop.name: drop for drop in settled}
-    columns = jacobian(design, points, design.frames(estimate))
+    columns = jacobian(design, observed, design.frames(estimate, design.slots))
+    known = np.diag(1.0 / design.model.prior_std)[design.model.measured]
+    columns = np.vstack([columns, known])
     scale = np.linalg.norm(columns, axis=0)
     usual = np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in parameters])
     seen = scale * usual > _MOVES_NOTHING
-    triangle = triangular_factor(columns / np.where(seen, scale, 1.0))
-    kept: list[int] = []
-    dropped = []
     # Parameters without a usual size (base, tool) first: among confounded ones those with a size give way, since
     # their nominal value is a good guess of them and a rough start is not.
-    for j in sorted(range(len(names)), key=lambda j: parameters[j].size is not None):
-        name = names[j]
-        if of_base[j] and name in before:
-            dropped.append(before[name])
-        elif not seen[j]:
-            dropped.append(Dropped(name, ()))
-        elif settled is not None and of_base[j]:
-            kept.append(j)
-        elif with_ := _explained_by(triangle, kept, j):
-            dropped.append(Dropped(name, tuple(names[i] for i in with_)))
-        else:
-            kept.append(j)
+    order = sorted(range(len(names)), key=lambda j: parameters[j].size is not None)
+    settled_ones = {j for j in order if settled is not None and of_base[j] and names[j] not in before}
+    dropped = {j: before[names[j]] for j in order if of_base[j] and names[j] in before}
+    dropped |= {j: Dropped(names[j], ()) for j in order if not seen[j] and j not in dropped}
+    kept = [j for j in order if j not in dropped]
+    triangle = triangular_factor(columns[:, kept] / scale[kept])
+    while (at := _first_dependent(triangle, [j in settled_ones for j in kept])) is not None:
+        share, *_ = np.linalg.lstsq(triangle[:at, :at], triangle[:at, at], rcond=None)
+        weight = np.abs(share)
+        heavy = [i for i in np.argsort(-weight)[:6] if weight[i] > 0.05 * weight.max()]
+        dropped[kept[at]] = Dropped(names[kept[at]], tuple(names[kept[i]] for i in heavy))
+        triangle = triangular_factor(np.delete(triangle, at, axis=1))
+        del kept[at]
     active = np.zeros(len(names), dtype=bool)
     active[kept] = True
-    return active, tuple(dropped)
+    return active, tuple(dropped[j] for j in order if j in dropped)
 
 
-def _explained_by(triangle: Array, kept: list[int], j: int) -> list[int]:
-    """Which kept columns explain column j to one part in 10^7, weightiest first; empty where they do not."""
-    if not kept:
-        return []
-    share, *_ = np.linalg.lstsq(triangle[:, kept], triangle[:, j], rcond=None)
-    if np.linalg.norm(triangle[:, j] - triangle[:, kept] @ share) >= _DEPENDENT:
-        return []
-    weight = np.abs(share)
-    return [kept[i] for i in np.argsort(-weight) if weight[i] > 0.05 * weight.max()][:6]
+def _first_dependent(triangle: Array, stands: list[bool]) -> int | None:
+    """The first column of R (m, m), columns of length 1, that those before it explain; None where there is none.
+
+    What is left of a column stands on the diagonal. Columns that `stands` are never given up; behind one of them
+    that is explained the diagonal no longer tells, so the others are then measured against it as it is.
+    """
+    left = np.zeros(triangle.shape[1])
+    left[: min(triangle.shape)] = np.abs(np.diag(triangle))
+    for j in np.flatnonzero(left < _DEPENDENT):
+        if not stands[j]:
+            return int(j)
+    return None
 
 
 def solve(
     design: Design,
-    points: Points,
+    observed: Observations,
     start: Array,
     active: NDArray[np.bool_],
     weights: Array | None = None,
     scale: float = 1.0,
     max_iterations: int = MAX_ITERATIONS,
+    tolerance: float = CONVERGED,
 ) -> Solution:
     """Minimise from `start` (m,) over the `active` parameters.
 
-    weights: (n,) per reading; scale: noise scale s for the prior. A solution that did not converge says so.
+    weights: (n,) per reading; scale: noise scale s for the prior; tolerance: length of the last step, in standard
+    errors of the estimate. A solution that did not converge says so.
     """
-    root = np.ones(len(design.conditions)) if weights is None else np.sqrt(weights)
+    root = None if weights is None else np.sqrt(weights)
     prior = np.where(active, max(scale, _LEAST_NOISE) / design.model.prior_std, 0.0)[active]
     estimate = start.copy()
-    frames = design.frames(estimate)
-    residual = points.residual(frames)
+    frames = design.frames(estimate, design.slots)
+    residual = observed.residual(frames)
     cost = _cost(residual, root, prior, estimate[active])
     iterations, converged = 0, False
-    small = _CONVERGED * max(scale, 1.0)
+    small = tolerance * max(scale, 1.0)
     triangle, size = np.eye(int(active.sum())), np.ones(int(active.sum()))
+    columns = np.zeros((residual.size, len(size)))
     while iterations < max_iterations and not converged:
         iterations += 1
-        columns = jacobian(design, points, frames)[:, active] * np.tile(root, len(residual))[:, None]
-        size = np.sqrt(np.sum(columns**2, axis=0) + prior**2)
+        columns = jacobian(design, observed, frames)[:, active]
+        weighted = residual
+        if root is not None:
+            columns, weighted = columns * np.tile(root, len(residual))[:, None], residual * root
+        size = np.sqrt(np.einsum("ij,ij->j", columns, columns) + prior**2)
         system = np.vstack([columns / size, np.diag(prior / size)])
-        right = np.concatenate([(residual * root).ravel(), -prior * estimate[active]])
+        right = np.concatenate([weighted.ravel(), -prior * estimate[active]])
         triangle = _normal_factor(system)
         scaled = solve_triangular(triangle, solve_triangular(triangle, system.T @ right, trans=1))
         change = float(np.linalg.norm(triangle @ scaled))
@@ -167,8 +192,8 @@ def solve(
         for _ in range(12):
             trial = estimate.copy()
             trial[active] += step
-            frames_there = design.frames(trial)
-            residual_there = points.residual(frames_there)
+            frames_there = design.frames(trial, design.slots)
+            residual_there = observed.residual(frames_there)
             cost_there = _cost(residual_there, root, prior, trial[active])
             if cost_there <= cost * (1.0 + 1e-12) or change < small:
                 break
@@ -182,8 +207,9 @@ def solve(
     covariance[np.ix_(active, active)] = inverse @ inverse.T
     weights_of_prior = np.zeros(len(active))
     weights_of_prior[active] = prior
-    return Solution(estimate, covariance, residual, frames, weights_of_prior, iterations, converged)
+    return Solution(estimate, covariance, residual, frames, columns, weights_of_prior, iterations, converged)
 
 
-def _cost(residual: Array, root: Array, prior: Array, estimate: Array) -> float:
-    return float(np.sum((residual * root) ** 2) + np.sum((prior * estimate) ** 2))
+def _cost(residual: Array, root: Array | None, prior: Array, estimate: Array) -> float:
+    weighted = residual if root is None else residual * root
+    return float(np.sum(weighted**2) + np.sum((prior * estimate) ** 2))

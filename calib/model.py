@@ -6,11 +6,12 @@ it turns an estimate (m,) in internal units into slot values, frames, and Jacobi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.conditions import Conditions
 from calib.effects.effect import Effect, Owner, Parameter
@@ -26,7 +27,9 @@ class RobotModel:
     """A robot in the world.
 
     placements: series -> (4, 4) constant pose from which the base parameters count, mm;
-    targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world.
+    targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world;
+    turns: series -> (3, 3) constant orientation of the tool frame on the flange from which its turns count;
+    anchors: base target -> (x, y, z) mm in the world, nominal or where its own parameters start.
     """
 
     robot: Robot
@@ -34,6 +37,8 @@ class RobotModel:
     targets: Mapping[str, Mapping[str, tuple[float, float, float]]]
     placements: Mapping[str, Array] = field(default_factory=dict)
     station: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: Mapping[str, Array] = field(default_factory=dict)
+    anchors: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     @cached_property
     def chain(self) -> Chain:
@@ -67,6 +72,18 @@ class RobotModel:
         """(m,) standard deviation of the prior of every parameter, internal units; infinite where free."""
         return np.array([np.inf if p.size is None else to_internal(p.size, p.unit) for p in self.parameters])
 
+    @cached_property
+    def measured(self) -> NDArray[np.bool_]:
+        """(m,) parameters whose prior is a measurement, not a usual size: where the mounting is known to, as declared."""
+        return np.array(
+            [
+                e.group == "base model" and e.owner == "mounting" and p.size is not None
+                for e in self.effects
+                for p in e.parameters
+            ],
+            dtype=bool,
+        )
+
     def append(self, *effects: Effect) -> RobotModel:
         """The model with more effects at the end."""
         return replace(self, effects=(*self.effects, *effects))
@@ -90,12 +107,14 @@ class Design:
                 rows = (conditions.series == s) & (conditions.target == t)
                 if rows.any():
                     nominal_targets[rows] = model.targets[series][target]
-        for k, axis in enumerate("xyz"):
-            self._nominal[f"target.{axis}"] = nominal_targets[:, k]
-        poses = np.stack([model.placements.get(name, np.eye(4)) for name in conditions.series_names])
-        if len(poses) > 1:
-            poses = poses[conditions.series]
-        self._placement = Placement(poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T)
+        self._place("target", nominal_targets)
+        if model.anchors and (conditions.anchor >= 0).any():
+            # index -1 (no distance) reads the row of zeros at the end
+            known = [model.anchors[name] for name in conditions.anchor_names]
+            self._place("anchor", np.array([*known, (0.0, 0.0, 0.0)])[conditions.anchor])
+        poses = _of_series(model.placements, 4, conditions)
+        self._placement = Placement(poses[:3, :3], poses[:3, 3])
+        self._turn = _of_series(model.turns, 3, conditions) if model.turns else None
         self._station = np.array(model.station)
         # (parameter position, slot, weight x regressor)
         self.terms: list[tuple[int, str, Array | float]] = []
@@ -104,11 +123,14 @@ class Design:
                 value = term.regressor.evaluate(conditions)
                 self.terms.append((model.index[term.parameter], term.slot, term.weight * value))
 
+    def _place(self, name: str, points: Array) -> None:
+        for k, axis in enumerate("xyz"):
+            self._nominal[f"{name}.{axis}"] = points[:, k]
+
     @cached_property
     def slots(self) -> tuple[str, ...]:
-        """Slots on which some parameter acts, in the order of the chain."""
-        used = {slot for _, slot, _ in self.terms}
-        return tuple(slot for slot in self.model.chain.slots if slot in used)
+        """Slots on which some parameter acts, in the order of the terms."""
+        return tuple(dict.fromkeys(slot for _, slot, _ in self.terms))
 
     def values(self, estimate: Array) -> dict[str, Array | float]:
         """Slot -> value, nominal plus everything the estimate (m,) adds."""
@@ -119,24 +141,35 @@ class Design:
                 values[slot] = values.get(slot, 0.0) + amount * drive
         return values
 
-    def frames(self, estimate: Array) -> Frames:
-        """The chain at the estimate (m,)."""
-        return propagate(self.model.chain, self.values(estimate), self._placement, self._station)
+    def frames(self, estimate: Array, record: Collection[str] | None = None) -> Frames:
+        """The chain at the estimate (m,), with the axes of the slots of `record` (None: of all)."""
+        values = self.values(estimate)
+        return propagate(self.model.chain, values, self._placement, self._station, record, self._turn)
 
     def predict(self, estimate: Array, owners: Iterable[Owner] = ALL_OWNERS) -> Array:
         """(n, 3) points, mm, with the effects of `owners` only."""
-        frames = self.frames(estimate * self.model.owned(owners))
+        frames = self.frames(estimate * self.model.owned(owners), record=())
         return np.broadcast_to(frames.p, (3, len(self.conditions))).T.copy()
 
-    def columns(self, slot_columns: Callable[[str], Array], rows: int) -> Array:
-        """Jacobian (rows, m): sum over terms of slot column (k, n) x drive, flattened.
+    def columns(self, slot_columns: Array) -> Array:
+        """Jacobian (k n, m): sum over terms of slot column x drive, flattened.
 
-        `slot_columns(slot)` gives the observation's derivative for a unit of the slot, (k, n) with k n = rows.
+        slot_columns: (S, k, n) the observation's derivative for a unit of every slot of `slots`.
         """
-        jacobian = np.zeros((len(self.model.parameters), rows))
-        cache: dict[str, Array] = {}
+        place = {slot: i for i, slot in enumerate(self.slots)}
+        jacobian = np.zeros((len(self.model.parameters), *slot_columns.shape[1:]))
         for position, slot, drive in self.terms:
-            if slot not in cache:
-                cache[slot] = slot_columns(slot)
-            jacobian[position] += (cache[slot] * drive).ravel()
-        return jacobian.T
+            jacobian[position] += slot_columns[place[slot]] * drive
+        return jacobian.reshape(len(jacobian), -1).T
+
+    def point_columns(self, frames: Frames) -> Array:
+        """(3 n, m) derivative of the predicted points, mm for internal units; row j n + i: axis j of reading i."""
+        return self.columns(frames.twists(self.slots)[0])
+
+
+def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions) -> Array:
+    """(size, size, n or 1) constant matrices by series, the identity where a series has none."""
+    matrices = np.stack([constants.get(name, np.eye(size)) for name in conditions.series_names])
+    if len(matrices) > 1:
+        matrices = matrices[conditions.series]
+    return matrices.transpose(1, 2, 0)

@@ -19,7 +19,7 @@ from calib.effects.effect import Effect
 from calib.errors import DataError
 from calib.files import replace_file
 from calib.header import Vector
-from calib.identify import Identification
+from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import RobotModel
 from calib.robot import JointMatrix, Load, Robot

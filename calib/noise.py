@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calib.kinematics import Array, Frames
+from calib.kinematics import Array
 
 Kind = Literal["tracker", "isotropic", "per-row"]
 
@@ -47,16 +48,20 @@ class Noise:
         covariance[given] = per_row[given][:, :, None] ** 2 * np.eye(3)
         return covariance
 
-    def of_repeatability(self, frames: Frames, joints: int) -> Array:
-        """(n, 3, 3) covariance of the point that the joints' repeatability causes, mm2."""
-        columns = np.stack([frames.twist(f"theta{k}")[0] for k in range(1, joints + 1)])
-        return self.repeatability**2 * np.einsum("kin,kjn->nij", columns, columns)
+    def of_joints(self, columns: Array) -> Array:
+        """(n, k, k) covariance that the repeatability of the joints causes; columns (N, k, n), one row a joint."""
+        return self.repeatability**2 * np.einsum("jkn,jln->nkl", columns, columns)
 
 
-def whitener(covariance: Array) -> Array:
-    """(3, 3, n) lower-triangular W with W C W' = I, from covariances C (n, 3, 3).
+def whitener(covariance: Array, measured: NDArray[np.bool_]) -> Array:
+    """(k, k, n) lower-triangular W with W C W' = I over the rows that were measured, from covariances C (n, k, k).
 
-    Raises LinAlgError when one is singular.
+    measured: (n, k); the other rows of W are zero. Raises LinAlgError when a covariance is singular.
     """
-    lower = np.linalg.cholesky(covariance)
-    return np.ascontiguousarray(np.linalg.inv(lower).transpose(1, 2, 0), dtype=np.float64)
+    if measured.all():
+        lower = np.linalg.cholesky(covariance)
+        return np.ascontiguousarray(np.linalg.inv(lower).transpose(1, 2, 0), dtype=np.float64)
+    both = measured[:, :, None] & measured[:, None, :]
+    lower = np.linalg.cholesky(np.where(both, covariance, np.eye(measured.shape[1])))
+    inverse = np.where(both, np.linalg.inv(lower), 0.0)
+    return np.ascontiguousarray(inverse.transpose(1, 2, 0), dtype=np.float64)

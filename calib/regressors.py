@@ -57,6 +57,19 @@ class OnTarget:
 
 
 @dataclass(frozen=True)
+class ToAnchor:
+    """1 for the distances to one base target, 0 elsewhere."""
+
+    anchor: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        if self.anchor not in conditions.anchor_names:
+            return np.zeros(len(conditions))
+        return (conditions.anchor == conditions.anchor_names.index(self.anchor)).astype(np.float64)
+
+
+@dataclass(frozen=True)
 class JointAngle:
     """theta of a joint, rad."""
 
@@ -150,6 +163,7 @@ KINDS = {
         Constant,
         InSeries,
         OnTarget,
+        ToAnchor,
         JointAngle,
         Torque,
         Cosine,

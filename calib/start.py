@@ -1,17 +1,20 @@
-"""A start for the base pose when the world frame is free: align the nominal robot with the readings.
+"""Starts for what the world hides: base pose, tool frame and base targets, from the nominal robot and the readings.
 
 Weighted Kabsch alignment of nominal points with measured ones; where the tool targets are unknown too, it
-alternates with the linear solution for them. Weights (Huber) keep gross errors out. Source: Kabsch 1976.
+alternates with the linear solution for them. Weights (Huber) keep gross errors out. Distances give their base
+target by multilateration. Sources: Kabsch 1976; Norrdine 2012 (linear multilateration).
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calib.kinematics import Array
 
 _ROUNDS = 40
+_SETTLED = 1e-6  # mm by which a round must still move the points
 
 
 def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
@@ -34,6 +37,7 @@ def base_and_tool(
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
     targets, weights = targets.copy(), np.ones(len(measured))
     rotation, translation = np.eye(3), np.zeros(3)
+    before = np.inf
     for _ in range(_ROUNDS):
         nominal = place + np.einsum("nij,nj->ni", turn, targets[which])
         rotation, translation = align(nominal, measured, weights)
@@ -46,6 +50,34 @@ def base_and_tool(
                 w = weights * (which == t)
                 if w.sum() > 0.0:
                     targets[t] = (w @ at_flange) / w.sum()
+        moved, before = abs(before - float(miss.mean())), float(miss.mean())
+        if moved < _SETTLED:
+            break
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     return pose, targets
+
+
+def tool_turn(flange: Array, base: Array, orientation: Array) -> Array:
+    """(3, 3) constant orientation of the tool frame on the flange: the mean of what the readings say.
+
+    flange: (n, 4, 4) nominal poses; base: (4, 4); orientation: (n, 4) measured in the world, scalar first.
+    """
+    measured = Rotation.from_quat(orientation, scalar_first=True)
+    at_flange = Rotation.from_matrix(base[:3, :3] @ flange[:, :3, :3]).inv() * measured
+    return at_flange.mean().as_matrix()
+
+
+def base_target(points: Array, lengths: Array, *, zero_unknown: bool) -> Array | None:
+    """(3,) place from which `points` (n, 3) are `lengths` (n,) away, mm; None where they do not determine it.
+
+    |p|^2 - l^2 = 2 p.b + 2 l z + (z^2 - |b|^2): linear in b, the zero z of the lengths, and a constant.
+    """
+    columns = [2.0 * points, 2.0 * lengths[:, None]] if zero_unknown else [2.0 * points]
+    system = np.column_stack([*columns, np.ones(len(points))])
+    if len(points) < system.shape[1]:
+        return None
+    right = np.sum(points**2, axis=1) - lengths**2
+    scale = np.linalg.norm(system, axis=0)
+    found, _, rank, _ = np.linalg.lstsq(system / scale, right, rcond=1e-6)
+    return (found / scale)[:3] if rank == system.shape[1] else None

@@ -15,10 +15,12 @@ import numpy as np
 from calib.dataset import Dataset
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
-from calib.identify import Identification
+from calib.identification import Identification
+from calib.kinematics import Array
 from calib.statistics import ErrorStatistics
+from calib.uncertainty_map import UncertaintyMap, uncertainty_map
 from calib.units import to_display
-from service.parameters import rows_of
+from service.parameters import high_leverage, rows_of, strong_correlations
 
 IDENTIFICATION_FORMAT = "truepose-identification/1"
 DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
@@ -36,9 +38,36 @@ def of_identification(
         "data": data_of(dataset),
         "parameters": parameters_of(found),
         **_fit_of(found),
+        "correlations": [
+            {"between": [a, b], "correlation": _number(r)} for a, b, r in strong_correlations(found)
+        ],
+        "high_leverage": [
+            {"reading": reading(dataset.reading_id[row]), "leverage": _number(share)}
+            for row, share in high_leverage(found)
+        ],
+        "predicted_u_mm": _predicted(uncertainty_map(found)),
         "error_nominal_mm": _errors(error_nominal),
         "error_identified_mm": _errors(error_identified),
         "holdout": dataset.header.holdout,
+    }
+
+
+def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
+    """Expanded uncertainty (k = 2) of predicted positions, within the measured joint ranges and outside."""
+
+    def summary(u: Array) -> dict[str, Any] | None:
+        if not len(u):
+            return None
+        return {
+            "median": _number(np.median(u)),
+            "p95": _number(np.quantile(u, 0.95)),
+            "max": _number(u.max()),
+        }
+
+    return {
+        "coverage_factor": 2,
+        "measured_ranges": summary(of_map.u[of_map.measured]),
+        "outside_them": summary(of_map.u[~of_map.measured]),
     }
 
 
@@ -121,6 +150,9 @@ def _fit_of(found: Identification) -> dict[str, Any]:
         "relabelled_rows": [[reading(name), was, is_] for name, was, is_ in found.relabelled_rows],
         "noise_scale": _number(found.noise_scale),
         "degrees_of_freedom": found.degrees_of_freedom,
+        "reduced_chi_square": _number(found.reduced_chi_square),
+        "condition_number": _number(found.condition_number),
+        "config_sha256": found.config_sha256,
         "converged": bool(found.converged),
         "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
         "warnings": list(found.warnings),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib.identify import Identification
+import numpy as np
+
+from calib.identification import Identification
 from calib.model import RobotModel
 from calib.units import to_display
 
@@ -52,6 +54,27 @@ def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row
                 )
             )
     return rows
+
+
+_STRONG = 0.9
+_HIGH = 3.0  # times the mean
+
+
+def strong_correlations(found: Identification) -> list[tuple[str, str, float]]:
+    """Pairs of parameters that the readings hardly tell apart, |r| above 0.9, strongest first."""
+    correlations = np.nan_to_num(np.triu(found.correlations, k=1))
+    pairs = np.argwhere(np.abs(correlations) > _STRONG)
+    names = [p.name for p in found.model.parameters]
+    strong = [(names[i], names[j], float(correlations[i, j])) for i, j in pairs]
+    return sorted(strong, key=lambda pair: -abs(pair[2]))
+
+
+def high_leverage(found: Identification) -> list[tuple[int, float]]:
+    """Rows of the data set (index, hat value) on which the fit leans more than three times as on others."""
+    leverage = found.leverage
+    high = np.flatnonzero(leverage > _HIGH * leverage.mean())
+    order = high[np.argsort(-leverage[high])]
+    return [(int(found.readings.rows[i]), float(leverage[i])) for i in order]
 
 
 def _nominal(model: RobotModel, name: str) -> float | None:

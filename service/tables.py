@@ -13,7 +13,7 @@ from rich.text import Text
 
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
-from calib.identify import Identification
+from calib.identification import Identification
 from calib.statistics import ErrorStatistics
 from service import wording
 from service.parameters import Row, rows_of

@@ -97,6 +97,7 @@ def conditions_at(
         point=nominal_poses(model, joints, tool)[:, :3, 3],
         series=np.full(n, tuple(model.targets).index(series)),
         target=np.full(n, target_names.index(target)),
+        anchor=np.full(n, -1),
         series_names=tuple(model.targets),
         target_names=target_names,
     )

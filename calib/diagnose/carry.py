@@ -16,18 +16,15 @@ from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
 from calib.effects.effect import Effect
 from calib.errors import DataError
-from calib.identify import (
-    Identification,
-    base_model_of,
-    carry,
-    identify,
-    place_nominal,
-    readings_of,
-)
+from calib.held_out import errors_on
+from calib.identification import Identification
+from calib.identify import carry, identify
 from calib.kinematics import Array
 from calib.least_squares import find_dependent, solve
 from calib.model import Design, RobotModel
-from calib.statistics import ErrorStatistics, distances, statistics_of
+from calib.placing import base_model_of, place_nominal
+from calib.readings import readings_of
+from calib.statistics import ErrorStatistics, statistics_of
 
 
 @dataclass(frozen=True)
@@ -65,13 +62,11 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
     frozen = _fit(other, model, start, mounting, own)
     refitted = _fit(other, model, start, range(len(start)), own)
     rows = other.validation_rows
-    conditions, measured = other.conditions.take(rows), other.points[rows]
-    design = Design(model, conditions)
     return CarryOver(
         name=other.name,
-        base=statistics_of(distances(own.predict(conditions), measured)),
-        frozen=statistics_of(distances(design.predict(frozen), measured)),
-        refitted=statistics_of(distances(design.predict(refitted), measured)),
+        base=statistics_of(errors_on(other, rows, own.model, own.estimate)),
+        frozen=statistics_of(errors_on(other, rows, model, frozen)),
+        refitted=statistics_of(errors_on(other, rows, model, refitted)),
     )
 
 
@@ -88,12 +83,13 @@ def _fit(
     belongs[own.readings.rows] = True
     readings = readings_of(other, belongs, model, start)
     design = Design(model, readings.conditions)
-    active, _ = find_dependent(design, readings.points, start)
+    observed = readings.observed
+    active, _ = find_dependent(design, observed, start)
     allowed = np.zeros(len(start), dtype=bool)
     allowed[list(free)] = True
     estimate = start
     for _ in range(2):
-        residual = readings.points.residual(design.frames(estimate))
-        scale = robust.noise_scale(residual)
-        estimate = solve(design, readings.points, estimate, active & allowed, scale=scale).estimate
+        residual = observed.residual(design.frames(estimate, ()))
+        scale = robust.noise_scale(residual, observed.freedom)
+        estimate = solve(design, observed, estimate, active & allowed, scale=scale).estimate
     return estimate

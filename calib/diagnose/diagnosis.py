@@ -20,19 +20,14 @@ from calib.diagnose.space import Space
 from calib.diagnose.structure import NOISY, Structure, left_over, p_lack_of_fit
 from calib.effects import Survey, offers
 from calib.effects.effect import Effect
-from calib.identify import (
-    Identification,
-    Progress,
-    base_model_of,
-    fit,
-    identify,
-    place_nominal,
-    readings_of,
-    silent,
-)
+from calib.held_out import errors_on
+from calib.identification import Identification
+from calib.identify import Progress, fit, identify, silent
 from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.statistics import ErrorStatistics, distances, statistics_of
+from calib.model import RobotModel
+from calib.placing import base_model_of, place_nominal
+from calib.readings import readings_of
+from calib.statistics import ErrorStatistics, statistics_of
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 _SCREENINGS = 3
@@ -95,7 +90,6 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
     structure = tuple(left_over(space))
     chance = p_lack_of_fit(space)
     rows = dataset.validation_rows
-    conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
     return Diagnosis(
         dataset=dataset,
         base=base,
@@ -106,11 +100,9 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         verdict=_verdict(found, structure, chance),
         structure=structure,
         p_lack_of_fit=chance,
-        error_nominal=statistics_of(
-            distances(Design(nominal, conditions).predict(nominal_estimate), measured)
-        ),
-        error_before=statistics_of(distances(base.predict(conditions), measured)),
-        error_after=statistics_of(distances(final.predict(conditions), measured)),
+        error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
+        error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
+        error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
         seconds=time.perf_counter() - begin,
     )

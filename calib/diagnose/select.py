@@ -19,7 +19,8 @@ from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
 from calib.effects import Survey, offers
 from calib.effects.effect import Effect
-from calib.identify import Identification, Progress, carry, fit_plain, silent
+from calib.identification import Identification
+from calib.identify import Progress, carry, fit_plain, silent
 from calib.kinematics import Array
 from calib.least_squares import find_dependent
 from calib.model import Design
@@ -88,7 +89,7 @@ def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) 
     model = replace(fitted.model, effects=(*base, *chosen))
     estimate = carry(fitted.model, fitted.estimate, model)
     design = Design(model, fitted.readings.conditions)
-    active, dropped = find_dependent(design, fitted.readings.points, estimate, fitted.dropped)
+    active, dropped = find_dependent(design, fitted.readings.observed, estimate, fitted.dropped)
     return fit_plain(
         dataset,
         model,
@@ -148,13 +149,13 @@ def _enter(scores: Scores, basis: Array, effect: Effect) -> Array:
     """Let an effect enter the linearised model. Returns the wider basis."""
     space = scores.space
     columns = np.zeros((len(basis), len(effect.parameters)))
-    columns[: space.rows] = space.effect_columns(effect)
+    columns[: space.size] = space.effect_columns(effect)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     for _ in range(2):  # once is not enough where little of a column is left
         columns = columns - basis @ (basis.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     new = u[:, s > 1e-3]
-    scores.move(new[: space.rows], new.T @ space.held, enters=True)
+    scores.move(new[: space.size], new.T @ space.held, enters=True)
     return np.column_stack([basis, new])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from calib.effects.effect import Effect
-from calib.identify import Identification
+from calib.identification import Identification
 from calib.kinematics import Array, Frames
 from calib.least_squares import jacobian, orthonormal
 from calib.model import Design
@@ -21,23 +21,23 @@ from calib.regressors import Regressor
 
 @dataclass(frozen=True)
 class Space:
-    """The whitened rows of a fit: k rows a reading (k, n) flattened, `rows` = k n."""
+    """The whitened rows of a fit: k rows a reading (k, n) flattened, `size` = k n, of which `rows` were measured."""
 
     fitted: Identification
     frames: Frames
     residual: Array  # (k, n)
-    held: Array  # (rows + a,): residuals of the readings, then of the priors
-    basis: Array  # (rows + a, a): Q, over readings and priors
+    held: Array  # (size + a,): residuals of the readings, then of the priors
+    basis: Array  # (size + a, a): Q, over readings and priors
     covariance: Array  # (m, m) of the estimate for unit noise
-    columns: Array  # (rows, m)
+    columns: Array  # (size, m)
 
     @classmethod
     def of(cls, fitted: Identification) -> Space:
         """The space of a fit."""
         design = Design(fitted.model, fitted.readings.conditions)
-        points = fitted.readings.points
+        observed = fitted.readings.observed
         frames = design.frames(fitted.estimate)
-        columns = jacobian(design, points, frames)
+        columns = jacobian(design, observed, frames)
         active, prior = np.diag(fitted.covariance) > 0.0, fitted.prior
         size = np.sqrt(np.sum(columns**2, axis=0) + prior**2)[active]
         stacked = np.vstack([columns[:, active] / size, np.diag(prior[active] / size)])
@@ -45,14 +45,19 @@ class Space:
         inverse = solve_triangular(r, np.eye(len(r))) / size[:, None]
         covariance = np.zeros((len(active), len(active)))
         covariance[np.ix_(active, active)] = inverse @ inverse.T
-        residual = points.residual(frames)
+        residual = observed.residual(frames)
         held = np.concatenate([residual.ravel(), -(prior * fitted.estimate)[active]])
         return cls(fitted, frames, residual, held, basis, covariance, columns)
 
     @property
-    def rows(self) -> int:
-        """Number of whitened rows."""
+    def size(self) -> int:
+        """Number of whitened rows, with those (zero) that were not measured."""
         return self.residual.size
+
+    @property
+    def rows(self) -> int:
+        """Number of whitened rows that were measured."""
+        return self.fitted.readings.observed.count
 
     @property
     def rss(self) -> float:
@@ -61,8 +66,8 @@ class Space:
 
     @property
     def basis_of_readings(self) -> Array:
-        """(rows, a): the part of Q that stands over the readings."""
-        return self.basis[: self.rows]
+        """(size, a): the part of Q that stands over the readings."""
+        return self.basis[: self.size]
 
     @property
     def freedom(self) -> int:
@@ -71,12 +76,12 @@ class Space:
 
     def slot(self, slot: str) -> Array:
         """(k, n) whitened derivative of the readings for a unit of a slot."""
-        return self.fitted.readings.points.column(self.frames, slot)
+        return self.fitted.readings.observed.column(self.frames, slot)
 
     def effect_columns(self, effect: Effect) -> Array:
-        """(rows, p) whitened columns of an effect, whether the model has it or not."""
+        """(size, p) whitened columns of an effect, whether the model has it or not."""
         position = {p.name: i for i, p in enumerate(effect.parameters)}
-        columns = np.zeros((len(effect.parameters), self.rows))
+        columns = np.zeros((len(effect.parameters), self.size))
         conditions = self.fitted.readings.conditions
         slots: dict[str, Array] = {}
         drives: dict[Regressor, Array | float] = {}
@@ -90,12 +95,12 @@ class Space:
         return columns.T
 
     def by_reading(self, slot_columns: Array, rows: Array) -> Array:
-        """(n, c): for c row vectors (rows, c), the sum over a reading's k rows of slot column x vector."""
+        """(n, c): for c row vectors (size, c), the sum over a reading's k rows of slot column x vector."""
         k, n = slot_columns.shape
         return np.einsum("kn,knc->nc", slot_columns, rows.reshape(k, n, -1))
 
     def own_direction(self, effect: Effect) -> tuple[Array, Array]:
-        """What one effect of the model alone explains: orthonormal (rows, p) and the coefficients (p,) in it.
+        """What one effect of the model alone explains: orthonormal (size, p) and the coefficients (p,) in it.
 
         The columns of the effect less what all others explain are X C_e (C = covariance, C_e its columns of the
         effect), with Gram matrix C_ee; so q = X C_e L^-T and q'r = L^-1 beta, C_ee = L L'.

@@ -58,9 +58,11 @@ def p_lack_of_fit(space: Space) -> float:
 
 def _test(space: Space, functions: Array) -> tuple[float, float]:
     """F test of functions (n, f) times the three axes of the world: p-value and explained share."""
-    whiten = space.fitted.readings.points.whiten
-    # columns: whitened unit vectors of the world, one for each axis, modulated by each function
-    columns = np.einsum("kan,nf->knaf", whiten, functions).reshape(space.rows, -1)
+    n = len(functions)
+    axes = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
+    # columns: what a reading shows of a unit step of the tool point along each axis, modulated by each function
+    shown = space.fitted.readings.observed.displaced(space.frames, axes)
+    columns = np.einsum("akn,nf->knaf", shown, functions).reshape(space.size, -1)
     columns = columns - space.basis_of_readings @ (space.basis_of_readings.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]

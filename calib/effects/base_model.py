@@ -6,14 +6,30 @@ nothing about. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from calib.effects.effect import Effect, effect
-from calib.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, Torque
+from calib.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor, Torque
 from calib.robot import Robot
 
-GROUPS = ("base", "geometry", "parallel_twist", "compliance", "tool", "joint_offsets", "encoder_scale")
+GROUPS = (
+    "base",
+    "geometry",
+    "parallel_twist",
+    "compliance",
+    "tool",
+    "joint_offsets",
+    "encoder_scale",
+    "length_zero",
+)
 DEFAULT_GROUPS = ("base", "geometry", "parallel_twist", "compliance")
+LEVELS = {
+    1: ("base", "joint_offsets", "encoder_scale"),
+    2: ("base", "geometry", "parallel_twist"),
+    3: DEFAULT_GROUPS,
+}
+"""Levels of calibration: 1 joints, 2 geometry, 3 what is not geometry too. Source: Roth, Mooring and Ravani 1987."""
 
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 
@@ -29,13 +45,17 @@ def base(series: str, several: bool) -> Effect:
     return effect(f"base{suffix}", "base model", "mounting", "The base stands elsewhere.", acts)
 
 
-def tool(series: str, targets: Sequence[str], several: bool) -> Effect:
-    """Position of every tool target of a series in the flange frame."""
+def tool(series: str, targets: Mapping[str, bool], several: bool) -> Effect:
+    """Position of every tool target of a series in the flange frame; with its orientation where `targets` says so."""
     suffix = f"[{series}]" if several else ""
     acts = {
-        f"{target}{suffix}.{axis}": ("mm", None, [(f"target.{axis}", OnTarget(series, target))])
-        for target in targets
-        for axis in "xyz"
+        f"{target}{suffix}.{axis}": (
+            "deg" if axis[0] == "r" else "mm",
+            None,
+            [(f"target.{axis}", OnTarget(series, target))],
+        )
+        for target, turned in targets.items()
+        for axis in (("x", "y", "z", "rx", "ry", "rz") if turned else "xyz")
     }
     return effect(
         f"tool{suffix}", "base model", "mounting", "The tool targets sit elsewhere on the flange.", acts
@@ -75,11 +95,34 @@ def encoder_scale(robot: Robot) -> Effect:
     return effect("encoder_scale", "base model", "robot", "Joints turn more or less than they count.", acts)
 
 
-def build(
-    groups: Sequence[str], robot: Robot, series: Sequence[str], targets: Sequence[Sequence[str]]
-) -> tuple[Effect, ...]:
-    """The effects of a base model. series: names; targets: names of the targets measured in each series.
+def base_targets(names: Mapping[str, float | None]) -> Effect:
+    """Positions of base targets in the world; names: base target -> standard uncertainty in mm, None where unknown."""
+    acts = {
+        f"{name}.{axis}": ("mm", size, [(f"anchor.{axis}", ToAnchor(name))])
+        for name, size in names.items()
+        for axis in "xyz"
+    }
+    return effect("base_targets", "base model", "mounting", "The base targets stand elsewhere.", acts)
 
+
+def length_zero(series: str, several: bool) -> Effect:
+    """What the length meter of a series shows at distance nought: a draw-wire's zero, the length of a bar."""
+    name = f"length_zero[{series}]" if several else "length_zero"
+    acts = {name: ("mm", None, [("length.zero", InSeries(series) if several else Constant())])}
+    return effect(name, "base model", "instrument", "Lengths count from an unknown zero.", acts)
+
+
+def build(
+    groups: Sequence[str],
+    robot: Robot,
+    series: Sequence[str],
+    targets: Sequence[Mapping[str, bool]],
+    anchors: Mapping[str, float | None] | None = None,
+) -> tuple[Effect, ...]:
+    """The effects of a base model.
+
+    series: names; targets: name of every target measured in each series, and whether with its orientation;
+    anchors: base targets that are not known exactly, with their standard uncertainty in mm (None: unknown).
     Raises KeyError for an unknown group.
     """
     of_robot = {
@@ -96,6 +139,41 @@ def build(
             effects += [base(name, several) for name in series]
         elif group == "tool":
             effects += [tool(name, names, several) for name, names in zip(series, targets, strict=True)]
+        elif group == "length_zero":
+            effects += [length_zero(name, several) for name in series]
         else:
             effects.append(of_robot[group](robot))
+    if anchors:
+        effects.append(base_targets(anchors))
     return tuple(e for e in effects if e.parameters)
+
+
+def adapted(
+    effects: Sequence[Effect], hold: Sequence[str], priors: Mapping[str, float]
+) -> tuple[Effect, ...]:
+    """The effects without the parameters of `hold`, and with other sizes for those that `priors` names.
+
+    priors: standard deviation, in the parameter's unit, by parameter name ('c5'), kind ('alpha') or group
+    ('compliance'). Raises KeyError for a name that no parameter answers to.
+    """
+    names = {p.name for e in effects for p in e.parameters}
+    kinds = {_kind(name) for name in names} | {e.label for e in effects}
+    for name in (*hold, *priors):
+        if name not in names and (name in hold or name not in kinds):
+            raise KeyError(name)
+    out = []
+    for e in effects:
+        kept = tuple(
+            replace(
+                p, size=next((priors[k] for k in (p.name, _kind(p.name), e.label) if k in priors), p.size)
+            )
+            for p in e.parameters
+            if p.name not in hold
+        )
+        left = {p.name for p in kept}
+        out.append(replace(e, parameters=kept, terms=tuple(t for t in e.terms if t.parameter in left)))
+    return tuple(e for e in out if e.parameters)
+
+
+def _kind(name: str) -> str:
+    return name.rstrip("0123456789")

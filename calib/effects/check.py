@@ -8,7 +8,9 @@ import numpy as np
 
 from calib.conditions import Conditions
 from calib.effects.effect import Effect
+from calib.kinematics import BESIDE, Frames
 from calib.model import Design, RobotModel
+from calib.observations import Observations
 from calib.units import FACTORS, to_internal
 
 _DIFFERENCE = 1e-4  # of the expected size: far above rounding, far below curvature
@@ -35,7 +37,7 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
     assert {t.parameter for t in effect.terms} == {p.name for p in effect.parameters}, (
         f"{effect.label}: terms and parameters do not name each other"
     )
-    unknown = {t.slot for t in effect.terms} - set(model.chain.slots)
+    unknown = {t.slot for t in effect.terms} - {*model.chain.slots, *BESIDE}
     assert not unknown, f"{effect.label}: no such slot: {', '.join(sorted(unknown))}"
     assert Effect.from_json(json.loads(json.dumps(effect.to_json()))) == effect, (
         f"{effect.label}: JSON changes it"
@@ -48,16 +50,24 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
     assert np.array_equal(before, extended.predict(at_zero)), f"{effect.label}: it acts although it is zero"
 
     frames = extended.frames(at_zero)
-    jacobian = extended.columns(
-        lambda slot: np.broadcast_to(frames.twist(slot)[0], (3, len(conditions))), before.size
-    )
+    observed = _everything(frames, len(conditions))
+    jacobian = extended.columns(observed.columns(frames, extended.slots))
     for position in extended.model.positions(effect):
         parameter = extended.model.parameters[position]
         step = _DIFFERENCE * to_internal(1.0 if parameter.size is None else parameter.size, parameter.unit)
         moved = at_zero.copy()
         moved[position] = step
-        difference = (extended.predict(moved) - extended.predict(-moved)).T.ravel() / (2.0 * step)
+        ahead, behind = (observed.residual(extended.frames(x)) for x in (moved, -moved))
+        difference = (behind - ahead).ravel() / (2.0 * step)
         scale = max(float(np.max(np.abs(difference))), 1e-12)
         error = float(np.max(np.abs(jacobian[:, position] - difference))) / scale
         assert error < _TOLERANCE, f"{parameter.name}: its column errs by {error:.1e} against differences"
         assert scale > 1e-12, f"{parameter.name}: it moves nothing under these conditions"
+
+
+def _everything(frames: Frames, n: int) -> Observations:
+    """Point, orientation and distance of every reading, as the frames have them, with unit weights."""
+    points = np.broadcast_to(frames.p, (3, n))
+    lengths = np.linalg.norm(points - frames.anchor, axis=0)
+    weights = np.broadcast_to(np.eye(7)[:, :, None], (7, 7, n))
+    return Observations(points, frames.rotation.transpose(1, 2, 0), lengths, weights, np.full(n, 7))

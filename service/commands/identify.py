@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from calib.dataset import read_dataset
+from calib.effects.base_model import LEVELS
 from calib.files import replace_file
-from calib.identify import base_model_of, identify, place_nominal
-from calib.model import Design
+from calib.held_out import errors_on
+from calib.identify import identify
 from calib.model_file import save_model
-from calib.statistics import distances, statistics_of
+from calib.placing import base_model_of, place_nominal
+from calib.statistics import statistics_of
 from service import documents, tables, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -19,6 +25,14 @@ def identify_command(
     json: options.Json = None,
     model: options.Model = None,
     report: options.Report = None,
+    level: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=3,
+            help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
+        ),
+    ] = None,
 ) -> None:
     """Identify the robot's parameters, nothing else."""
     options.check_outputs(
@@ -27,12 +41,12 @@ def identify_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
-        found = identify(dataset, progress=terminal.say)
+        groups = None if level is None else LEVELS[level]
+        found = identify(dataset, groups=groups, progress=terminal.say)
         rows = dataset.validation_rows
-        conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
-        nominal, placed = place_nominal(dataset, base_model_of(dataset))
-        error_nominal = statistics_of(distances(Design(nominal, conditions).predict(placed), measured))
-        error_identified = statistics_of(distances(found.predict(conditions), measured))
+        nominal, placed = place_nominal(dataset, base_model_of(dataset, groups))
+        error_nominal = statistics_of(errors_on(dataset, rows, nominal, placed))
+        error_identified = statistics_of(errors_on(dataset, rows, found.model, found.estimate))
         document = documents.of_identification(dataset, found, error_nominal, error_identified)
         options.write_result(document, json, terminal)
         if model is not None:

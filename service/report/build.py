@@ -15,14 +15,15 @@ from acquisition.verification import Verification
 from calib.dataset import Dataset
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
-from calib.identify import Identification
+from calib.held_out import errors_on
+from calib.identification import Identification
 from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.statistics import ErrorStatistics, distances, statistics_of
+from calib.model import RobotModel
+from calib.statistics import ErrorStatistics, statistics_of
 from calib.units import to_display
 from service import wording
 from service.parameters import Row, rows_of
-from service.report import drawing, errors, panels, scatter, scope, verification
+from service.report import drawing, errors, panels, scatter, scope, trust, verification
 from service.report.residuals import Sample
 
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
@@ -160,6 +161,7 @@ def _render(
         held_count=int(dataset.validation_rows.sum()),
         holdout=wording.holdout_in_words(dataset.header.holdout),
         scope=scope.scope_of(dataset),
+        trust=trust.trust_of(dataset, found),
         parameters=[_parameter(row) for row in rows_of(found, base_model_only=True)],
         noise_scale=found.noise_scale,
         freedom=found.degrees_of_freedom,
@@ -178,9 +180,8 @@ def _held_out(dataset: Dataset, models: Mapping[str, tuple[RobotModel, Array, st
     rows = dataset.validation_rows
     if not rows.any():
         return []
-    conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
     return [
-        errors.Errors(name, distances(Design(model, conditions).predict(estimate), measured), colour)
+        errors.Errors(name, errors_on(dataset, rows, model, estimate), colour)
         for name, (model, estimate, colour) in models.items()
     ]
 

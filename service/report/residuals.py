@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from calib.dataset import Dataset
 from calib.effects.effect import Effect
-from calib.identify import Identification, Readings, readings_of
+from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import Design
+from calib.readings import Readings, readings_of
 from calib.units import DEG
 
 MDEG = DEG * 1e-3
@@ -118,10 +119,10 @@ class Sample:
         seen = []
         for part in self.parts:
             frames = Design(model, part.conditions).frames(without)
-            residual = part.points.residual(frames)
+            residual = part.observed.residual(frames)
             moved = np.zeros_like(residual)
             for slot, amount in amounts(part).items():
-                moved += part.points.column(frames, slot) * amount
+                moved += part.observed.column(frames, slot) * amount
             square = np.maximum(np.sum(moved**2, axis=0), 1e-300)
             spread = max(self.fitted.noise_scale, 1.0) / np.sqrt(square)
             seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part)))

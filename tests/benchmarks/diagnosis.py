@@ -39,7 +39,7 @@ def shown(campaign: Campaign, diagnosis: Diagnosis) -> float:
     moved = displacement(
         campaign.world, campaign.world.effects[0], [campaign.readings[i] for i in readings.rows]
     )
-    whitened = np.einsum("abn,nb->an", readings.points.whiten, moved).ravel()
+    whitened = np.einsum("abn,nb->an", readings.observed.whiten, moved).ravel()
     return float(whitened @ whitened - np.sum((space.basis_of_readings.T @ whitened) ** 2))
 
 

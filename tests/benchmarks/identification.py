@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from calib.dataset import Dataset, read_dataset
-from calib.identify import base_model_of, identify, readings_of
+from calib.identify import identify
+from calib.placing import base_model_of
+from calib.readings import readings_of
 from calib.kinematics import Array
 from calib.least_squares import jacobian
 from calib.model import Design
@@ -32,8 +34,8 @@ def plain_gauss_newton(dataset: Dataset) -> Array:
     design = Design(model, readings.conditions)
     for _ in range(20):
         frames = design.frames(estimate)
-        residual = readings.points.residual(frames).ravel()
-        columns = jacobian(design, readings.points, frames)
+        residual = readings.observed.residual(frames).ravel()
+        columns = jacobian(design, readings.observed, frames)
         size = np.linalg.norm(columns, axis=0)
         step, *_ = np.linalg.lstsq(columns / size, residual, rcond=1e-9)
         estimate = estimate + step / size

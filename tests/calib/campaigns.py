@@ -85,8 +85,10 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
         point=rng.uniform(-800.0, 800.0, (n, 3)),
         series=rng.integers(0, 2, n),
         target=rng.integers(0, 2, n),
+        anchor=rng.integers(0, 2, n),
         series_names=("day", "night"),
         target_names=("T1", "T2"),
+        anchor_names=("B1", "B2"),
     )
 
 

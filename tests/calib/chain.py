@@ -66,4 +66,6 @@ def chain(
     frame = frame @ six(add, "tool")
     for axis, length in zip("xyz", target, strict=True):
         frame = frame @ shift(axis, length + add.get(f"target.{axis}", 0.0))
+    for axis in "xyz":
+        frame = frame @ turn(axis, add.get(f"target.r{axis}", 0.0))
     return frame

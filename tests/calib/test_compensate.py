@@ -53,7 +53,7 @@ def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
     """A model with the errors of a real arm and every kind of effect; drawn from the seed."""
     rng = np.random.default_rng(seed)
     effects = (
-        *base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), (tuple(TARGETS),)),
+        *base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), (dict.fromkeys(TARGETS, False),)),
         backlash(4),
         periodic(3, 2.0),
         thermal_growth(robot, 22.0),

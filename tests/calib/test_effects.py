@@ -32,6 +32,9 @@ from tests.calib.campaigns import conditions_of
 TARGETS = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.675, 215.0)}
 
 
+_TARGETS = ({"T1": False}, {"T1": False, "T2": False})
+
+
 def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
     """A placed robot of two series, and random conditions."""
     robot = load_robot(name)
@@ -46,6 +49,7 @@ def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
         {"day": TARGETS, "night": TARGETS},
         {"day": turned, "night": np.eye(4)},
         (2400.0, -900.0, 350.0),
+        anchors={"B1": (900.0, 100.0, 0.0), "B2": (-400.0, 800.0, 50.0)},
     )
     return model, conditions_of(robot, joints)
 
@@ -86,14 +90,17 @@ def test_every_group_of_the_base_model_conforms(name: str) -> None:
     model, conditions = situation(name)
     seen = 0
     for group in base_model.GROUPS:
-        effects = base_model.build((group,), model.robot, ("day", "night"), (("T1", "T2"), ("T2",)))
+        effects = base_model.build(
+            (group,), model.robot, ("day", "night"), ({"T1": False, "T2": True}, {"T2": False})
+        )
         for effect in effects:
             if group == "compliance" and name.startswith("ur"):
                 # gravity never loads the last joint of a UR without a tool: its column is zero
                 effect = replace(effect, parameters=effect.parameters[:-1], terms=effect.terms[:-1])
             check_effect(effect, model, conditions)
             seen += 1
-    assert seen == len(base_model.GROUPS) + 2
+    check_effect(base_model.base_targets({"B1": None, "B2": 0.1}), model, conditions)
+    assert seen == len(base_model.GROUPS) + 3
 
 
 def test_an_offer_needs_what_it_is_driven_by() -> None:
@@ -195,7 +202,9 @@ def test_effects_survive_json(name: str) -> None:
     model, conditions = situation(name)
     effects = [
         *library(model.robot, conditions),
-        *base_model.build(base_model.GROUPS, model.robot, ("day", "night"), (("T1",), ("T1", "T2"))),
+        *base_model.build(
+            base_model.GROUPS, model.robot, ("day", "night"), ({"T1": False}, {"T1": False, "T2": False})
+        ),
     ]
     for effect in effects:
         text = json.dumps(effect.to_json(), allow_nan=False)
@@ -211,7 +220,13 @@ def test_effects_survive_json(name: str) -> None:
 @settings(max_examples=100)
 def test_regressors_survive_json(kind: str, joint: int, number: float, name: str) -> None:
     fields = regressors.KINDS[kind].__dataclass_fields__
-    shape: dict[str, Any] = {"joint": joint, "series": name, "target": name, "reference_c": number}
+    shape: dict[str, Any] = {
+        "joint": joint,
+        "series": name,
+        "target": name,
+        "anchor": name,
+        "reference_c": number,
+    }
     shape["order"] = joint if kind == "StepAt" else number
     regressor = regressors.KINDS[kind](**{field: shape[field] for field in fields})
     assert regressors.from_json(json.loads(json.dumps(regressors.to_json(regressor)))) == regressor

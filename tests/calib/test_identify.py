@@ -16,8 +16,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from calib.dataset import Dataset, read_dataset
-from calib.identify import Identification, base_model_of, identify
+from calib.identification import Identification
+from calib.identify import identify
 from calib.kinematics import Array, forward
+from calib.placing import base_model_of
 from calib.robot import load_robot
 from calib.start import base_and_tool
 from calib.units import to_internal

@@ -25,7 +25,8 @@ from calib.effects.drift import drift_rotation
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.effects.thermal_growth import thermal_growth
-from calib.identify import Identification, identify
+from calib.identification import Identification
+from calib.identify import identify
 from calib.kinematics import Array
 from calib.least_squares import solve
 from calib.model import Design
@@ -247,7 +248,9 @@ def test_leaving_one_out_is_fitting_without_it(
     design = Design(anew.model, anew.readings.conditions)
     held = whole.model.index["a3"]
     scale = whole.prior[held] * whole.model.prior_std[held]
-    again = solve(design, anew.readings.points, anew.estimate, anew.covariance.diagonal() > 0.0, scale=scale)
+    again = solve(
+        design, anew.readings.observed, anew.estimate, anew.covariance.diagonal() > 0.0, scale=scale
+    )
     rss = np.sum(again.residual**2) + np.sum((again.prior * again.estimate) ** 2)
     assert rss == pytest.approx(without.rss, rel=2e-3)
 

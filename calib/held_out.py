@@ -1,0 +1,19 @@
+"""The errors of a model on readings, as people judge them: how far the point, or the distance, is from measured."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.dataset import Dataset
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+
+
+def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Array:
+    """(k,) errors in mm of the measured rows of a mask (n,): 3D distance where a point was measured, else what a
+    distance to a base target differs by."""
+    frames = Design(model, dataset.conditions.take(rows)).frames(estimate, ())
+    points = np.linalg.norm(dataset.points[rows].T - frames.p, axis=0)
+    lengths = np.linalg.norm(frames.p - frames.anchor, axis=0) + frames.length_zero
+    return np.where(dataset.pointed[rows], points, np.abs(dataset.lengths[rows] - lengths))
