@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter
@@ -19,7 +20,7 @@ from service.wording import millimetres
 
 _LISTED = 6
 _CELLS = 28
-_COLOURS = "viridis_r"
+_COLOURS = colormaps["viridis_r"].resampled(16)  # steps can be read off; a smooth scale becomes a bitmap
 
 
 def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
