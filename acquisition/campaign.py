@@ -25,7 +25,8 @@ KINDS = ("poses", "sweep", "repeat", "circle_point", "hexapod", "sphere")
 
 Joints = tuple[float, ...]
 Sides = Literal["one", "both"]
-Select = Literal["random", "file", "list"]
+Select = Literal["random", "file", "list", "observability"]
+DRAWN = ("random", "observability")
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Block:
-    """Poses of one set. `joints_deg`: the poses themselves where they are given, else drawn at random."""
+    """Poses of one set. `joints_deg`: the poses themselves where they are given, else drawn (select in `DRAWN`)."""
 
     set: str
     select: Select
@@ -120,8 +121,6 @@ def _block(table: TomlTable, approach: Approach, folder: Path | None) -> Block:
     if kind != "poses":
         raise table.refuse("kind", f"is {kind!r}; this version measures kind = 'poses' only.")
     select = table.text("select", "random", ("random", "file", "list", "observability"))
-    if select == "observability":
-        raise table.refuse("select", "is 'observability', which this version cannot do yet; use 'random'.")
     poses: tuple[Joints, ...] = ()
     if select == "list":
         poses = _listed(table)
@@ -130,7 +129,7 @@ def _block(table: TomlTable, approach: Approach, folder: Path | None) -> Block:
     return Block(
         set=table.text("set", "calibration", SETS),
         select=cast(Select, select),
-        count=table.whole("count", len(poses) or None, low=1) if select == "random" else len(poses),
+        count=table.whole("count", len(poses) or None, low=1) if select in DRAWN else len(poses),
         targets=table.names("targets"),
         approach=_approach(table.table("approach"), approach),
         joints_deg=poses,

@@ -193,6 +193,8 @@ def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
     for name in normals:
         if name not in targets:
             raise table.refuse("normals", f"names {name}, which is no target.")
+        if not any(normals[name]):
+            raise table.refuse("normals", f"of {name} is no direction; give where the target looks.")
     if ("mass_kg" in table.values) != ("cog_mm" in table.values):
         raise table.refuse("mass_kg", "and cog_mm belong together: give both or none.")
     weighed = "mass_kg" in table.values

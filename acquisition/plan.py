@@ -14,9 +14,11 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.campaign import Block, Campaign, Joints
+from acquisition.campaign import DRAWN, Block, Campaign, Joints
 from acquisition.cell import Cell
+from acquisition.observability import select_poses
 from acquisition.poses import Pose, draw_poses
+from calib.errors import DataError
 from drivers.errors import ConfigError
 
 DECIMALS = 4  # a stock open_abb request carries four
@@ -98,9 +100,13 @@ def _stands(cell: Cell, campaign: Campaign, block: Block, number: int) -> list[_
             )
     offset = block.approach.offset_deg
     both = block.approach.sides == "both"
-    if block.select == "random":
+    if block.select in DRAWN:
+        draw = draw_poses if block.select == "random" else select_poses
         rng = np.random.default_rng([campaign.seed, _POSE_STREAM, number])
-        poses = draw_poses(cell, block.count, rng, offset, both=both, decimals=DECIMALS)
+        try:
+            poses = draw(cell, block.count, rng, offset, both=both, decimals=DECIMALS, targets=targets)
+        except DataError as error:
+            raise ConfigError(f"block {number + 1}: {error}") from error
     else:
         poses = _given(cell, campaign, block, number)
     return [
@@ -135,8 +141,8 @@ def _with_references(cell: Cell, campaign: Campaign, stands: list[_Stand]) -> li
     """The same pose, its first target, before the first reading and after every `reference_every` readings."""
     rng = np.random.default_rng([campaign.seed, _REFERENCE_STREAM])
     offset = campaign.blocks[0].approach.offset_deg
-    ((pose, sides),) = draw_poses(cell, 1, rng, offset, both=False, decimals=DECIMALS)
     target = next(iter(cell.tool.targets))
+    ((pose, sides),) = draw_poses(cell, 1, rng, offset, both=False, decimals=DECIMALS, targets=(target,))
     reference = _Stand(
         "reference pose", "reference", -1, (target,), pose, sides, approach_point(pose, sides, offset)
     )

@@ -1,12 +1,14 @@
-"""Which parts of arm and tool are above the table and outside the keep-out boxes at some joint angles.
+"""Which parts of arm and tool are above the table and outside the keep-out boxes, and which targets are seen.
 
 The arm is taken as the straight lines between the origins of its link frames from the elbow on, and from the
 flange to every target: points a few centimetres apart along them are looked at, on the nominal robot. It has
-no thickness here; leave that as a margin in `table_z_mm` and the boxes. Lengths mm, angles deg.
+no thickness here; leave that as a margin in `table_z_mm` and the boxes. A target whose normal the cell declares is
+seen within the cone that the instrument accepts. Lengths mm, angles deg.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +21,8 @@ from calib.units import DEG
 Array = NDArray[np.float64]
 _ELBOW = 2  # frames before the elbow stand on the pedestal and never come near the table
 _PER_SEGMENT = 5
+_CONE_DEG = 30.0  # a corner cube in its ball (SMR) returns the beam up to this angle from its normal
+_CONES_DEG = {"ctrack": 15.0}  # flat reflectors seen by cameras
 
 
 def targets_at(cell: Cell, joints_deg: Array) -> Array:
@@ -54,3 +58,23 @@ def outside_boxes(cell: Cell, points: Array) -> NDArray[np.bool_]:
     for low, high in cell.robot.keep_out_mm:
         inside |= np.all((points > np.array(low)) & (points < np.array(high)), axis=2)
     return ~np.any(inside, axis=1)
+
+
+def cone_deg(cell: Cell) -> float:
+    """Largest angle between a target's normal and the direction to the instrument at which the target is seen."""
+    return _CONES_DEG.get(cell.instrument.driver, _CONE_DEG)
+
+
+def facing(cell: Cell, joints_deg: Array, targets: Sequence[str]) -> NDArray[np.bool_]:
+    """(n,) whether those of `targets` that have a normal look at the instrument, within its cone."""
+    poses = forward(cell.robot.model, np.asarray(joints_deg, dtype=np.float64) * DEG)
+    seen = np.ones(len(poses), dtype=bool)
+    for name in targets:
+        if name not in cell.tool.normals:
+            continue
+        normal = np.array(cell.tool.normals[name])
+        place = poses[:, :3, :3] @ np.array(cell.tool.targets[name]) + poses[:, :3, 3]
+        beam = np.array(cell.instrument.station_mm) - place
+        along = np.sum((poses[:, :3, :3] @ normal) * beam, axis=1)
+        seen &= along >= np.cos(cone_deg(cell) * DEG) * np.linalg.norm(normal) * np.linalg.norm(beam, axis=1)
+    return seen

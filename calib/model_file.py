@@ -79,6 +79,8 @@ def save_model(path: Path, identification: Identification, diagnosis: Diagnosis 
         "tool_targets_mm": {
             series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
         },
+        "tool_turns": {name: np.asarray(turn).tolist() for name, turn in model.turns.items()},
+        "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
         "station_mm": list(model.station),
         "data_sha256": identification.data_sha256,
         "holds_for": {
@@ -124,6 +126,8 @@ def load_model(path: Path) -> SavedModel:
             },
             placements={name: np.array(pose) for name, pose in document["placements"].items()},
             station=tuple(document["station_mm"]),
+            turns={name: np.array(turn) for name, turn in document.get("tool_turns", {}).items()},
+            anchors={name: tuple(place) for name, place in document.get("base_targets_mm", {}).items()},
         )
         values = {
             entry["name"]: to_internal(entry["value"], entry["unit"]) for entry in document["parameters"]

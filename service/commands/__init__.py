@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from service.commands import campaign, convert, demo, diagnose, identify, mock, serve
+from service.commands import campaign, convert, demo, diagnose, identify, mock, select, serve, validate
 
 app = typer.Typer(
     name="truepose",
@@ -18,6 +18,8 @@ app.command("demo")(demo.demo)
 app.command("convert")(convert.convert)
 app.command("identify")(identify.identify_command)
 app.command("diagnose")(diagnose.diagnose_command)
+app.command("select")(select.select)
+app.command("validate")(validate.validate_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
 app.command("mock")(mock.mock)
 app.command("serve")(serve.serve)

@@ -1,0 +1,125 @@
+"""From candidates to the list of poses: a D-optimal core, and poses that fill the range of every joint.
+
+The core is the exchange's selection. Where it leaves a part of a joint's range out, candidates that fill it are set
+firmly into the list, the core gives up the poses that it misses least, and is exchanged once more around them; at
+most a fifth of the list is spent so (`share`). What this costs stands beside the efficiency without it.
+The list keeps the order in which the candidates were drawn: a random order of visits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.least_squares import Dropped
+from calib.selection import coverage
+from calib.selection.blocks import Blocks
+from calib.selection.bound import optimum
+from calib.selection.exchange import STARTS, Indices, best_of_starts, exchange, log_det, without_least
+from calib.selection.indices import Observability, observability
+from calib.selection.information import Candidates, Setup
+from calib.units import DEG, to_display
+
+SHARE = 0.2  # of the poses that may be spent on filling
+OFF_AXIS_MM = 20.0  # a target nearer to the axis of the last joint hardly sees it turn
+_HARDLY = 0.5  # of a parameter's usual size
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Poses selected of N candidates.
+
+    selection (n,): indices, ascending; filling: those of them that fill ranges; efficiency: against the continuous
+    bound, of the list and of the core of as many poses without filling; std (m,): predicted standard errors of the
+    parameters, internal units.
+    """
+
+    selection: Indices
+    filling: tuple[int, ...]
+    efficiency: float
+    efficiency_core: float
+    gap: float
+    observability: Observability
+    std: Array
+    dropped: tuple[Dropped, ...]
+    warnings: tuple[str, ...]
+
+
+def choose(
+    setup: Setup,
+    candidates: Candidates,
+    count: int,
+    *,
+    share: float = SHARE,
+    starts: int = STARTS,
+    seed: int = 0,
+) -> Choice:
+    """Select `count` poses. The same seed gives the same list.
+
+    share: largest part of the list that fills ranges, 0 for a D-optimal list. Raises DataError as `exchange.select`
+    does, and for a share that is not from 0 to 1.
+    """
+    if not 0.0 <= share <= 1.0:
+        raise DataError(f"is {share}.", do="Give a share from 0 to 1.", key="share")
+    blocks = Blocks.of(candidates.rows)
+    best = optimum(blocks)
+    core = best_of_starts(blocks, best, count, starts=starts, seed=seed)
+    cells = coverage.cells_of(candidates.joints)
+    selection, fixed = core, []
+    # A pose that leaves for a filling one can leave a bin empty in its turn: so again, until nothing is missing.
+    while (wanted := coverage.missing(cells, selection)).any():
+        more = coverage.filling(cells, wanted, int(share * count) - len(fixed), best.sensitivity)
+        if not more:
+            break
+        fixed += more
+        shorter = without_least(blocks, np.union1d(selection, fixed), count, fixed=fixed)
+        selection = exchange(blocks, shorter, fixed=fixed)
+    rows = candidates.rows[selection].reshape(-1, candidates.rows.shape[-1])
+    spread = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows))) * candidates.unit
+    return Choice(
+        selection=selection,
+        filling=tuple(sorted(fixed)),
+        efficiency=best.efficiency(log_det(blocks, selection), count),
+        efficiency_core=best.efficiency(log_det(blocks, core), count),
+        gap=best.gap,
+        observability=observability(rows, count),
+        std=spread,
+        dropped=candidates.dropped,
+        warnings=(
+            *_of_targets(setup),
+            *_of_ranges(candidates, coverage.missing(cells, selection)),
+            *_of_parameters(candidates, spread),
+        ),
+    )
+
+
+def _of_targets(setup: Setup) -> list[str]:
+    off = [name for name, (x, y, _) in setup.targets.items() if np.hypot(x, y) >= OFF_AXIS_MM]
+    if len(off) >= 2:
+        return []
+    return [
+        f"Of the targets measured ({', '.join(setup.targets)}) {f'only {off[0]}' if off else 'none'} stands"
+        f" {OFF_AXIS_MM:g} mm or more off the axis of joint {setup.robot.joints}: measure two that do, or an offset"
+        " of the tool and a tilt of it look the same."
+    ]
+
+
+def _of_ranges(candidates: Candidates, empty: coverage.Mask) -> list[str]:
+    low, high = (edge / DEG for edge in (candidates.joints.min(axis=0), candidates.joints.max(axis=0)))
+    return [
+        f"Joint {k + 1} has no pose from {low[k] + b * width:.0f} to {low[k] + (b + 1) * width:.0f} deg."
+        for k, b in np.argwhere(empty)
+        for width in [(high[k] - low[k]) / empty.shape[1]]
+    ]
+
+
+def _of_parameters(candidates: Candidates, std: Array) -> list[str]:
+    return [
+        f"{p.name} will hardly be seen: a standard error of {to_display(s, p.unit):.2g} {p.unit} where"
+        f" {p.size:g} {p.unit} is usual."
+        for p, s in zip(candidates.parameters, std, strict=True)
+        if p.size is not None and to_display(s, p.unit) > _HARDLY * p.size
+    ]

@@ -1,0 +1,78 @@
+"""How uncertain predictions would be after so many poses, and when more poses no longer pay.
+
+The selection is shortened by the pose whose loss costs least, again and again, and lengthened by the candidate that
+adds most; for every count U = 2 sqrt(largest eigenvalue of X C X' + R): C the inverse information of the poses so
+far, X the derivative of a target, R its covariance by the repeatability of the robot. U (k = 2, along the worst
+direction) is where the robot will stand by a model that is complete; R is what no calibration lowers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.kinematics import Array
+from calib.selection.blocks import Blocks
+from calib.selection.exchange import Indices, greedy, without_least
+from calib.selection.information import Candidates
+from calib.uncertainty import expanded
+
+STEP = 10  # poses
+WORTH = 0.02  # share by which STEP more poses must lower the largest U
+_BEYOND = 2.0  # the curve ends at so many times the selection
+_PLACES = 1000  # poses at which U is predicted
+
+
+@dataclass(frozen=True)
+class Curve:
+    """U against the number of poses; arrays of equal length, mm.
+
+    largest, mean: U over the workspace; of_model: the largest without the repeatability.
+    """
+
+    counts: NDArray[np.int64]
+    largest: Array
+    mean: Array
+    of_model: Array
+
+    def at(self, count: int) -> float:
+        """The largest U with so many poses, mm. Raises ValueError for a count that is not on the curve."""
+        return float(self.largest[self.counts.tolist().index(count)])
+
+    def enough(self, worth: float = WORTH) -> int | None:
+        """The first count after which one step lowers the largest U by less than `worth`; None beyond the curve."""
+        gain = 1.0 - self.largest[1:] / self.largest[:-1]
+        return next((int(n) for n, g in zip(self.counts, gain, strict=False) if g < worth), None)
+
+    def reaches(self, wanted: float) -> int | None:
+        """The first count whose largest U is at most `wanted`, mm; None beyond the curve."""
+        return next((int(n) for n, u in zip(self.counts, self.largest, strict=True) if u <= wanted), None)
+
+
+def curve_of(candidates: Candidates, selection: Indices, step: int = STEP) -> Curve:
+    """The curve around a selection: counts `step` apart through its own, from just enough to twice as many."""
+    blocks = Blocks.of(candidates.rows)
+    least = -(-blocks.parameters // blocks.width) + 1
+    count = len(selection)
+    below = range(count, least - 1, -step)
+    above = range(count + step, min(int(_BEYOND * count), blocks.poses) + 1, step)
+    designs = {count: selection}
+    for n in below[1:]:
+        designs[n] = without_least(blocks, designs[n + step], n)
+    for n in above:
+        designs[n] = greedy(blocks, designs[n - step], n)
+    places = slice(0, _PLACES)  # candidates come in random order
+    points, repeatability = candidates.points[places], candidates.repeatability[places].reshape(-1, 3, 3)
+    points = points.reshape(-1, 3, points.shape[-1])
+    counts = np.array(sorted(designs), dtype=np.int64)
+    largest, mean, of_model = np.zeros((3, len(counts)))
+    for i, n in enumerate(counts):
+        rows = candidates.rows[designs[int(n)]]
+        rows = rows.reshape(-1, rows.shape[-1])
+        spread = points @ np.linalg.inv(np.linalg.cholesky(rows.T @ rows)).T
+        of_parameters = spread @ spread.transpose(0, 2, 1)
+        u = expanded(of_parameters + repeatability)
+        largest[i], mean[i], of_model[i] = u.max(), u.mean(), expanded(of_parameters).max()
+    return Curve(counts, largest, mean, of_model)

@@ -1,0 +1,190 @@
+"""D-optimal selection of poses by exchange: the n of N candidates with the largest det of their information.
+
+Greedy starts, then one pose after the other leaves and the best of all candidates takes its place, until no pose
+finds a better one (Fedorov 1972, in the order of Cook and Nachtsheim 1980; Nubiola 2.5.2 removes and adds likewise).
+With M the information of the selection and X_j (k, m) the rows of a pose, adding it multiplies det M by
+det(I + B_j), B_j = X_j M^-1 X_j', and removing it by det(I - B_j). A pose that enters or leaves changes M by rank k,
+and so B of every candidate by V V', V = X_j M^-1 X_i' L with L L' = (I +- B_i)^-1: one matrix product and k x k
+algebra for all N at once. No candidate has a decomposition of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.selection.blocks import Blocks
+from calib.selection.bound import Optimum, optimum
+
+Indices = NDArray[np.int64]
+
+STARTS = 32
+_SHORT = 300  # candidates of the starts; the best start then goes through all
+_SHORT_PER_POSE = 5
+_GAIN = 1e-9  # an exchange that raises log det by less is not made
+_PASSES = 100
+_FAINT = 1e-4  # of a pose's average information: steadies the first poses of a start
+_GRAIN = 1e-9  # least share of its information that a leaving pose leaves behind
+
+
+def select(rows: Array, count: int, *, starts: int = STARTS, seed: int = 0) -> Indices:
+    """(count,) indices, ascending, of a D-optimal selection: the best of `starts` exchanges.
+
+    rows: (N, k, m) whitened Jacobian rows of N candidates, any units of the parameters. No candidate is taken twice;
+    the same seed gives the same selection. Raises DataError when there are fewer candidates than `count`, fewer
+    rows than parameters, or parameters that the candidates cannot determine.
+    """
+    blocks = Blocks.of(rows)
+    return best_of_starts(blocks, optimum(blocks), count, starts=starts, seed=seed)
+
+
+def best_of_starts(
+    blocks: Blocks,
+    best: Optimum,
+    count: int,
+    *,
+    fixed: Sequence[int] = (),
+    starts: int = STARTS,
+    seed: int = 0,
+) -> Indices:
+    """As `select`, of prepared blocks and their continuous optimum; the poses `fixed` are in and stay.
+
+    The starts choose among the candidates that count for most at the continuous optimum: that is where good
+    selections are. The best of them is then exchanged against all candidates.
+    """
+    _refuse(blocks, count, starts)
+    short = np.argsort(-best.sensitivity, kind="stable")[: max(_SHORT, _SHORT_PER_POSE * count)]
+    short = np.union1d(short, np.asarray(fixed, dtype=np.int64))
+    few = blocks.take(short)
+    kept = np.searchsorted(short, np.asarray(fixed, dtype=np.int64))
+    free = np.setdiff1d(np.arange(few.poses), kept)
+    drawn = min(count - len(kept), 1 + blocks.parameters // blocks.width)
+    rng = np.random.default_rng(seed)
+    found = []
+    for start in range(starts):
+        random = rng.choice(free, drawn if start else 0, replace=False)
+        found.append(exchange(few, greedy(few, [*kept, *random], count), fixed=kept))
+    winner = max(found, key=lambda each: log_det(few, each))
+    return exchange(blocks, short[winner], fixed=fixed)
+
+
+def log_det(blocks: Blocks, selection: Indices) -> float:
+    """log det of the information of a selection, in the blocks' own scale; -inf where it is singular."""
+    sign, value = np.linalg.slogdet(blocks.information(selection))
+    return float(value) if sign > 0 else -np.inf
+
+
+def greedy(blocks: Blocks, chosen: Sequence[int] | Indices, count: int) -> Indices:
+    """`chosen` and further candidates, each the best to add to those before it; `count` in all, ascending."""
+    faint = _FAINT / blocks.poses * np.eye(blocks.parameters)
+    selection = [int(i) for i in chosen]
+    state = State.of(blocks, blocks.information(np.array(selection, dtype=np.int64)) + faint)
+    while len(selection) < count:
+        gain = state.gains()
+        gain[selection] = -np.inf
+        selection.append(int(np.argmax(gain)))
+        state = state.changed(selection[-1], +1.0)
+    return np.sort(np.array(selection, dtype=np.int64))
+
+
+def without_least(blocks: Blocks, selection: Indices, count: int, *, fixed: Sequence[int] = ()) -> Indices:
+    """`count` of the selection, ascending: the pose whose loss costs least leaves, then the next; `fixed` ones stay."""
+    left = np.asarray(selection, dtype=np.int64)
+    while len(left) > count:
+        few = blocks.take(left)
+        b = State.of(few, few.information()).b.transpose(2, 0, 1)
+        keeps = np.linalg.det(np.eye(blocks.width) - b)  # share of the determinant that stays
+        keeps[np.isin(left, fixed)] = -np.inf
+        left = np.delete(left, np.argmax(keeps))
+    return np.sort(left)
+
+
+def exchange(blocks: Blocks, selection: Indices, *, fixed: Sequence[int] | Indices = ()) -> Indices:
+    """The selection after exchanges that each raise its determinant, until none does; ascending indices.
+
+    The poses `fixed` stay. Raises DataError when the selection to begin with does not determine the parameters.
+    """
+    selection = selection.copy()
+    free = np.flatnonzero(~np.isin(selection, fixed))
+    if not np.isfinite(log_det(blocks, selection)):
+        raise DataError(
+            "the first selection does not determine the parameters.", do="Start from a better one."
+        )
+    for _ in range(_PASSES):
+        # anew once a pass, so that rounding does not add up
+        state = State.of(blocks, blocks.information(selection))
+        swapped = False
+        for place in free:
+            without = state.changed(selection[place], -1.0)
+            gain = without.gains()
+            gain[np.delete(selection, place)] = -np.inf
+            best = int(np.argmax(gain))
+            if gain[best] > gain[selection[place]] + _GAIN:
+                state = without.changed(best, +1.0)
+                selection[place] = best
+                swapped = True
+        if not swapped:
+            break
+    return np.sort(selection)
+
+
+def _refuse(blocks: Blocks, count: int, starts: int) -> None:
+    if starts < 1:
+        raise DataError(f"is {starts}.", do="Give one start or more.", key="starts")
+    if count > blocks.poses:
+        raise DataError(
+            f"{count} poses are wanted of {blocks.poses} candidates.", do="Draw more candidates.", key="count"
+        )
+    if count * blocks.width < blocks.parameters:
+        raise DataError(
+            f"{count} poses have {count * blocks.width} rows for {blocks.parameters} parameters.",
+            do=f"Select at least {-(-blocks.parameters // blocks.width)} poses, or free fewer parameters.",
+            key="count",
+        )
+
+
+@dataclass(frozen=True)
+class State:
+    """A selection as an exchange sees it: M^-1 (m, m), and b (k, k, N), B_j = X_j M^-1 X_j' of every candidate."""
+
+    blocks: Blocks
+    inverse: Array
+    b: Array
+
+    @classmethod
+    def of(cls, blocks: Blocks, information: Array) -> State:
+        """From the information M (m, m), without updates."""
+        x = blocks.columns
+        inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        y = (inverse @ x.reshape(len(x), -1)).reshape(x.shape)
+        return cls(blocks, inverse, np.einsum("man,mbn->abn", x, y))
+
+    def gains(self) -> Array:
+        """(N,) log det(I + B_j): what adding each candidate would gain. Elimination of all candidates at once."""
+        rest = self.b.copy()
+        k = len(rest)
+        rest[range(k), range(k)] += 1.0
+        product = np.ones(rest.shape[2])
+        for p in range(k):
+            product *= rest[p, p]
+            below = rest[p + 1 :, p]
+            rest[p + 1 :, p + 1 :] -= below[:, None] * (below / rest[p, p])[None]
+        return np.log(product)
+
+    def changed(self, pose: int, sign: float) -> State:
+        """The state after one pose entered (+1) or left (-1)."""
+        x = self.blocks.columns
+        values, directions = np.linalg.eigh(self.b[:, :, pose])
+        # A pose that is all there is in some direction leaves a grain of itself behind, until the next pass.
+        factor = directions / np.sqrt(np.maximum(1.0 + sign * values, _GRAIN))
+        u = self.inverse @ x[:, :, pose] @ factor
+        v = (u.T @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
+        b = self.b.copy()
+        for each in v:
+            b -= sign * each[:, None] * each[None]
+        return State(self.blocks, self.inverse - sign * u @ u.T, b)

@@ -1,0 +1,142 @@
+"""What each candidate pose would tell: whitened Jacobian rows of the base model at hypothetical poses.
+
+Three rows a tool target measured there, whitened with the declared noise of the instrument and the repeatability of
+the robot, at the nominal robot. Parameters that all candidates together cannot determine are dropped and named; the
+columns of the others are scaled so that their mean square a candidate is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.compensate.stated import StatedConditions, conditions_at
+from calib.effects import base_model
+from calib.effects.effect import Parameter
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.least_squares import Dropped, triangular_factor
+from calib.model import Design, RobotModel
+from calib.noise import Noise
+from calib.robot import Load, Robot
+from calib.units import to_internal
+
+_SERIES = "selection"
+_DEPENDENT = 1e-7  # share of a column left when those before it are projected out
+_MOVES_NOTHING = 1e-6  # whitened displacement, over all candidates, for a parameter of its usual size
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What would be measured at every pose, and with what.
+
+    targets: tool targets by name, flange frame, mm; groups: what the model frees; loads None: the robot's own.
+    """
+
+    robot: Robot
+    targets: Mapping[str, tuple[float, float, float]]
+    noise: Noise
+    groups: Sequence[str] = base_model.DEFAULT_GROUPS
+    loads: tuple[Load, ...] | None = None
+
+    def model(self) -> RobotModel:
+        """The base model. Raises DataError for a group or a set of targets that cannot be used."""
+        for group in self.groups:
+            if group not in base_model.GROUPS or group == "length_zero":
+                raise DataError(
+                    f"'{group}' is no group that poses are selected for.",
+                    do=f"Use some of {', '.join(g for g in base_model.GROUPS if g != 'length_zero')}.",
+                    key="groups",
+                )
+        if not self.groups or not self.targets:
+            raise DataError(
+                "there is nothing to select for.", do="Name groups and tool targets.", key="groups"
+            )
+        measured = [dict.fromkeys(self.targets, False)]
+        effects = base_model.build(tuple(dict.fromkeys(self.groups)), self.robot, [_SERIES], measured)
+        return RobotModel(self.robot, effects, {_SERIES: self.targets}, station=self.noise.station_mm)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """N candidate poses of t targets each, for m parameters in units of `unit`.
+
+    rows (N, 3 t, m): whitened; points (N, t, 3, m): derivative of every target, mm; repeatability (N, t, 3, 3):
+    covariance of every target that the robot's repeatability causes, mm2; parameters: those that are kept;
+    unit (m,): internal units of one unit of a column.
+    """
+
+    joints: Array  # (N, J) rad
+    rows: Array
+    points: Array
+    repeatability: Array
+    parameters: tuple[Parameter, ...]
+    unit: Array
+    dropped: tuple[Dropped, ...]
+
+
+def candidates_of(setup: Setup, joints: Array) -> Candidates:
+    """The candidates at joint angles (N, J), rad. Raises DataError for a set-up or angles that cannot be used."""
+    joints = np.asarray(joints, dtype=np.float64)
+    if joints.ndim != 2 or len(joints) == 0 or joints.shape[1] != setup.robot.joints:
+        raise DataError(
+            f"the candidates have shape {joints.shape}.",
+            do=f"Give (poses, {setup.robot.joints}) joint angles.",
+        )
+    if not np.all(np.isfinite(joints)):
+        raise DataError("a candidate has an angle that is not finite.", do="Leave it out.")
+    model = setup.model()
+    parts = [_at_target(setup, model, joints, target) for target in setup.targets]
+    points, whitened, repeatability = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
+    rows = whitened.reshape(len(joints), -1, whitened.shape[-1])
+    kept, dropped = _independent(rows.reshape(-1, rows.shape[-1]), model.parameters)
+    rows, points = rows[:, :, kept], points[..., kept]
+    size = np.linalg.norm(rows, axis=(0, 1)) / np.sqrt(len(joints))
+    return Candidates(
+        joints=joints,
+        rows=rows / size,
+        points=points / size,
+        repeatability=repeatability,
+        parameters=tuple(model.parameters[j] for j in kept),
+        unit=1.0 / size,
+        dropped=dropped,
+    )
+
+
+def _at_target(setup: Setup, model: RobotModel, joints: Array, target: str) -> tuple[Array, Array, Array]:
+    """Derivative of a target (N, 3, m), the same whitened, and its covariance by repeatability (N, 3, 3)."""
+    design = Design(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
+    frames = design.frames(np.zeros(len(model.parameters)))
+    columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
+    turns = [frames.twist(f"theta{k}")[0] for k in range(1, setup.robot.joints + 1)]
+    repeatability = setup.noise.of_joints(np.stack([np.broadcast_to(t, (3, len(joints))) for t in turns]))
+    covariance = repeatability + setup.noise.of_points(frames.p.T, np.full((len(joints), 3), np.nan))
+    try:
+        lower = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError as error:
+        raise DataError("the declared noise is zero.", do="Declare how well the instrument reads.") from error
+    return columns, np.asarray(np.linalg.solve(lower, columns), dtype=np.float64), repeatability
+
+
+def _independent(columns: Array, parameters: Sequence[Parameter]) -> tuple[list[int], tuple[Dropped, ...]]:
+    """Columns (rows, m) to keep, in order, and the parameters dropped because those before them explain them.
+
+    Base and tool come first, as in an identification: of a confounded group they stay.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    usual = np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in parameters])
+    seen = size * usual > _MOVES_NOTHING
+    triangle = triangular_factor(columns / np.where(seen, size, np.inf))
+    kept: list[int] = []
+    dropped = []
+    for j in sorted(range(len(parameters)), key=lambda j: parameters[j].size is not None):
+        share = np.linalg.lstsq(triangle[:, kept], triangle[:, j], rcond=None)[0] if kept else np.zeros(0)
+        if np.linalg.norm(triangle[:, j] - triangle[:, kept] @ share) > _DEPENDENT:
+            kept.append(j)
+            continue
+        weight = np.abs(share)
+        heavy = [kept[i] for i in np.argsort(-weight)[:6] if seen[j] and weight[i] > 0.05 * weight.max()]
+        dropped.append(Dropped(parameters[j].name, tuple(parameters[i].name for i in heavy)))
+    return sorted(kept), tuple(dropped)

@@ -1,0 +1,154 @@
+"""Hold-outs side by side: what the base model's error is worth depends on how the judging readings were left out.
+
+The readings that may enter a fit are split again, five times in each way, and the base model is fitted to the rest:
+
+    random   poses drawn at random: each has its neighbours in the fit, which flatters
+    region   slabs of the workspace along the direction in which the robot moved most
+    time     fifths of every series in the order of measuring
+    series   one whole series; the robot from the others is then placed on every second reading of it
+
+All visits of one pose fall together, except in time. Rows of `set = validation` take no part at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.dataset import Dataset
+from calib.errors import DataError
+from calib.identify import identify
+from calib.kinematics import Array, forward
+from calib.model import Design
+from calib.statistics import distances
+from calib.validation.place import FEWEST, place
+from calib.validation.summary import Summary, summarise
+
+FOLDS = 5
+SEED = 1
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Position errors of one kind of hold-out, mm, of all folds together.
+
+    left_out: readings that nothing can be said about, since their series or their unknown tool target had no
+    reading left in the fit.
+    """
+
+    kind: str
+    folds: int
+    errors: Summary | None
+    left_out: int
+
+
+def hold_outs(
+    dataset: Dataset, *, folds: int = FOLDS, progress: Callable[[str], None] = lambda _: None
+) -> list[HeldOut]:
+    """Errors of the base model by kind of hold-out.
+
+    Raises DataError where there are fewer poses than folds, or what a fold leaves cannot carry the model.
+    """
+    rows = dataset.fit_rows & dataset.pointed
+    poses = len(np.unique(_poses(dataset)[rows]))
+    if poses < folds:
+        raise DataError(
+            f"has {poses} poses with a measured point to hold out, in {folds} parts.",
+            do="Measure more poses with set = calibration.",
+            file=dataset.path,
+            key="set",
+        )
+    out = []
+    for kind, split in (("random", _random), ("region", _region), ("time", _time)):
+        progress(f"holding out by {kind}")
+        out.append(_pooled(kind, [_judge(dataset, held) for held in split(dataset, rows, folds)]))
+    if len(dataset.conditions.series_names) > 1:
+        progress("holding out by series")
+        out.append(_pooled("series", list(_by_series(dataset, rows))))
+    return out
+
+
+def without(dataset: Dataset, held: Mask) -> Dataset:
+    """The data set with the rows `held` out of every fit."""
+    return replace(dataset, sets=np.where(held, "validation", dataset.sets))
+
+
+def _pooled(kind: str, parts: list[tuple[Array, int]]) -> HeldOut:
+    errors = np.concatenate([found for found, _ in parts])
+    return HeldOut(kind, len(parts), summarise(errors), sum(lost for _, lost in parts))
+
+
+def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:
+    """Errors of the held rows with the model of the others, and how many of them cannot be judged."""
+    rest = without(dataset, held)
+    judged = held & _placed(dataset, rest.fit_rows & rest.pointed)
+    found = identify(rest)
+    conditions = dataset.conditions.take(judged)
+    return distances(found.predict(conditions), dataset.points[judged]), int(held.sum() - judged.sum())
+
+
+def _placed(dataset: Dataset, fitted: Mask) -> Mask:
+    """(n,) rows whose series, and tool target where it is unknown, have readings among those fitted."""
+    conditions = dataset.conditions
+    kinds = [conditions.series]
+    if "tool" in dataset.header.groups:
+        kinds.append(conditions.target)
+    _, which = np.unique(np.column_stack(kinds), axis=0, return_inverse=True)
+    return np.bincount(which[fitted], minlength=which.max() + 1)[which] >= FEWEST
+
+
+def _poses(dataset: Dataset) -> NDArray[np.int64]:
+    """(n,) number of the commanded pose of every row."""
+    return np.unique(np.round(dataset.conditions.joints, 9), axis=0, return_inverse=True)[1]
+
+
+def _random(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
+    pose = _poses(dataset)
+    draw = np.random.default_rng(SEED).permutation(pose.max() + 1)
+    for k in range(folds):
+        yield rows & (draw[pose] % folds == k)
+
+
+def _region(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
+    # In the base frame, where the series share their places.
+    places = forward(dataset.header.robot, dataset.conditions.joints)[:, :3, 3]
+    centred = places - places[rows].mean(axis=0)
+    along = centred @ np.linalg.svd(centred[rows], full_matrices=False)[2][0]
+    pose = _poses(dataset)
+    kinds, first = np.unique(pose[rows], return_index=True)
+    slab = np.zeros(pose.max() + 1, dtype=int)
+    order = np.argsort(along[rows][first], kind="stable")
+    slab[kinds[order]] = np.arange(len(kinds)) * folds // len(kinds)
+    for k in range(folds):
+        yield rows & (slab[pose] == k)
+
+
+def _time(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
+    conditions = dataset.conditions
+    fifth = np.zeros(len(dataset), dtype=int)
+    for s in range(len(conditions.series_names)):
+        here = np.flatnonzero(rows & (conditions.series == s))
+        here = here[np.argsort(conditions.order[here], kind="stable")]
+        fifth[here] = np.arange(len(here)) * folds // max(len(here), 1)
+    for k in range(folds):
+        yield rows & (fifth == k)
+
+
+def _by_series(dataset: Dataset, rows: Mask) -> Iterator[tuple[Array, int]]:
+    conditions = dataset.conditions
+    for s in range(len(conditions.series_names)):
+        held = rows & (conditions.series == s)
+        found = identify(without(dataset, held))
+        second = np.zeros(len(dataset), dtype=bool)
+        second[np.flatnonzero(held)[::2]] = True
+        fitted = (rows & ~held) | second
+        model, estimate = place(dataset, found.model, found.estimate, fitted)
+        left = held & ~second
+        judged = left & _placed(dataset, fitted)
+        predicted = Design(model, conditions.take(judged)).predict(estimate)
+        yield distances(predicted, dataset.points[judged]), int(left.sum() - judged.sum())

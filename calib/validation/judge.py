@@ -1,0 +1,159 @@
+"""A calibration judged on readings: positions, orientations, all pairs, groups, and ISO 9283 where poses repeat."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.dataset import Dataset
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+from calib.model_file import SavedModel
+from calib.statistics import distances
+from calib.validation.groups import Grouping, by_distance, groupings
+from calib.validation.iso9283 import (
+    DistanceFigures,
+    PoseFigures,
+    figures_between,
+    figures_of_pose,
+    repeated_poses,
+)
+from calib.validation.orientation import rotation_vectors
+from calib.validation.pairs import pair_errors
+from calib.validation.summary import Summary, summarise
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One model on some readings. Lengths mm, angles rad; None where nothing was measured to judge by.
+
+    pairs: series -> distance errors over all pairs of its points; series have each their own frame.
+    """
+
+    name: str
+    position: Summary
+    pairs: Mapping[str, Summary]
+    orientation: Summary | None
+    groupings: tuple[Grouping, ...]
+
+
+def judge(
+    name: str,
+    dataset: Dataset,
+    rows: Mask,
+    model: RobotModel,
+    estimate: Array,
+    reference: tuple[float, float, float] | None = None,
+) -> Judgement:
+    """Judge a model on the points of some rows (mask), in the place where it stands.
+
+    reference: (x, y, z) mm in the world, from which the distance of every point is taken. Raises DataError when no
+    row has a point, or the model does not know a series or a tool target.
+    """
+    rows = rows & dataset.pointed
+    refuse_unplaced(dataset, rows, model)
+    conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
+    predicted, vectors = _compared(dataset, rows, model, estimate)
+    errors = distances(predicted, measured)
+    position = summarise(errors)
+    if position is None:
+        raise DataError(
+            "has no measured points to judge by.",
+            do="Mark some measured rows set = validation, or judge on all rows with --all.",
+            file=dataset.path,
+            key="set",
+        )
+    parts = groupings(model.robot, conditions, errors)
+    if reference is not None:
+        parts.append(by_distance(measured, np.array(reference), errors))
+    pairs = {}
+    for s in np.unique(conditions.series):
+        of = conditions.series == s
+        summary = pair_errors(measured[of], predicted[of])
+        if summary is not None:
+            pairs[conditions.series_names[s]] = summary
+    angles = np.linalg.norm(vectors, axis=1)
+    return Judgement(name, position, pairs, summarise(angles[np.isfinite(angles)]), tuple(parts))
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """ISO 9283 figures of the poses that a data set visits more than once; rows are those of the data set."""
+
+    poses: tuple[PoseFigures, ...]
+    distances: tuple[DistanceFigures, ...]
+
+
+def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repeats:
+    """ISO 9283 figures of every pose visited twice or more with one target in one series, whatever its set.
+
+    Repeatability needs no model; the commands that accuracy counts from are where `model` expects the target.
+    Distances are those from every such pose to the next, in the order of their first visits.
+    """
+    usable = dataset.usable & dataset.pointed
+    rows, conditions = np.flatnonzero(usable), dataset.conditions
+    same = conditions.take(usable)
+    poses = [rows[visits] for visits in repeated_poses(same.joints, same.series, same.target)]
+    if not poses:
+        return Repeats((), ())
+    refuse_unplaced(dataset, usable, model)
+    predicted, angles = _compared(dataset, usable, model, estimate)
+    commands, turned = np.full((2, len(dataset), 3), np.nan)
+    commands[usable] = predicted
+    turned[usable] = angles
+    between = [
+        figures_between(a, b, dataset.points, commands)
+        for a, b in itertools.pairwise(poses)
+        if conditions.series[a[0]] == conditions.series[b[0]]
+        and conditions.target[a[0]] == conditions.target[b[0]]
+    ]
+    return Repeats(
+        tuple(figures_of_pose(visits, dataset.points, commands, turned, conditions.side) for visits in poses),
+        tuple(between),
+    )
+
+
+def _compared(dataset: Dataset, rows: Mask, model: RobotModel, estimate: Array) -> tuple[Array, Array]:
+    """Predicted points (k, 3), mm, and rotation vectors (k, 3) from predicted to measured, rad, NaN if not measured."""
+    frames = Design(model, dataset.conditions.take(rows)).frames(estimate, ())
+    predicted = np.broadcast_to(frames.p, (3, int(rows.sum()))).T
+    turned = dataset.turned[rows]
+    vectors = np.full((len(turned), 3), np.nan)
+    vectors[turned] = rotation_vectors(frames.rotation[turned], dataset.orientation[rows][turned])
+    return predicted, vectors
+
+
+def refuse_other_robot(saved: SavedModel, dataset: Dataset, file: Path) -> None:
+    """Raise DataError when a model is of another robot than a data set."""
+    if saved.model.robot.name != dataset.header.robot.name:
+        raise DataError(
+            f"is a model of the robot '{saved.model.robot.name}', and {dataset.name} was measured with "
+            f"'{dataset.header.robot.name}'.",
+            do="Give a model of the same robot.",
+            file=file,
+            key="robot",
+        )
+
+
+def refuse_unplaced(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
+    """Raise DataError when a model does not know where a series stands or where a tool target sits."""
+    conditions = dataset.conditions
+    for s, t in {
+        (int(s), int(t)) for s, t in zip(conditions.series[rows], conditions.target[rows], strict=True)
+    }:
+        series, target = conditions.series_names[s], conditions.target_names[t]
+        if target not in model.targets.get(series, {}):
+            raise DataError(
+                f"has readings of series '{series}' with target '{target}', which the model does not know.",
+                do="Place the model's robot on the calibration rows with --place.",
+                file=dataset.path,
+                key="series",
+            )

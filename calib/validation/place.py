@@ -1,0 +1,136 @@
+"""A calibrated robot put up elsewhere: base (and tool, where the model frees it) fitted, everything of the robot held.
+
+What the instrument and the mounting added to the old set-up stays behind. For every series, with x_i the flange of
+the calibrated robot in its base frame,
+
+    minimise  sum_i w_i | m_i - (R (x_i + F_i t_k) + T) |^2   over R, T and the targets t_k,
+
+by Gauss-Newton with Huber weights, from the start that the identification uses. All readings weigh the same but for
+gross errors: what is left after a calibration is the robot's, not the instrument's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.dataset import Dataset
+from calib.errors import DataError
+from calib.header import Vector
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+from calib.start import base_and_tool, tool_turn
+
+FEWEST = 3
+_ROUNDS = 100
+_SETTLED = 1e-9  # mm, rad
+
+
+def frees_tool(model: RobotModel) -> bool:
+    """Whether the tool targets were unknown to a model, as a whole or in part."""
+    return any(
+        effect.label.startswith(("tool", "target_offset")) and effect.owner == "mounting"
+        for effect in model.effects
+    )
+
+
+def of_the_robot(model: RobotModel, estimate: Array) -> tuple[RobotModel, Array]:
+    """The model and the estimate of what belongs to the robot alone: no base, no tool, no instrument."""
+    effects = tuple(effect for effect in model.effects if effect.owner == "robot")
+    robot = RobotModel(model.robot, effects, model.targets)
+    return robot, np.array([estimate[model.index[p.name]] for p in robot.parameters])
+
+
+def place(
+    dataset: Dataset, model: RobotModel, estimate: Array, rows: NDArray[np.bool_] | None = None
+) -> tuple[RobotModel, Array]:
+    """The model's robot placed in every series of a data set, fitted to `rows` (default: `fit_rows`).
+
+    Returns model and estimate, to predict with. Raises DataError where a series or a target has too few points.
+    """
+    conditions, header = dataset.conditions, dataset.header
+    rows = dataset.pointed & (dataset.fit_rows if rows is None else rows)
+    held, values = of_the_robot(model, estimate)
+    free = frees_tool(model)
+    targets = {name: header.targets_of(name) for name in conditions.series_names}
+    flange = flange_poses(held, values, dataset)
+    placements, turns = {}, {}
+    for s, name in enumerate(conditions.series_names):
+        here = rows & (conditions.series == s)
+        if not (conditions.series == s).any():
+            continue
+        if int(here.sum()) < FEWEST:
+            raise DataError(
+                f"series '{name}' has {int(here.sum())} points to place the robot with.",
+                do=f"Measure {FEWEST} or more with set = calibration in every series.",
+                file=dataset.path,
+                key="set",
+            )
+        names = conditions.target_names
+        nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in names])
+        which = conditions.target[here]
+        pose, tool = base_and_tool(flange[here], nominal, which, dataset.points[here], tool_unknown=free)
+        pose, tool = _refined(flange[here], tool, which, dataset.points[here], pose, free=free)
+        placements[name] = pose
+        if free:
+            found: dict[str, Vector] = {
+                names[t]: (float(tool[t, 0]), float(tool[t, 1]), float(tool[t, 2])) for t in np.unique(which)
+            }
+            targets[name] = {**targets[name], **found}
+        turned = here & dataset.turned
+        if free and turned.any():
+            turns[name] = tool_turn(flange[turned], pose, dataset.orientation[turned])
+    return replace(held, targets=targets, placements=placements, turns=turns), values
+
+
+def flange_poses(robot: RobotModel, estimate: Array, dataset: Dataset) -> Array:
+    """(n, 4, 4) poses of the flange in the base frame, mm, of a robot without base and tool."""
+    conditions = dataset.conditions
+    at_flange = {
+        series: dict.fromkeys(conditions.target_names, (0.0, 0.0, 0.0)) for series in conditions.series_names
+    }
+    frames = Design(replace(robot, targets=at_flange), conditions).frames(estimate, ())
+    poses = np.tile(np.eye(4), (len(conditions), 1, 1))
+    poses[:, :3, :3] = frames.rotation
+    poses[:, :3, 3] = np.broadcast_to(frames.p, (3, len(conditions))).T
+    return poses
+
+
+def _refined(
+    flange: Array, tool: Array, which: NDArray[np.int64], measured: Array, pose: Array, *, free: bool
+) -> tuple[Array, Array]:
+    """Least squares from a start: base pose (4, 4) and tool targets (T, 3)."""
+    rotation, shift = pose[:3, :3].copy(), pose[:3, 3].copy()
+    unknown = np.unique(which) if free else np.array([], dtype=np.int64)
+    for _ in range(_ROUNDS):
+        arm = (flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], tool[which])) @ rotation.T
+        left = measured - arm - shift
+        miss = np.linalg.norm(left, axis=1)
+        weight = np.sqrt(np.minimum(1.0, np.maximum(2.0 * np.median(miss), 1e-9) / np.maximum(miss, 1e-9)))
+        columns = np.zeros((len(arm), 3, 6 + 3 * len(unknown)))
+        columns[:, :, :3] = np.cross(np.eye(3), arm[:, None, :]).transpose(0, 2, 1)
+        columns[:, :, 3:6] = np.eye(3)
+        for k, target in enumerate(unknown):
+            of = which == target
+            columns[of, :, 6 + 3 * k : 9 + 3 * k] = rotation @ flange[of, :3, :3]
+        columns *= weight[:, None, None]
+        step = _step(columns.reshape(-1, columns.shape[2]), (left * weight[:, None]).ravel())
+        rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
+        shift = shift + step[3:6]
+        tool = tool.copy()
+        tool[unknown] += step[6:].reshape(-1, 3)
+        if np.abs(step).max() < _SETTLED:
+            break
+    placed = np.eye(4)
+    placed[:3, :3], placed[:3, 3] = rotation, shift
+    return placed, tool
+
+
+def _step(columns: Array, right: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    step, *_ = np.linalg.lstsq(columns / size, right, rcond=1e-10)
+    return step / size

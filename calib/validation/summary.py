@@ -1,0 +1,47 @@
+"""Errors in a few numbers, as calibration papers and standards give them: mean, standard deviation, mean + 3 s, RMS.
+
+`calib.statistics.ErrorStatistics` is what the JSON of `diagnose` holds; this one says more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.kinematics import Array
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Statistics of n errors, all zero or above, in the unit of the errors.
+
+    std: with n - 1; NaN for a single error. p95: 95 % of the errors are this or less.
+    """
+
+    n: int
+    mean: float
+    std: float
+    rms: float
+    p95: float
+    max: float
+
+    @property
+    def mean_3std(self) -> float:
+        """mean + 3 s."""
+        return self.mean + 3.0 * self.std
+
+
+def summarise(errors: Array) -> Summary | None:
+    """Summary of errors (n,); None where there are none."""
+    if not len(errors):
+        return None
+    return Summary(
+        n=len(errors),
+        mean=float(np.mean(errors)),
+        std=float(np.std(errors, ddof=1)) if len(errors) > 1 else math.nan,
+        rms=float(np.sqrt(np.mean(errors**2))),
+        p95=float(np.quantile(errors, 0.95)),
+        max=float(np.max(errors)),
+    )
