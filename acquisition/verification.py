@@ -200,7 +200,7 @@ def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) ->
     frames = Design(found.model, conditions).frames(found.estimate, joints)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
-    covariance = covariance + noise.of_joints(frames.twists(joints)[0])
+    covariance = covariance + noise.of_joints(frames.velocities(joints))
     return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
 
 

@@ -1,6 +1,6 @@
 """Under which conditions every reading was taken: what drives an effect, as arrays over n readings.
 
-Angles are model angles (behind the joint matrix), rad; times s; temperatures degC; torques N.mm.
+Angles are model angles (behind the joint matrix), rad; times s; temperatures degC; torques and moments N.mm.
 A quantity nobody recorded is NaN; regressors that need it are then not offered.
 """
 
@@ -22,11 +22,14 @@ class Conditions:
     joints: Array  # (n, N) commanded
     previous: Array  # (n, N) where the robot stood before
     side: Array  # (n, N) +1 when the joint arrived from below, -1 from above
-    torque: Array  # (n, N) gravity torque, nominal geometry
+    torque: Array  # (n, N) gravity torque, nominal geometry; this and the next three: see kinematics.Statics
+    moment: Array  # (n, N, 3) gravity moment at every joint, axes of the frame just before it turns
+    overturning: Array  # (n, 3) gravity moment of the whole arm about the base's origin, axes of the base
+    unit_load: Array  # (n, N, 4) torques of 1 kg, and of 1 kg mm along x, y, z, on the last link
     time: Array  # (n,)
     order: Array  # (n,) rank of the reading in its campaign, 0, 1, ...
     temperature: Array  # (n,) air
-    point: Array  # (n, 3) measured or nominally expected point, mm, world
+    point: Array  # (n, 3) where the nominal robot in its place holds the target, mm, world
     series: NDArray[np.int64]  # (n,) index into series_names
     target: NDArray[np.int64]  # (n,) index into target_names
     anchor: NDArray[np.int64]  # (n,) index into anchor_names of the base target of a distance; -1: none

@@ -17,11 +17,14 @@ from calib.arrivals import arrivals_of, order_of
 from calib.columns import Columns
 from calib.conditions import Conditions
 from calib.errors import DataError
-from calib.header import Header, read_header
-from calib.kinematics import Array, gravity_torques
+from calib.expected import expected_points
+from calib.header import FARTHEST_MM, LEAST, Header, read_header
+from calib.kinematics import Array, statics
+from calib.plausible import refuse_implausible
 from calib.units import DEG
 
 _FEWEST_A_SERIES = 3
+_MOST_DEG = 1e5
 SETS = ("calibration", "reference", "repeat", "validation")
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 
@@ -121,21 +124,26 @@ def read_dataset(path: Path | str) -> Dataset:
     points, orientation = _measured(table, status)
     series, target = _names(table, header)
     time = table.numbers("t_s")
-    torque = gravity_torques(header.robot, joints, header.loads, header.gravity)
+    loading = statics(header.robot, joints, header.loads, header.gravity)
     series_names, series_index = np.unique(series, return_inverse=True)
     order = order_of(time, series_index)
     side, previous = arrivals_of(table, header, joints, order, series_index)
     target_names, target_index = np.unique(target, return_inverse=True)
     anchor_names, anchor_index = _base_targets(table, header)
+    fitted = np.isin(status, ("", "ok")) & (sets != "validation")
+    located = np.where(fitted[:, None], points, np.nan)
     conditions = Conditions(
         joints=joints,
         previous=previous,
         side=side,
-        torque=torque,
+        torque=loading.torque,
+        moment=loading.moment,
+        overturning=loading.overturning,
+        unit_load=loading.unit_load,
         time=time,
         order=order.astype(np.float64),
         temperature=table.numbers("t_air_c"),
-        point=points,
+        point=expected_points(header, joints, series, target, located),
         series=series_index,
         target=target_index,
         anchor=anchor_index,
@@ -161,6 +169,7 @@ def read_dataset(path: Path | str) -> Dataset:
         ).hexdigest(),
     )
     _refuse_unfit(dataset, table)
+    refuse_implausible(dataset)
     return dataset
 
 
@@ -207,6 +216,10 @@ def _joints(table: Columns, header: Header) -> Array:
             file=table.path,
             key="j1_deg",
         )
+    for i, k in np.argwhere(np.abs(degrees) > _MOST_DEG):
+        raise table.refuse(
+            int(i), f"j{k + 1}_deg", f"is {degrees[i, k]:g}", "Give degrees, not encoder counts"
+        )
     return header.robot.model_angles(degrees * DEG, header.coupling)
 
 
@@ -232,6 +245,8 @@ def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDAr
                 f"names {name!r}, which the header does not",
                 f'Add it under [base_targets], with its position in the world or as {name} = "free"',
             )
+        if abs(length) > FARTHEST_MM:
+            raise table.refuse(i, "length_mm", f"is {length:g}: no wire is that long", "Give it in mm")
         if length <= 0.0 and not header.frees_length_zero:
             raise table.refuse(
                 i,
@@ -255,6 +270,10 @@ def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
     for i in np.flatnonzero(zero):
         raise table.refuse(
             int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty"
+        )
+    for i in np.flatnonzero(np.max(np.abs(np.nan_to_num(points)), axis=1) > FARTHEST_MM):
+        raise table.refuse(
+            int(i), "x_mm, y_mm, z_mm", "are farther than anything on earth", "Give them in mm"
         )
     orientation = np.column_stack([table.numbers(f"rot_{q}") for q in "wxyz"])
     norm = np.linalg.norm(orientation, axis=1)
@@ -341,7 +360,7 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
                     "With 'tool' under [model] fit every target needs calibration readings of its series",
                 )
     given = np.isfinite(dataset.u_point)
-    for i in np.flatnonzero(given.any(axis=1) & ~(given & (dataset.u_point > 0.0)).all(axis=1)):
+    for i in np.flatnonzero(given.any(axis=1) & ~(given & (dataset.u_point >= LEAST)).all(axis=1)):
         raise table.refuse(
             int(i),
             "u_x_mm, u_y_mm, u_z_mm",
@@ -350,7 +369,7 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
         )
     if dataset.header.noise.kind == "per-row":
         pointed_rows = dataset.usable & dataset.pointed
-        for i in np.flatnonzero(pointed_rows & ~np.all(dataset.u_point > 0.0, axis=1)):
+        for i in np.flatnonzero(pointed_rows & ~np.all(dataset.u_point >= LEAST, axis=1)):
             raise table.refuse(
                 int(i),
                 "u_x_mm",
@@ -363,7 +382,7 @@ def _refuse_unfit(dataset: Dataset, table: Columns) -> None:
 def _refuse_without_noise(dataset: Dataset, table: Columns) -> None:
     """Distances weigh by their own noise, which cannot be guessed."""
     for of_row, column in ((dataset.u_rotation, "u_rot_mrad"), (dataset.u_length, "u_length_mm")):
-        for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row > 0.0)):
+        for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row >= LEAST * 1e-3)):
             raise table.refuse(int(i), column, "is not above zero", "Leave it empty for [noise] to hold")
     missing = np.flatnonzero(dataset.usable & dataset.spanned & ~np.isfinite(dataset.u_length))
     if dataset.header.noise.length_mm == 0.0 and len(missing):

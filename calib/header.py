@@ -16,6 +16,10 @@ from calib.robot import Load, Robot, load_robot, parse_loads
 from calib.units import DEG
 
 FORMAT = "truepose-dataset/1"
+FARTHEST_MM = 1e8
+"""No coordinate is larger: squares of what is would drown all others."""
+LEAST = 1e-9
+"""No uncertainty, in the unit of its key, is smaller: what is would be a zero to the arithmetic."""
 
 _KEYS = {
     *(
@@ -122,6 +126,8 @@ class _Table:
             )
         ):
             raise self.refuse(key, f"is {value!r}.", "Give three numbers, [x, y, z].")
+        if max(abs(x) for x in value) > FARTHEST_MM:
+            raise self.refuse(key, f"is {value!r}: farther than anything on earth.", "Give it in mm.")
         return (float(value[0]), float(value[1]), float(value[2]))
 
     def table(self, key: str) -> _Table:
@@ -154,13 +160,13 @@ def read_header(path: Path) -> Header:
     couplings = ("none", *robot.joint_matrices)
     series = table.table("series")
     loads = parse_loads(values.get("loads", []), robot.joints, path)
-    gravity = values.get("gravity_base", [0.0, 0.0, -9.81])
+    gravity = _gravity(_Table({"gravity_base": values.get("gravity_base", [0.0, 0.0, -9.81])}, path))
     return Header(
         robot=robot,
         instrument=table.text("instrument", default="unknown"),
         world=table.text("world", ("free", "nominal"), "free"),  # type: ignore[arg-type]
         coupling=table.text("joint_coupling", couplings, "none"),
-        gravity=_Table({"gravity_base": gravity}, path).vector("gravity_base"),
+        gravity=gravity,
         groups=_groups(table.table("model")),
         noise=_noise(table.table("noise")),
         targets=_targets(table.table("tool_targets")),
@@ -174,12 +180,26 @@ def read_header(path: Path) -> Header:
     )
 
 
+def _gravity(table: _Table) -> Vector:
+    gravity = table.vector("gravity_base")
+    size = math.hypot(*gravity)
+    if size != 0.0 and not 9.7 < size < 9.9:
+        raise table.refuse(
+            "gravity_base",
+            f"has the length {size:g}.",
+            "Give it in m/s2: it is 9.81 long, whatever its direction.",
+        )
+    return gravity
+
+
 def _targets(table: _Table) -> dict[str, Vector]:
     return {name: table.vector(name) for name in table.values}
 
 
 def _base_targets(table: _Table) -> dict[str, Any]:
     u_mm = table.number("base_targets_u_mm", 0.0)
+    if 0.0 < u_mm < LEAST:
+        raise table.refuse("base_targets_u_mm", f"is {u_mm!r}: too small to be true.", "Use 0 for exact.")
     if table.values.get("base_targets") == "free":
         return {"free_base_targets": ("*",), "base_targets_u_mm": u_mm}
     given = table.table("base_targets")
@@ -198,9 +218,9 @@ def _names(table: _Table, key: str) -> tuple[str, ...]:
 def _priors(table: _Table) -> dict[str, float]:
     priors = {name: table.number(name) for name in table.values}
     for name, value in priors.items():
-        if value == 0.0:
+        if value < LEAST:
             raise table.refuse(
-                name, "is 0.", f"Name it under [model] hold to keep it as it is: hold = [{name!r}]."
+                name, f"is {value:g}.", f"Name it under [model] hold to keep it as it is: hold = [{name!r}]."
             )
     return priors
 
@@ -212,6 +232,8 @@ def _unknown(values: Mapping[str, Any]) -> list[str]:
         table = values.get(name)
         if isinstance(table, dict):
             out += [f"{name}.{key}" for key in table if key not in keys]
+    for name, table in values.get("series", {}).items():
+        out += [f"series.{name}.{key}" for key in table if key != "tool_targets"]
     return out
 
 
@@ -220,7 +242,7 @@ def _groups(table: _Table) -> tuple[str, ...]:
         level = table.values["level"]
         if "fit" in table.values:
             raise table.refuse("level", "stands beside 'fit'.", "Give one of the two.")
-        if isinstance(level, bool) or level not in LEVELS:
+        if type(level) is not int or level not in LEVELS:
             raise table.refuse("level", f"is {level!r}.", "Use 1, 2 or 3.")
         return LEVELS[level]
     groups = table.values.get("fit", list(DEFAULT_GROUPS))
@@ -249,6 +271,9 @@ def _noise(table: _Table) -> Noise:
         rotation=table.number("rotation_mrad", 0.0) * 1e-3,
         length_mm=table.number("length_mm", 0.0),
     )
+    for key, value in table.values.items():
+        if key in _NOISE_KEYS and isinstance(value, float) and 0.0 < value < LEAST:
+            raise table.refuse(key, f"is {value!r}: too small to be true.", "Give one standard deviation.")
     zero = (kind == "isotropic" and noise.sigma_mm == 0.0) or (
         tracker
         and (noise.range_mm + noise.range_ppm == 0.0 or noise.transverse_mm + noise.transverse_ppm == 0.0)

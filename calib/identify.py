@@ -18,12 +18,16 @@ from calib.dataset import Dataset
 from calib.errors import DataError
 from calib.identification import Identification
 from calib.kinematics import Array
-from calib.least_squares import MAX_ITERATIONS, Dropped, Solution, find_dependent, solve
+from calib.least_squares import LEAST_NOISE, MAX_ITERATIONS, Dropped, Solution, find_dependent, solve
 from calib.model import Design, RobotModel
+from calib.observations import Observations
 from calib.placing import base_model_of
+from calib.plausible import remarks
 from calib.readings import Readings, readings_of
 
 Progress = Callable[[str], None]
+
+_FAR = 10.0  # ratio of found noise to declared, or its inverse, that is told
 
 
 def silent(_: str) -> None:
@@ -73,14 +77,24 @@ def fit(
     active, dropped = find_dependent(design, observed, start, settled)
     near = solve(design, observed, start, active, max_iterations=2)
     scale = robust.noise_scale(near.residual, observed.freedom)
+    if (
+        scale > _FAR
+    ):  # perhaps only far from the start yet: a misfit that is no noise must not lend the priors weight
+        near = solve(design, observed, near.estimate, active)
+        scale = robust.noise_scale(near.residual, observed.freedom)
     plain = solve(design, observed, near.estimate, active, scale=scale)
+    while (
+        scale > LEAST_NOISE and (found := robust.noise_scale(plain.residual, observed.freedom)) < 0.5 * scale
+    ):
+        scale = found
+        plain = solve(design, observed, plain.estimate, active, scale=scale)
     if not robust.suspicious(plain.standardised(), observed.freedom):
         return _result(dataset, model, readings, plain, active, dropped)
     progress("fitting, robust to gross errors")
     estimate, residual = start, observed.residual(design.frames(start, ()))
     for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
-        scale, weights = robust.noise_scale(residual, observed.freedom), weigh(residual, observed.freedom)
-        solution = solve(design, observed, estimate, active, weights, scale, max_iterations=2)
+        found, weights = robust.noise_scale(residual, observed.freedom), weigh(residual, observed.freedom)
+        solution = solve(design, observed, estimate, active, weights, min(found, scale), max_iterations=2)
         estimate, residual = solution.estimate, solution.residual
     readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
     if relabelled:
@@ -105,10 +119,19 @@ def fit_plain(
 ) -> Identification:
     """Plain least squares on readings that belong; nothing is screened."""
     design, observed = Design(model, readings.conditions), readings.observed
-    residual = observed.residual(design.frames(start, ()))
-    scale = robust.noise_scale(residual, observed.freedom)
-    solution = solve(design, observed, start, active, scale=scale, max_iterations=max_iterations)
+    solution = _solve(design, observed, start, active, max_iterations)
     return _result(dataset, model, readings, solution, active, dropped, faulty, relabelled)
+
+
+def _solve(
+    design: Design, observed: Observations, start: Array, active: NDArray[np.bool_], max_iterations: int
+) -> Solution:
+    """Plain least squares, the priors weighed with the noise that is left near the end, not at the start."""
+    near = solve(design, observed, start, active, max_iterations=2)
+    scale = robust.noise_scale(near.residual, observed.freedom)
+    return solve(
+        design, observed, near.estimate, active, scale=scale, max_iterations=max(max_iterations - 2, 1)
+    )
 
 
 def _result(
@@ -127,7 +150,15 @@ def _result(
     scale = float(np.sqrt(np.sum(solution.residual**2) / max(dof, 1)))
     covariance = solution.covariance * max(scale, 1.0) ** 2
     warnings = list(_warnings(model, active, dropped, covariance, solution))
+    if not 1.0 / _FAR < scale < _FAR:
+        why = (
+            "the model lacks something, or [noise] is too small"
+            if scale > 1.0
+            else "[noise] is far too large"
+        )
+        warnings.append(f"The residuals are {scale:.2g} times the declared noise: {why}; look at its units.")
     warnings += _unused(dataset)
+    warnings += remarks(dataset)
     if faulty:
         share = len(faulty) / (len(faulty) + len(readings.rows))
         many = f"{len(faulty)} readings" if len(faulty) > 1 else "1 reading"
@@ -185,6 +216,8 @@ def _unused(dataset: Dataset) -> list[str]:
     """What stands in the files and takes no part."""
     header = dataset.header
     out = [f"The header's key '{key}' is not known and was passed over." for key in header.unknown_keys]
+    idle_series = sorted(set(header.series_targets) - set(dataset.conditions.series_names))
+    out += [f"The header's series '{name}' has no readings." for name in idle_series]
     idle = int(np.sum(np.isfinite(dataset.orientation[:, 0]) & ~dataset.turned))
     if idle:
         out.append(
@@ -239,7 +272,7 @@ def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
     conditions = dataset.conditions.take(rows)
     off_axis = [
         np.hypot(*model.targets[conditions.series_names[s]][conditions.target_names[t]][:2])
-        for s, t in {(int(s), int(t)) for s, t in zip(conditions.series, conditions.target, strict=True)}
+        for s, t in np.unique(np.column_stack([conditions.series, conditions.target]), axis=0)
     ]
     if max(off_axis) < 1.0 and not any(e.label.startswith("tool") for e in model.effects):
         raise DataError(

@@ -7,6 +7,9 @@ motions before it have made. Each has a name, its *slot*:
     base.x .. base.rz      the base of the series (behind its constant placement in the world)
     alphaK aK thetaK dK betaK   link K: Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)  (modified DH), or
                                         Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)  (standard DH)
+    bearingK.rx, bearingK.ry    the bearing of joint K, tilting about the joint's origin just before theta_K: the
+                                origin of frame K (modified DH, where Tz(d) may as well stand before Rz(theta)),
+                                of frame K-1 (standard DH)
     tool.x .. tool.rz      the tool at the flange
     target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
     anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
@@ -50,7 +53,10 @@ def _six(name: str) -> tuple[Motion, ...]:
 def _link(robot: Robot, k: int) -> tuple[Motion, ...]:
     alpha, beta = Motion(f"alpha{k}", True, 0), Motion(f"beta{k}", True, 1)
     a, theta, d = Motion(f"a{k}", False, 0), Motion(f"theta{k}", True, 2), Motion(f"d{k}", False, 2)
-    return (alpha, beta, a, theta, d) if robot.convention == "mdh" else (theta, d, a, alpha, beta)
+    bearing = Motion(f"bearing{k}.rx", True, 0), Motion(f"bearing{k}.ry", True, 1)
+    if robot.convention == "mdh":
+        return (alpha, beta, a, d, *bearing, theta)
+    return (*bearing, theta, d, a, alpha, beta)
 
 
 FRAME = _six("frame")
@@ -115,16 +121,34 @@ class Frames:
             return axis, np.zeros((3, 1))
         return cross(axis, self.p - self.origin[slot]), axis
 
-    def twists(self, slots: Sequence[str]) -> tuple[Array, Array]:
-        """Velocities and angular velocities of some slots, both (S, 3, n); slots beside the chain move nothing."""
+    def velocities(self, slots: Sequence[str]) -> Array:
+        """(S, 3, n) velocities of the target point for a unit rate of some slots; 0 for those beside the chain."""
+        axes, turning = self._axes(slots)
+        arms = np.empty((len(turning), *axes.shape[1:]))
+        for i, s in enumerate(turning):
+            np.subtract(self.p, self.origin[slots[s]], out=arms[i])
+        axes[turning] = cross(axes[turning], arms)
+        return axes
+
+    def turnings(self, slots: Sequence[str]) -> Array:
+        """(S, 3, n) angular velocities of the target frame for a unit rate of some slots."""
+        axes, turning = self._axes(slots)
+        sliding = np.ones(len(slots), dtype=bool)
+        sliding[turning] = False
+        axes[sliding] = 0.0
+        return axes
+
+    def _axes(self, slots: Sequence[str]) -> tuple[Array, list[int]]:
+        """Axes (S, 3, n) of some slots, and which of them turn."""
         n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
-        axes, origins = np.zeros((2, len(slots), 3, n))
-        turning = np.zeros(len(slots), dtype=bool)
+        axes = np.zeros((len(slots), 3, n))
+        turning = []
         for i, slot in enumerate(slots):
             if slot in self.axis:
-                axes[i], origins[i], turning[i] = self.axis[slot], self.origin[slot], self.turns[slot]
-        velocity = np.where(turning[:, None, None], cross(axes, self.p - origins), axes)
-        return velocity, np.where(turning[:, None, None], axes, 0.0)
+                axes[i] = self.axis[slot]
+                if self.turns[slot]:
+                    turning.append(i)
+        return axes, turning
 
     @property
     def rotation(self) -> Array:
@@ -132,6 +156,13 @@ class Frames:
         n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
         columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
+
+    def _go(self, motions: Sequence[Motion], values: Mapping[str, Array | float]) -> None:
+        """Move along a row of motions; those at zero that nobody wants recorded are passed over."""
+        for motion in motions:
+            slot = motion.slot
+            if slot in values or self.record is None or slot in self.record:
+                self._move(motion, values.get(slot, 0.0))
 
     def _move(self, motion: Motion, value: Array | float) -> None:
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
@@ -170,7 +201,11 @@ def cross(u: Array, v: Array) -> Array:
     """Cross product of (..., 3, n) arrays along the last axis but one (several times faster than numpy.cross)."""
     ux, uy, uz = u[..., 0, :], u[..., 1, :], u[..., 2, :]
     vx, vy, vz = v[..., 0, :], v[..., 1, :], v[..., 2, :]
-    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=-2)
+    out = np.empty(np.broadcast_shapes(u.shape, v.shape))
+    for row, (a, b, c, d) in enumerate(((uy, vz, uz, vy), (uz, vx, ux, vz), (ux, vy, uy, vx))):
+        np.multiply(a, b, out=out[..., row, :])
+        out[..., row, :] -= c * d
+    return out
 
 
 @dataclass(frozen=True)
@@ -199,26 +234,22 @@ def propagate(
     eye = np.eye(3)
     centre = np.zeros((3, 1)) if station is None else np.asarray(station, dtype=np.float64).reshape(3, 1)
     frames = Frames(eye[:, :1], eye[:, 1:2], eye[:, 2:], centre, record=record)
-    for motion in FRAME:
-        frames._move(motion, values.get(motion.slot, 0.0))
+    frames._go(FRAME, values)
     frames._shift(-centre)
     frames.world = (frames.x, frames.y, frames.z)
     x, y, z = (values.get(slot, 0.0) for slot in ANCHOR)
     frames.anchor = frames.p + frames.x * x + frames.y * y + frames.z * z
     frames.length_zero = values.get(LENGTH_ZERO, 0.0)
     frames._place(placement.rotation, placement.translation)
-    for motion in chain.base:
-        frames._move(motion, values.get(motion.slot, 0.0))
+    frames._go(chain.base, values)
     for link in chain.links:
-        for motion in link:
-            frames._move(motion, values.get(motion.slot, 0.0))
+        frames._go(link, values)
         frames.link_frames.append((frames.x, frames.y, frames.z, frames.p))
-    for motion in (*TOOL, *TARGET[:3]):
-        frames._move(motion, values.get(motion.slot, 0.0))
+    frames._go(TOOL, values)
+    frames._go(TARGET[:3], values)
     if turn is not None:
         frames._place(turn, np.zeros((3, 1)))
-    for motion in TARGET[3:]:
-        frames._move(motion, values.get(motion.slot, 0.0))
+    frames._go(TARGET[3:], values)
     return frames
 
 
@@ -243,6 +274,62 @@ def forward(robot: Robot, joints: Array) -> Array:
     return poses
 
 
+@dataclass(frozen=True)
+class Statics:
+    """What gravity does to the arm at nominal geometry, N.mm.
+
+    moment: (n, N, 3) of all loads beyond joint K about its origin, in the axes of the frame just before theta_K;
+    overturning: (n, 3) of all loads about the origin of the base, in its axes;
+    unit_load: (n, N, 4) torque about every joint of 1 kg at the origin of the last link's frame, then of 1 kg mm
+    along its x, y and z: the torque of any load on the last link is linear in mass and mass x centre.
+    """
+
+    moment: Array
+    overturning: Array
+    unit_load: Array
+
+    @property
+    def torque(self) -> Array:
+        """(n, N) about each joint, positive in the direction in which gravity pushes."""
+        return self.moment[:, :, 2]
+
+
+def statics(
+    robot: Robot,
+    joints: Array,
+    loads: tuple[Load, ...] | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+) -> Statics:
+    """Moments of gravity at the model angles `joints` (n, N), rad; gravity (3,) in the base frame, m/s2.
+
+    M_i = sum over loads beyond joint i of (c_j - o_i) x (m_j g), from the last joint inwards. o_i is the origin of
+    frame i (modified DH) or i-1 (standard DH). Source: Nubiola, Annex I.
+    """
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    n, count = joints.shape
+    g = np.array(gravity)[:, None]
+    moment, unit_load = np.zeros((n, count, 3)), np.zeros((n, count, 4))
+    mass, weighed = (
+        0.0,
+        np.zeros((3, n)),
+    )  # of the loads beyond the joint: their sum, and that of mass x place
+    *last_axes, last_origin = frames.link_frames[-1]
+    for k in range(count, 0, -1):
+        for load in robot.loads if loads is None else loads:
+            if load.link == k:
+                x, y, z, p = frames.link_frames[k - 1]
+                centre = p + x * load.cog_mm[0] + y * load.cog_mm[1] + z * load.cog_mm[2]
+                mass, weighed = mass + load.mass_kg, weighed + load.mass_kg * centre
+        origin, axis = frames.origin[f"theta{k}"], frames.axis[f"theta{k}"]
+        about = cross(weighed - mass * origin, g)
+        for i, slot in enumerate((f"bearing{k}.rx", f"bearing{k}.ry", f"theta{k}")):
+            moment[:, k - 1, i] = np.sum(frames.axis[slot] * about, axis=0)
+        swing = cross(g, axis)  # z . (r x g) = r . (g x z)
+        for i, lever in enumerate((last_origin - origin, *last_axes)):
+            unit_load[:, k - 1, i] = np.sum(lever * swing, axis=0)
+    return Statics(moment, np.broadcast_to(cross(weighed, g), (3, n)).T.copy(), unit_load)
+
+
 def gravity_torques(
     robot: Robot,
     joints: Array,
@@ -251,18 +338,6 @@ def gravity_torques(
 ) -> Array:
     """(n, N) torque of gravity about each joint, N.mm, positive in the direction in which gravity pushes.
 
-    tau_i = z_i . sum over loads beyond joint i of (c_j - o_i) x (m_j g), at nominal geometry and the model angles
-    `joints` (n, N), rad; gravity (3,) in the base frame, m/s2. Source: Nubiola, Annex I; equals -dU/dq.
+    tau_i = z_i . M_i, see `statics`. Source: Nubiola, Annex I; equals -dU/dq.
     """
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
-    g = np.array(gravity)[:, None]
-    torques = np.zeros((len(joints), robot.joints))
-    for load in robot.loads if loads is None else loads:
-        x, y, z, p = frames.link_frames[load.link - 1]
-        centre = p + x * load.cog_mm[0] + y * load.cog_mm[1] + z * load.cog_mm[2]
-        weight = np.broadcast_to(load.mass_kg * g, centre.shape)
-        for k in range(load.link):
-            slot = f"theta{k + 1}"
-            moment = cross(centre - frames.origin[slot], weight)
-            torques[:, k] += np.sum(frames.axis[slot] * moment, axis=0)
-    return torques
+    return statics(robot, joints, loads, gravity).torque

@@ -3,8 +3,9 @@
 minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j (x_j / size_j)^2
 
 s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
-they are better than declared for less, so that readings without noise come back as they are. Steps are solved
-on scaled columns; a step that does not lower the cost is halved.
+they are better than declared for less, so that readings without noise come back as they are (a prior that is a
+measurement, of a base target, keeps its worth beside the declared noise). Steps are solved on scaled columns; a step
+that does not lower the cost is halved.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from calib.units import to_internal
 
 MAX_ITERATIONS = 50
 CONVERGED = 0.02  # length of a step in standard errors of the estimate
-_LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
+LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
 _MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
 _DEPENDENT = 1e-7  # share of a column left when those before it are projected out
 
@@ -167,7 +168,9 @@ def solve(
     errors of the estimate. A solution that did not converge says so.
     """
     root = None if weights is None else np.sqrt(weights)
-    prior = np.where(active, max(scale, _LEAST_NOISE) / design.model.prior_std, 0.0)[active]
+    model = design.model
+    weight = np.where(model.measured, max(scale, 1.0), max(scale, LEAST_NOISE))
+    prior = np.where(active, weight / model.prior_std, 0.0)[active]
     estimate = start.copy()
     frames = design.frames(estimate, design.slots)
     residual = observed.residual(frames)
@@ -186,7 +189,7 @@ def solve(
         system = np.vstack([columns / size, np.diag(prior / size)])
         right = np.concatenate([weighted.ravel(), -prior * estimate[active]])
         triangle = _normal_factor(system)
-        scaled = solve_triangular(triangle, solve_triangular(triangle, system.T @ right, trans=1))
+        scaled = _back(triangle, _back(triangle, system.T @ right, 1))
         change = float(np.linalg.norm(triangle @ scaled))
         step = scaled / size
         for _ in range(12):
@@ -195,19 +198,25 @@ def solve(
             frames_there = design.frames(trial, design.slots)
             residual_there = observed.residual(frames_there)
             cost_there = _cost(residual_there, root, prior, trial[active])
-            if cost_there <= cost * (1.0 + 1e-12) or change < small:
+            # what a step so small promises drowns in the rounding of the cost, which then cannot judge it
+            if cost_there <= cost * (1.0 + 1e-12) or change < small or change**2 < 1e-12 * cost:
                 break
             step = step / 2.0
         else:
             break
         estimate, frames, residual, cost = trial, frames_there, residual_there, cost_there
         converged = bool(change < small)
-    inverse = solve_triangular(triangle, np.eye(len(size))) / size[:, None]
+    inverse = _back(triangle, np.eye(len(size))) / size[:, None]
     covariance = np.zeros((len(active), len(active)))
     covariance[np.ix_(active, active)] = inverse @ inverse.T
     weights_of_prior = np.zeros(len(active))
     weights_of_prior[active] = prior
     return Solution(estimate, covariance, residual, frames, columns, weights_of_prior, iterations, converged)
+
+
+def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
+    """R x = right, or R' x = right: the numbers are known to be finite."""
+    return solve_triangular(triangle, right, trans=trans, check_finite=False)
 
 
 def _cost(residual: Array, root: Array | None, prior: Array, estimate: Array) -> float:

@@ -74,7 +74,7 @@ class RobotModel:
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
-        """(m,) parameters whose prior is a measurement, not a usual size: where the mounting is known to, as declared."""
+        """(m,) parameters whose prior is a measurement, not a usual size: a mounting known to what was declared."""
         return np.array(
             [
                 e.group == "base model" and e.owner == "mounting" and p.size is not None
@@ -164,7 +164,7 @@ class Design:
 
     def point_columns(self, frames: Frames) -> Array:
         """(3 n, m) derivative of the predicted points, mm for internal units; row j n + i: axis j of reading i."""
-        return self.columns(frames.twists(self.slots)[0])
+        return self.columns(frames.velocities(self.slots))
 
 
 def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions) -> Array:

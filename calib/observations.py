@@ -73,7 +73,8 @@ class Observations:
 
     def columns(self, frames: Frames, slots: Sequence[str]) -> Array:
         """(S, k, n) whitened derivative of the prediction for a unit of every slot."""
-        velocity, angular = frames.twists(slots)
+        velocity = frames.velocities(slots)
+        angular = velocity if self.rotations is None else frames.turnings(slots)
         of_length = None
         if self.lengths is not None:
             of_length = np.einsum("an,san->sn", _direction(frames), velocity)

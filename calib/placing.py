@@ -1,12 +1,16 @@
 """The base model of a data set in its place: what the header frees, with a start for what the world hides.
 
 The start of every series is found from its own readings: the base pose by aligning the nominal robot with measured
-points or with base targets located by distances, the tool frame by averaging. `place_nominal` then fits base and
-tool alone: the nominal robot at its best, the yardstick of every report.
+points or with base targets located by distances, the tool frame by averaging. Where the series has sweeps of single
+joints, their circles are a second opinion (`calib.circle_points`): joints 1 and 2 say where the base stands, the last
+two where the tool sits, and the start at which the nominal robot misses less is taken. It matters where the tool is
+unknown and reaches as far as the arm, and the poses are few: alignment and averaging in turn then end in a wrong place.
+`place_nominal` fits base and tool alone: the nominal robot at its best, the yardstick of every report.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import robust
+from calib.circle_points import Start, starts
 from calib.dataset import Dataset
 from calib.effects import base_model
 from calib.effects.effect import Effect
@@ -22,8 +27,9 @@ from calib.header import Header, Vector
 from calib.kinematics import Array, forward
 from calib.least_squares import find_dependent, solve
 from calib.model import Design, RobotModel
+from calib.plausible import refuse_mirrored
 from calib.readings import readings_of
-from calib.start import align, base_and_tool, base_target, tool_turn
+from calib.start import align, base_and_tool, base_target, tool_turn, tools_of
 
 _OF_PLACE = ("base", "tool", "base_targets", "length_zero")
 
@@ -31,8 +37,10 @@ _OF_PLACE = ("base", "tool", "base_targets", "length_zero")
 def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> RobotModel:
     """The model that the header frees (or `groups`), with a start for every series.
 
-    Raises DataError when the header holds or weighs a parameter that the model does not have.
+    Raises DataError when the header holds or weighs a parameter that the model does not have or of which nothing is
+    known, and where the readings are mirrored or in another unit.
     """
+    _refuse_unknown(dataset)
     header, conditions = dataset.header, dataset.conditions
     groups = header.groups if groups is None else groups
     targets = {name: header.targets_of(name) for name in conditions.series_names}
@@ -41,6 +49,7 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
     located: dict[str, Vector] = {}
     measured_in: list[dict[str, bool]] = []
     flange = forward(header.robot, conditions.joints)
+    circles = starts(dataset) if header.world == "free" else {}
     for s, name in enumerate(conditions.series_names):
         rows = dataset.fit_rows & (conditions.series == s)
         names = conditions.target_names
@@ -52,28 +61,30 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
         pointed = rows & dataset.pointed
         if header.world == "free" and pointed.any():
             nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in names])
-            pose, tool = base_and_tool(
-                flange[pointed],
-                nominal,
-                conditions.target[pointed],
-                dataset.points[pointed],
-                tool_unknown="tool" in groups,
-            )
+            which, points = conditions.target[pointed], dataset.points[pointed]
+            free = "tool" in groups
+            pose, tool = base_and_tool(flange[pointed], nominal, which, points, tool_unknown=free)
+            if s in circles:
+                pose, tool = _nearer(
+                    flange[pointed], (pose, tool), circles[s], which, points, tool_unknown=free
+                )
             placements[name] = pose
-            if "tool" in groups:
+            if free:
                 found: dict[str, Vector] = {
                     t: (float(x), float(y), float(z))
                     for t, (x, y, z) in zip(names, tool, strict=True)
-                    if t in seen
+                    if t in seen and not _declared(header, "tool", t)
                 }
                 targets[name] = {**targets[name], **found}
         turned = rows & dataset.turned
-        if "tool" in groups and turned.any():
+        if "tool" in groups and turned.any() and not _declared(header, "tool", *(f"{t}.r" for t in seen)):
             pose = placements.get(name, np.eye(4))
             turns[name] = tool_turn(flange[turned], pose, dataset.orientation[turned])
         spanned = rows & dataset.spanned
         if spanned.any():
             here = _locate(dataset, flange, targets[name], spanned, zero_unknown="length_zero" in groups)
+            known = {b: place for b, place in here.items() if b in header.base_targets}
+            refuse_mirrored(dataset, known, {b: np.array(header.base_targets[b]) for b in known})
             if header.world == "free" and name not in placements:
                 placements[name] = _aligned(here, header)
             pose = placements.get(name, np.eye(4))
@@ -101,6 +112,32 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
     )
 
 
+def _nearer(
+    flange: Array,
+    aligned: tuple[Array, Array],
+    circles: Start,
+    which: NDArray[np.int64],
+    points: Array,
+    *,
+    tool_unknown: bool,
+) -> tuple[Array, Array]:
+    """Base pose and tool targets from alignment or from circles: those with which the nominal robot misses less."""
+    pose, tool = aligned
+    if circles.base is not None:
+        pose = circles.base
+        tool = tools_of(flange, pose, tool, which, points) if tool_unknown else tool
+    if tool_unknown:
+        tool = tool.copy()
+        for t, place in circles.targets.items():
+            tool[t] = place
+
+    def miss(pose: Array, tool: Array) -> float:
+        there = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], tool[which])
+        return float(np.median(np.linalg.norm(points - there @ pose[:3, :3].T - pose[:3, 3], axis=1)))
+
+    return (pose, tool) if miss(pose, tool) < miss(*aligned) else aligned
+
+
 def _locate(
     dataset: Dataset,
     flange: Array,
@@ -123,10 +160,13 @@ def _locate(
 
 
 def _aligned(here: dict[str, Array], header: Header) -> Array:
-    """(4, 4) base pose that brings base targets located in the robot's frame to where they are known to stand."""
+    """(4, 4) base pose that brings base targets located in the robot's frame to where they are known to stand.
+
+    Of one or two of them it is one pose of many; the fit then drops what they leave open.
+    """
     known = [name for name in here if name in header.base_targets]
     pose = np.eye(4)
-    if len(known) >= 3:
+    if known:
         nominal = np.array([here[name] for name in known])
         goal = np.array([header.base_targets[name] for name in known])
         pose[:3, :3], pose[:3, 3] = align(nominal, goal, np.ones(len(known)))
@@ -142,6 +182,30 @@ def _uncertain(header: Header, names: Sequence[str]) -> dict[str, float | None]:
         elif header.base_targets_u_mm > 0.0:
             out[name] = header.base_targets_u_mm
     return out
+
+
+def _declared(header: Header, *names: str) -> bool:
+    """Whether hold or priors speak of these: then the nominal value stands, and no start takes its place."""
+    said = [re.sub(r"\[.*\]", "", name) for name in (*header.hold, *header.priors)]
+    return any(
+        one == name or one.startswith(f"{name}.") or one[:-1] == name for one in said for name in names
+    )
+
+
+def _refuse_unknown(dataset: Dataset) -> None:
+    """Where a base stands in a free world, nobody knows: it has no nominal value to be held or weighed at."""
+    header = dataset.header
+    free = [name for name in dataset.conditions.anchor_names if name not in header.base_targets]
+    unknown = ("base", *free, "base_targets") if free else ("base",)
+    if header.world == "nominal":
+        unknown = unknown[1:]
+    if _declared(header, *unknown):
+        raise DataError(
+            "speaks of a pose or a place that the header leaves free: there is no nominal value to keep it to.",
+            do='Set world = "nominal", give the position under [base_targets], or leave the name out.',
+            file=dataset.path.with_suffix(".toml"),
+            key="model.hold, model.priors",
+        )
 
 
 def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...]:

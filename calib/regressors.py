@@ -92,6 +92,103 @@ class Torque:
 
 
 @dataclass(frozen=True)
+class TorqueCubed:
+    """Third power of the gravity torque about a joint, (N.mm)^3."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) (N.mm)^3."""
+        return conditions.torque[:, self.joint - 1] ** 3
+
+
+@dataclass(frozen=True)
+class TorqueSign:
+    """Sign of the gravity torque about a joint, smoothed as tanh(torque / width); width in N.mm."""
+
+    joint: int
+    width: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        return np.tanh(conditions.torque[:, self.joint - 1] / self.width)
+
+
+@dataclass(frozen=True)
+class LoadTorque:
+    """Torque about a joint of a load on the last link: mass_kg, and x, y, z its mass x centre in that link, kg mm."""
+
+    joint: int
+    mass_kg: float
+    x: float
+    y: float
+    z: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.unit_load[:, self.joint - 1] @ np.array([self.mass_kg, self.x, self.y, self.z])
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Gravity moment at a joint about one axis (0, 1, 2) of the frame just before it turns."""
+
+    joint: int
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.moment[:, self.joint - 1, self.axis]
+
+
+@dataclass(frozen=True)
+class MomentBehind:
+    """Gravity moment at a joint about the x axis behind it, which has turned by theta + `zero` (rad) about z."""
+
+    joint: int
+    zero: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        theta, moment = conditions.joints[:, self.joint - 1] + self.zero, conditions.moment[:, self.joint - 1]
+        return np.cos(theta) * moment[:, 0] + np.sin(theta) * moment[:, 1]
+
+
+@dataclass(frozen=True)
+class Overturning:
+    """Gravity moment of the whole arm about one axis (0, 1, 2) of the base."""
+
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.overturning[:, self.axis]
+
+
+@dataclass(frozen=True)
+class Beam:
+    """One coordinate (0, 1, 2) of the way from the station to the target, world; station_mm: that of the station."""
+
+    axis: int
+    station_mm: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) mm."""
+        return conditions.point[:, self.axis] - self.station_mm
+
+
+@dataclass(frozen=True)
+class LastMove:
+    """By how much a joint turned in its last move, rad."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) rad."""
+        return conditions.joints[:, self.joint - 1] - conditions.previous[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
 class Cosine:
     """cos(order x theta of a joint); order in cycles a turn."""
 
@@ -116,6 +213,21 @@ class Sine:
 
 
 @dataclass(frozen=True)
+class Bump:
+    """Cardinal cubic B-spline of a joint's angle about `centre`, 2/3 there and zero beyond two widths; rad."""
+
+    joint: int
+    centre: float
+    width: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,)"""
+        x = np.abs(conditions.joints[:, self.joint - 1] - self.centre) / self.width
+        inner = (4.0 - 6.0 * x**2 + 3.0 * x**3) / 6.0
+        return np.where(x < 1.0, inner, np.maximum(2.0 - x, 0.0) ** 3 / 6.0)
+
+
+@dataclass(frozen=True)
 class Side:
     """Side from which a joint arrived: +1 from below, -1 from above."""
 
@@ -133,6 +245,17 @@ class Time:
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) s."""
         return conditions.time
+
+
+@dataclass(frozen=True)
+class WarmUp:
+    """1 - exp(-t / time_constant_s), t from the start of the campaign."""
+
+    time_constant_s: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from 0 to 1."""
+        return -np.expm1(-conditions.time / self.time_constant_s)
 
 
 @dataclass(frozen=True)
@@ -166,10 +289,20 @@ KINDS = {
         ToAnchor,
         JointAngle,
         Torque,
+        TorqueCubed,
+        TorqueSign,
+        LoadTorque,
+        Moment,
+        MomentBehind,
+        Overturning,
+        Beam,
+        LastMove,
         Cosine,
         Sine,
+        Bump,
         Side,
         Time,
+        WarmUp,
         StepAt,
         Temperature,
     )

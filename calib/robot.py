@@ -196,7 +196,7 @@ def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]
 
 def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
     try:
-        link = int(entry["link"])
+        link = entry["link"]
         mass, cog = float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"])
     except KeyError as error:
         raise DataError(
@@ -209,7 +209,7 @@ def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
             file=path,
             key="loads",
         ) from error
-    if not 1 <= link <= joints or len(cog) != 3:
+    if type(link) is not int or not 1 <= link <= joints or len(cog) != 3:
         raise DataError(
             f"a load names link {link} with {len(cog)} coordinates.",
             do=f"Use a link from 1 to {joints} and three coordinates in mm.",

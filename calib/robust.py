@@ -34,7 +34,12 @@ def noise_scale(residual: Array, freedom: Freedom) -> float:
 
 
 def _scale(distance: Array, freedom: Freedom) -> float:
-    return max(float(np.quantile(distance / _chi(freedom, q), q)) for q in (0.5, 0.9))
+    largest = 0.0
+    for q in (0.5, 0.9):
+        ratio = distance / _chi(freedom, q)
+        place = round(q * (len(ratio) - 1))
+        largest = max(largest, float(np.partition(ratio, place)[place]))
+    return largest
 
 
 def _chi(freedom: Freedom, quantile: float) -> Array:

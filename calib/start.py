@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from calib.kinematics import Array
 
 _ROUNDS = 40
-_SETTLED = 1e-6  # mm by which a round must still move the points
+_SETTLED = 1e-3  # mm: a round that changes the mean distance by less is the last; the fit does the rest
 
 
 def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
@@ -56,6 +56,19 @@ def base_and_tool(
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     return pose, targets
+
+
+def tools_of(flange: Array, base: Array, targets: Array, which: NDArray[np.int64], measured: Array) -> Array:
+    """Tool targets (T, 3), mm, of one series whose base stands at `base` (4, 4): the median of what its readings say.
+
+    As `base_and_tool` has them; a target without readings stays as it is in `targets`.
+    """
+    back = (measured - base[:3, 3]) @ base[:3, :3]
+    at_flange = np.einsum("nji,nj->ni", flange[:, :3, :3], back - flange[:, :3, 3])
+    out = targets.copy()
+    for t in np.unique(which):
+        out[t] = np.median(at_flange[which == t], axis=0)
+    return out
 
 
 def tool_turn(flange: Array, base: Array, orientation: Array) -> Array:

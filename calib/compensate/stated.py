@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.conditions import Conditions
-from calib.kinematics import Array, forward, gravity_torques
+from calib.kinematics import Array, forward, statics
 from calib.model import RobotModel
 from calib.robot import Load
 from calib.units import DEG
@@ -86,15 +86,20 @@ def conditions_at(
     sides = np.broadcast_to(side, (n, count)).copy()
     tool = tool_point(model, series, target)
     target_names = (FLANGE, *model.targets[series])
+    loading = statics(model.robot, joints, stated.loads, stated.gravity)
+    place = model.placements.get(series, np.eye(4))
     return Conditions(
         joints=joints,
         previous=joints - sides * stated.approach,
         side=sides,
-        torque=gravity_torques(model.robot, joints, stated.loads, stated.gravity),
+        torque=loading.torque,
+        moment=loading.moment,
+        overturning=loading.overturning,
+        unit_load=loading.unit_load,
         time=np.full(n, stated.time_s),
         order=np.full(n, stated.order),
         temperature=np.full(n, stated.temperature_c),
-        point=nominal_poses(model, joints, tool)[:, :3, 3],
+        point=nominal_poses(model, joints, tool)[:, :3, 3] @ place[:3, :3].T + place[:3, 3],
         series=np.full(n, tuple(model.targets).index(series)),
         target=np.full(n, target_names.index(target)),
         anchor=np.full(n, -1),

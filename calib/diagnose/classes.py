@@ -1,7 +1,9 @@
 """Equivalence classes: which other candidates explain the same as well, and with what weight.
 
 Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
-evidence belongs to its class, with weight exp(-delta/2), normalised. One survivor is a name; several are ambiguous.
+evidence belongs to its class, with weight odds x exp(-delta/2), normalised. A candidate with 95 % of the weight is a
+name; anything less is ambiguous. The odds are those before any reading: how often a mechanism is met where it would
+look the same as another. They only decide between explanations that the readings cannot tell apart.
 """
 
 from __future__ import annotations
@@ -18,6 +20,9 @@ from calib.diagnose.select import candidates, leave_one_out
 from calib.diagnose.space import Space
 from calib.effects.effect import Effect
 
+CERTAIN = 0.95
+_ODDS = {"settling": 1.0 / 30.0}
+"""A settle time of seconds leaves little to settle; play is in every worn gear. One approach distance shows the same."""
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 
@@ -26,9 +31,15 @@ class Evidence:
     """What speaks for one effect of the model, all others being there."""
 
     candidates: dict[str, float]  # label -> weight, heaviest first
+    effects: dict[str, Effect]  # label -> the candidate itself
     delta_bic: float
     p_value: float
     explained_variance: float
+
+    @property
+    def certain(self) -> bool:
+        """Whether one candidate holds nearly all the weight."""
+        return max(self.candidates.values()) >= CERTAIN
 
 
 def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> Evidence:
@@ -36,7 +47,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
     without, gain, columns = leave_one_out(space, scores, effect)
     tries = scores.multiplicity_of(effect)
     own = without.own(effect, gain)
-    costs = {effect.label: 0.0}
+    costs, effects = {effect.label: 0.0}, {effect.label: effect}
     others = tuple(other for other in chosen if other is not effect)
     for score in (*candidates(without, others), *_whole_orders(without)):
         label = score.effect.label
@@ -46,12 +57,17 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
         cost = max(own - score.evidence, 0.0)
         if cost < CLASS_WIDTH and not _same(without, effect, score.effect):
             costs[label] = min(cost, costs.get(label, math.inf))
+            effects[label] = score.effect
     best = min(costs.values())
-    weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
+    weights = {
+        label: _ODDS.get(label.partition(":")[0], 1.0) * math.exp(-0.5 * (cost - best))
+        for label, cost in costs.items()
+    }
     total = sum(weights.values())
     ranked = sorted(weights, key=lambda label: -weights[label])
     return Evidence(
         candidates={label: weights[label] / total for label in ranked},
+        effects={label: effects[label] for label in ranked},
         delta_bic=own,
         p_value=p_value(gain, columns, without.rss, without.freedom, tries),
         explained_variance=gain / without.rss,

@@ -14,8 +14,11 @@ import numpy as np
 
 from calib.dataset import Dataset
 from calib.diagnose.classes import Evidence, judge
+from calib.diagnose.curves import with_curves
+from calib.diagnose.evidence import p_value
+from calib.diagnose.follow_up import FollowUp, Rival, follow_up
 from calib.diagnose.scan import Scores
-from calib.diagnose.select import MOST_EFFECTS, Selection, select
+from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.space import Space
 from calib.diagnose.structure import NOISY, Structure, left_over, p_lack_of_fit
 from calib.effects import Survey, offers
@@ -31,6 +34,8 @@ from calib.statistics import ErrorStatistics, statistics_of
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 _SCREENINGS = 3
+_MOST_RIVALS = 5  # of an effect, and of all of them together, for which poses are sought that tell them apart
+_MOST_PAIRS = 12
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class Diagnosis:
     error_before: ErrorStatistics | None
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
+    follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
     seconds: float
 
 
@@ -83,11 +89,17 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
             break
     final = selection.fitted
     space = Space.of(final)
-    scores = Scores(offers(Survey(final.model.robot, final.readings.conditions, dataset.conditions)), space)
+    scores = Scores(offers(Survey.of(final, dataset)), space)
     progress("weighing rivals of every effect")
     found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
     found.sort(key=lambda f: -f.evidence.explained_variance)
-    structure = tuple(left_over(space))
+    structure = left_over(space)
+    curved = with_curves(dataset, selection, structure, progress=progress)
+    if curved.effects != selection.effects:
+        final = curved.fitted
+        space = Space.of(final)
+        structure = left_over(space)
+        found += [_curve(space, effect) for effect in curved.effects[len(selection.effects) :]]
     chance = p_lack_of_fit(space)
     rows = dataset.validation_rows
     return Diagnosis(
@@ -98,12 +110,13 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
         verdict=_verdict(found, structure, chance),
-        structure=structure,
+        structure=tuple(structure),
         p_lack_of_fit=chance,
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
         error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
+        follow_up=_follow_up(dataset, final, found),
         seconds=time.perf_counter() - begin,
     )
 
@@ -133,10 +146,43 @@ def _found(
     )
 
 
-def _verdict(found: list[Found], structure: tuple[Structure, ...], chance: float) -> Verdict:
+def _curve(space: Space, curve: Effect) -> Found:
+    """A curve beside the named effects: what it explains that they do not; it has no rivals."""
+    _, coefficients = space.own_direction(curve)
+    gain, columns = float(coefficients @ coefficients), len(coefficients)
+    rss, freedom = space.rss + gain, space.freedom + columns
+    positions = space.fitted.model.positions(curve)
+    return Found(
+        effect=curve,
+        evidence=Evidence(
+            candidates={curve.label: 1.0},
+            effects={curve.label: curve},
+            delta_bic=space.rows * float(np.log(rss / space.rss)) - columns * float(np.log(space.rows)),
+            p_value=p_value(gain, columns, rss, freedom, space.fitted.model.robot.joints),
+            explained_variance=gain / rss,
+        ),
+        values=space.fitted.estimate[positions],
+        covariance=space.fitted.covariance[np.ix_(positions, positions)],
+        index=None,
+    )
+
+
+def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> FollowUp | None:
+    """Poses that would tell the members of every class apart; the weightiest rivals of the strongest effects first."""
+    effects = tuple(f.effect for f in found)
+    rivals = []
+    for f in (f for f in found if not f.evidence.certain):
+        for label in list(f.evidence.candidates)[:_MOST_RIVALS]:
+            if label != f.effect.label:
+                instead = tuple(f.evidence.effects[label] if e is f.effect else e for e in effects)
+                rivals.append(Rival(f.effect.label, label, refit(dataset, final, instead)))
+    return follow_up(final, rivals[:_MOST_PAIRS]) if rivals else None
+
+
+def _verdict(found: list[Found], structure: list[Structure], chance: float) -> Verdict:
     if structure:
         return "unexplained"
-    if any(len(f.evidence.candidates) > 1 for f in found):
+    if any(not f.evidence.certain for f in found):
         return "ambiguous"
     if found:
         return "attributed"

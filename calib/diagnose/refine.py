@@ -1,22 +1,25 @@
-"""Refinement of what was scanned: orders of harmonics off the places of the scan, change points to the reading.
+"""Refinement of what was scanned: orders and time constants off the places of the scan, change points to the reading.
 
 The derivative of A cos(H theta) + B sin(H theta) by H is theta (B cos - A sin). One Gauss-Newton step for all
 orders at once, projected on what the model leaves, moves them; an order whose nearest whole number lies within
-what the readings can tell becomes whole.
+what the readings can tell becomes whole. Time constants take such a step too, in their logarithm.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from calib.diagnose.evidence import WHOLE_ORDER
 from calib.diagnose.scan import Scores
 from calib.diagnose.space import Space
-from calib.effects import Survey, periodic, shift
+from calib.effects import Survey, periodic, shift, warm_up
 from calib.effects.effect import Effect
 from calib.kinematics import Array
 
 _LONGEST_STEP = 0.3  # cycles a turn
+_LONGEST_RATIO = 0.25  # by how much, in its logarithm, a time constant may move at once
 _RESOLUTION = 0.6  # cycles over the measured range within which two orders of a joint are one effect
 
 
@@ -82,3 +85,27 @@ def refine_steps(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]
         scores.move(*space.own_direction(effect), enters=False)
         refined.append(scores.best_of(0).effect)
     return tuple(refined)
+
+
+def refine_times(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The chosen effects with better time constants, in whole seconds; all else unchanged."""
+    return tuple(
+        _with_better_time(space, effect) if warm_up.TIME_CONSTANT in effect.shape else effect
+        for effect in chosen
+    )
+
+
+def _with_better_time(space: Space, effect: Effect) -> Effect:
+    """One Gauss-Newton step of the logarithm; its derivative by differences, since the columns are cheap."""
+    robot, time = space.fitted.model.robot, effect.shape[warm_up.TIME_CONSTANT]
+    nudge = 1e-3
+    longer, shorter = (
+        space.effect_columns(warm_up.warm_up(robot, time * math.exp(h))) for h in (nudge, -nudge)
+    )
+    values = space.fitted.estimate[space.fitted.model.positions(effect)]
+    derivative = (longer - shorter) @ values / (2.0 * nudge)
+    derivative = derivative - space.basis_of_readings @ (space.basis_of_readings.T @ derivative)
+    size = max(float(derivative @ derivative), 1e-300)
+    step = float(np.clip(derivative @ space.residual.ravel() / size, -_LONGEST_RATIO, _LONGEST_RATIO))
+    better = float(np.clip(time * math.exp(step), warm_up.SHORTEST, warm_up.LONGEST))
+    return warm_up.warm_up(robot, float(round(better)))

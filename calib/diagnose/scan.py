@@ -6,6 +6,7 @@ would bring is b' A^-1 b. Scanned families never form their columns: the sums th
     harmonics   sums over readings of u exp(i H theta), for all orders H at once by a Fourier transform;
     steps       sums over the readings from a rank on: one cumulative sum.
 
+Other shapes, such as time constants, are scanned at few places and by their columns.
 Adding or removing a direction q (unit vector) from the model updates A and b by what q shares with X.
 """
 
@@ -18,7 +19,7 @@ import numpy as np
 from calib.diagnose.evidence import WHOLE_ORDER, evidence_of
 from calib.diagnose.space import Space
 from calib.diagnose.trigsums import TrigSums
-from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Steps
+from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Shapes, Steps
 from calib.kinematics import Array
 from calib.units import to_internal
 
@@ -164,6 +165,41 @@ class StepScores:
         return self.family.at(float(self.family.ranks[place]))
 
 
+class ShapeScores:
+    """Scores of a family over a shape constant, by the columns of every place."""
+
+    def __init__(self, family: Shapes, space: Space) -> None:
+        self.label = family.label
+        self.family = family
+        self.effects = [family.at(float(value)) for value in family.values]
+        self.columns = np.stack([space.effect_columns(effect).T for effect in self.effects])
+        self.raw = np.sum(self.columns**2, axis=2)
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(places, p, c): X'v."""
+        return self.columns @ vectors
+
+    def gram(self, space: Space) -> Array:
+        """(places, p, p): X'X."""
+        return self.columns @ self.columns.transpose(0, 2, 1)
+
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The best place."""
+        return int(np.argmax(gain))
+
+    def alike(self, place: int) -> int:
+        """Any place is as likely as any other."""
+        return len(self.effects)
+
+    def place_of(self, effect: Effect) -> int:
+        """The place nearest to the shape of an effect of this family."""
+        return int(np.argmin(np.abs(self.family.values - effect.shape[self.family.key])))
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        return self.effects[place]
+
+
 @dataclass(frozen=True)
 class Score:
     """One candidate at one place of its scan: fall of the residual sum of squares, columns that count, evidence."""
@@ -182,14 +218,16 @@ class Scores:
     def __init__(self, offers: list[Offer], space: Space) -> None:
         self.space = space
         self.rss, self.freedom = space.rss, space.freedom
-        self.families: list[FixedScores | HarmonicScores | StepScores] = []
+        self.families: list[FixedScores | HarmonicScores | StepScores | ShapeScores] = []
         for offer in offers:
             if isinstance(offer, Candidate):
                 self.families.append(FixedScores(offer, space))
             elif isinstance(offer, Harmonics):
                 self.families.append(HarmonicScores(offer, space))
-            else:
+            elif isinstance(offer, Steps):
                 self.families.append(StepScores(offer, space))
+            else:
+                self.families.append(ShapeScores(offer, space))
         self.a = [family.gram(space) for family in self.families]
         residual = space.residual.reshape(-1, 1)
         self.b = [family.shared(space, residual)[:, :, 0] for family in self.families]

@@ -14,7 +14,7 @@ import numpy as np
 
 from calib.dataset import Dataset
 from calib.diagnose.evidence import CLAIM, p_value
-from calib.diagnose.refine import one_order, refine_orders, refine_steps
+from calib.diagnose.refine import one_order, refine_orders, refine_steps, refine_times
 from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
 from calib.effects import Survey, offers
@@ -46,7 +46,7 @@ def select(
     dataset: Dataset, start: Identification, *, progress: Progress = silent, most: int = MOST_EFFECTS
 ) -> Selection:
     """Choose effects for the readings of `start`, beside those its model holds already."""
-    library = offers(Survey(start.model.robot, start.readings.conditions, dataset.conditions))
+    library = offers(Survey.of(start, dataset))
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
     seen = {labels(chosen)}
@@ -109,7 +109,7 @@ def _settle(
     """Refit, refine what was scanned, refit."""
     fitted = refit(dataset, fitted, chosen)
     space = Space.of(fitted)
-    refined = refine_steps(space, refine_orders(space, chosen))
+    refined = refine_steps(space, refine_times(space, refine_orders(space, chosen)))
     if refined == chosen:
         return fitted, chosen
     return refit(dataset, fitted, refined), refined

@@ -30,6 +30,7 @@ class Space:
     basis: Array  # (size + a, a): Q, over readings and priors
     covariance: Array  # (m, m) of the estimate for unit noise
     columns: Array  # (size, m)
+    triangle: Array  # (a, a): R of the active columns of readings and priors, Q R
 
     @classmethod
     def of(cls, fitted: Identification) -> Space:
@@ -47,7 +48,7 @@ class Space:
         covariance[np.ix_(active, active)] = inverse @ inverse.T
         residual = observed.residual(frames)
         held = np.concatenate([residual.ravel(), -(prior * fitted.estimate)[active]])
-        return cls(fitted, frames, residual, held, basis, covariance, columns)
+        return cls(fitted, frames, residual, held, basis, covariance, columns, r * size)
 
     @property
     def size(self) -> int:
@@ -110,3 +111,12 @@ class Space:
         lower = np.linalg.cholesky(self.covariance[np.ix_(live, live)])
         direction = solve_triangular(lower, (self.columns @ self.covariance[:, live]).T, lower=True).T
         return direction, solve_triangular(lower, self.fitted.estimate[live], lower=True)
+
+    def own_coordinates(self, effect: Effect) -> tuple[Array, Array]:
+        """`own_direction` in coordinates of the basis, readings and priors together: t (a, p) with q = Q t, c (p,)."""
+        active = np.flatnonzero(np.diag(self.covariance) > 0.0)
+        live = np.isin(active, self.fitted.model.positions(effect))
+        within = self.covariance[np.ix_(active, active[live])]
+        lower = np.linalg.cholesky(within[live])
+        t = solve_triangular(lower, (self.triangle @ within).T, lower=True).T
+        return t, solve_triangular(lower, self.fitted.estimate[active[live]], lower=True)

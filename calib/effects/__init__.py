@@ -1,22 +1,60 @@
 """The library of effects: one file a kind. A new kind is one file with a function, named in `LIBRARY`."""
 
-from calib.effects import backlash, drift, encoder_scale, periodic, shift, thermal_growth
-from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Parameter, Steps, Term, effect
+from calib.effects import (
+    backlash,
+    bearing_tilt,
+    coupling,
+    cubic_stiffness,
+    dead_zone,
+    drift,
+    encoder_scale,
+    joint_compliance,
+    joint_offset,
+    link_torsion,
+    parallel_twist,
+    payload,
+    pedestal,
+    periodic,
+    settling,
+    shift,
+    thermal_growth,
+    thermal_joint,
+    tool,
+    tracker_scale,
+    warm_up,
+)
+from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Parameter, Shapes, Steps, Term, effect
 from calib.effects.survey import Survey
 
 LIBRARY = (
     periodic.offer,
     backlash.offer,
+    settling.offer,
     encoder_scale.offer,
-    drift.offer,
+    coupling.offer,
+    joint_offset.offer,
+    joint_compliance.offer,
+    dead_zone.offer,
+    cubic_stiffness.offer,
+    parallel_twist.offer,
+    link_torsion.offer,
+    bearing_tilt.offer,
+    pedestal.offer,
+    payload.offer,
+    tool.offer,
     shift.offer,
+    drift.offer,
+    tracker_scale.offer,
     thermal_growth.offer,
+    thermal_joint.offer,
+    warm_up.offer,
 )
 
 
 def offers(survey: Survey) -> list[Offer]:
-    """Everything the library can propose for these readings."""
-    return [proposal for offer in LIBRARY for proposal in offer(survey)]
+    """Everything the library can propose for these readings, less what their base model has already."""
+    proposals = [proposal for offer in LIBRARY for proposal in offer(survey)]
+    return [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
 
 
 __all__ = [
@@ -26,6 +64,7 @@ __all__ = [
     "Harmonics",
     "Offer",
     "Parameter",
+    "Shapes",
     "Steps",
     "Survey",
     "Term",

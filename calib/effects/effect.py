@@ -25,6 +25,9 @@ Group = Literal[
 ]
 
 
+_CURVE = 6  # parameters of one unit above which they are places of one curve, not directions of one thing
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
@@ -71,13 +74,16 @@ class Effect:
     def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
         """Size of the effect, its standard error and unit: root sum of squares of the parameters of the first unit.
 
-        values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself.
+        values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself; for a curve
+        of many places, its root mean square.
         """
         unit = self.parameters[0].unit
         same = [i for i, p in enumerate(self.parameters) if p.unit == unit]
         v, c = values[same], covariance[np.ix_(same, same)]
         if len(same) == 1:
             return to_display(float(v[0]), unit), to_display(math.sqrt(float(c[0, 0])), unit), unit
+        if len(same) > _CURVE:
+            v, c = v / math.sqrt(len(same)), c / len(same)
         size = float(np.linalg.norm(v))
         spread = math.sqrt(float(v @ c @ v)) / size if size > 0.0 else math.sqrt(float(np.trace(c)))
         return to_display(size, unit), to_display(spread, unit), unit
@@ -180,4 +186,14 @@ class Steps:
     at: Callable[[float], Effect]
 
 
-Offer = Candidate | Harmonics | Steps
+@dataclass(frozen=True)
+class Shapes:
+    """A family of candidates of one shape constant, `key` in their `shape`, scanned over a few `values`."""
+
+    label: str
+    key: str
+    values: Array
+    at: Callable[[float], Effect]
+
+
+Offer = Candidate | Harmonics | Steps | Shapes

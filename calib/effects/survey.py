@@ -2,22 +2,79 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.conditions import Conditions
+from calib.effects.effect import Effect
 from calib.kinematics import Array
-from calib.robot import Robot
+from calib.regressors import Regressor, Torque
+from calib.robot import Load, Robot
+
+if TYPE_CHECKING:
+    from calib.dataset import Dataset
+    from calib.identification import Identification
+
+_LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); friction and cables do more
 
 
 @dataclass(frozen=True)
 class Survey:
-    """The robot, and the conditions of the readings that take part in the fit."""
+    """The robot, the conditions of the readings that take part in the fit, and what their model has already.
+
+    everywhere: conditions of all rows, those too that are only to be predicted; freed: slots and regressors of the
+    base model; compliance: joint -> rad/(N.mm) as estimated; loads: None for the robot's own; station: (x, y, z) mm.
+    """
 
     robot: Robot
     conditions: Conditions
-    everywhere: Conditions | None = None  # of all rows, those too that are only to be predicted
+    everywhere: Conditions | None = None
+    freed: frozenset[tuple[str, Regressor]] = frozenset()
+    compliance: Mapping[int, float] = field(default_factory=dict)
+    loads: tuple[Load, ...] | None = None
+    station: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, fitted: Identification, dataset: Dataset) -> Survey:
+        """The survey of a fit."""
+        model = fitted.model
+        compliance: dict[int, float] = {}
+        for term in (term for effect in model.effects for term in effect.terms):
+            if isinstance(term.regressor, Torque) and term.slot == f"theta{term.regressor.joint}":
+                share = term.weight * float(fitted.estimate[model.index[term.parameter]])
+                compliance[term.regressor.joint] = compliance.get(term.regressor.joint, 0.0) + share
+        return cls(
+            robot=model.robot,
+            conditions=fitted.readings.conditions,
+            everywhere=dataset.conditions,
+            freed=frozenset(
+                (term.slot, term.regressor)
+                for effect in model.effects
+                for term in effect.terms
+                if effect.group == "base model"
+            ),
+            compliance=compliance,
+            loads=fitted.header.loads,
+            station=model.station,
+        )
+
+    def frees(self, effect: Effect) -> bool:
+        """Whether the base model has every term of an effect as a parameter of its own."""
+        return all((term.slot, term.regressor) in self.freed for term in effect.terms)
+
+    @property
+    def frees_tool(self) -> bool:
+        """Whether the base model finds the places of the tool targets."""
+        return any(slot.startswith("target.") for slot, _ in self.freed)
+
+    @property
+    def payload(self) -> Load | None:
+        """The outermost load on the last link: the tool, where one is declared."""
+        loads = self.robot.loads if self.loads is None else self.loads
+        return next((load for load in reversed(loads) if load.link == self.robot.joints), None)
 
     def recorded(self, name: str) -> bool:
         """Whether a quantity ('time', 'temperature') is there for every row that must ever be predicted."""
@@ -40,3 +97,16 @@ class Survey:
     def varies(self, values: Array) -> bool:
         """Whether a quantity is recorded for every reading and is not the same for all."""
         return bool(np.all(np.isfinite(values)) and np.ptp(values) > 1e-9 * (1.0 + np.max(np.abs(values))))
+
+    def loaded(self, joint: int) -> bool:
+        """Whether gravity loads a joint, and not always by the same torque."""
+        return self.strains(self.conditions.torque[:, joint - 1])
+
+    def strains(self, moment: Array) -> bool:
+        """Whether a torque or moment (n,), N.mm, is large enough to bend anything, and not always the same."""
+        return self.varies(moment) and self.largest(moment) > _LEAST_MOMENT
+
+    @staticmethod
+    def largest(moment: Array) -> float:
+        """Its largest magnitude."""
+        return float(np.max(np.abs(moment)))

@@ -14,8 +14,9 @@ import tomli_w
 
 from calib.conditions import Conditions
 from calib.dataset import Dataset, read_dataset
-from calib.kinematics import Array, gravity_torques
-from calib.robot import Robot
+from calib.kinematics import Array, statics
+from calib.model import RobotModel
+from calib.robot import Robot, load_robot
 from mocks.campaign import Campaign, make_campaign
 from mocks.world import World
 
@@ -74,11 +75,15 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
     """Conditions of readings at model angles (n, N), rad; everything else is drawn from `seed`."""
     rng = np.random.default_rng(seed)
     n, count = joints.shape
+    loading = statics(robot, joints)
     return Conditions(
         joints=joints,
         previous=joints + rng.uniform(-0.2, 0.2, (n, count)),
         side=rng.choice((-1.0, 1.0), (n, count)),
-        torque=gravity_torques(robot, joints),
+        torque=loading.torque,
+        moment=loading.moment,
+        overturning=loading.overturning,
+        unit_load=loading.unit_load,
         time=20.0 * (1.0 + np.arange(n)),
         order=np.arange(n, dtype=np.float64),
         temperature=rng.uniform(20.0, 24.0, n),
@@ -92,6 +97,26 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
     )
 
 
+def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
+    """A placed robot of two series, and random conditions."""
+    robot = load_robot(name)
+    rng = np.random.default_rng(4)
+    joints = rng.uniform(np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0), (n, robot.joints))
+    targets = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.675, 215.0)}
+    turned = np.eye(4)
+    turned[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    turned[:3, 3] = [500.0, -200.0, 900.0]
+    model = RobotModel(
+        robot,
+        (),
+        {"day": targets, "night": targets},
+        {"day": turned, "night": np.eye(4)},
+        (2400.0, -900.0, 350.0),
+        anchors={"B1": (900.0, 100.0, 0.0), "B2": (-400.0, 800.0, 50.0)},
+    )
+    return model, conditions_of(robot, joints)
+
+
 def quiet_world(campaign: Campaign) -> World:
     """The same arm without its hidden effects."""
     world = copy.copy(campaign.world)
@@ -101,4 +126,4 @@ def quiet_world(campaign: Campaign) -> World:
 
 def with_points(dataset: Dataset, points: Array) -> Dataset:
     """The same data set with other measured points (n, 3)."""
-    return replace(dataset, points=points, conditions=replace(dataset.conditions, point=points))
+    return replace(dataset, points=points)

@@ -54,13 +54,15 @@ class Cell:
         series: str = "main",
         noise: Mapping[str, float] | None = None,
         validation: int = 20,
+        joints: Array | None = None,
     ) -> None:
         """`n` calibration and some validation readings: `what` holds p for points, o for orientations, l for lengths.
 
+        joints: (n + validation, 6) rad, else drawn.
         noise: one sigma of points, mm, of orientations, rad, and of lengths, mm, under these letters.
         """
         total, noise = n + validation, noise or {}
-        joints = self.rng.uniform(RANGE[:, 0], RANGE[:, 1], (total, 6))
+        joints = self.rng.uniform(RANGE[:, 0], RANGE[:, 1], (total, 6)) if joints is None else joints
         which = self.rng.choice(targets, total)
         slots = {
             f"theta{k}": self.add.get(f"theta{k}", 0.0) + self.soft[k - 1] * torques(ROBOT, joints)[:, k - 1]

@@ -59,10 +59,13 @@ def chain(
         a = shift("x", robot.a[k - 1] + add.get(f"a{k}", 0.0))
         theta = turn("z", robot.theta[k - 1] + joints[k - 1] + add.get(f"theta{k}", 0.0))
         d = shift("z", 0.0 if thesis and k == 1 else robot.d[k - 1] + add.get(f"d{k}", 0.0))
-        if robot.convention == "mdh":
-            frame = frame @ alpha @ beta @ a @ theta @ d
+        tilt = turn("x", add.get(f"bearing{k}.rx", 0.0)) @ turn("y", add.get(f"bearing{k}.ry", 0.0))
+        if (
+            robot.convention == "mdh"
+        ):  # the bearing tilts about the origin of frame K, in axes that do not turn yet
+            frame = frame @ alpha @ beta @ a @ d @ tilt @ np.linalg.inv(d) @ theta @ d
         else:
-            frame = frame @ theta @ d @ a @ alpha @ beta
+            frame = frame @ tilt @ theta @ d @ a @ alpha @ beta
     frame = frame @ six(add, "tool")
     for axis, length in zip("xyz", target, strict=True):
         frame = frame @ shift(axis, length + add.get(f"target.{axis}", 0.0))

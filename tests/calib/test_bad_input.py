@@ -4,6 +4,7 @@ messages are checked by what an engineer would look for in them, not word by wor
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from calib.errors import DataError
 from calib.identify import identify
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import Row, write_files
+from tests.calib.cells import POSE, Cell
 
 CAMPAIGN = make_campaign(seed=3, n=60, n_validation=10, effects=[])
 Change = Callable[[list[Row], dict[str, Any]], None]
@@ -152,6 +154,30 @@ CASES: dict[str, tuple[Change, str, int | str | None, str]] = {
         head("loads", [{"link": 9, "mass_kg": 1.0, "cog_mm": [0, 0, 0]}]), TOML, "loads", "link 9",
     ),
     "per-row noise without rows": (head("noise", {"kind": "per-row"}), CSV, 2, "u_x_mm"),
+    "noise of nearly zero": (
+        head("noise", {"kind": "isotropic", "sigma_mm": 1e-200}), TOML, "noise.sigma_mm", "1e-200",
+    ),
+    "row noise of nearly zero": (
+        lambda r, h: r[7].update({f"u_{k}_mm": 1e-200 for k in "xyz"}), CSV, 9, "u_x_mm.*above zero",
+    ),
+    "load without mass": (
+        head("loads", [{"link": 6, "mass_kg": 0, "cog_mm": [0, 0, 0]}]), TOML, "loads", "0.0 kg.*above zero",
+    ),
+    "load on half a link": (
+        head("loads", [{"link": 1.5, "mass_kg": 1, "cog_mm": [0, 0, 0]}]), TOML, "loads", "link 1.5",
+    ),
+    "gravity in mm": (head("gravity_base", [0, 0, -9810.0]), TOML, "gravity_base", "9810.*m/s2"),
+    "gravity as a direction": (head("gravity_base", [0, 0, -1.0]), TOML, "gravity_base", "9.81"),
+    "a level that is none": (head("model", {"level": 4}), TOML, "model.level", "1, 2 or 3"),
+    "a list of levels": (head("model", {"level": [3]}), TOML, "model.level", "1, 2 or 3"),
+    "level and groups": (head("model.level", 2), TOML, "model.level", "beside 'fit'"),
+    "prior of zero": (head("model.priors", {"d3": 0.0}), TOML, "model.priors.d3", "hold"),
+    "hold is no list": (head("model.hold", "d3"), TOML, "model.hold", "list"),
+    "a far point": (cell("x_mm", 1e200), CSV, 9, "x_mm.*mm"),
+    "a far target": (head("tool_targets.T1", [1e200, 0.0, 0.0]), TOML, "tool_targets.T1", "mm"),
+    "encoder counts": (cell("j2_deg", 7340032), CSV, 9, "j2_deg.*degrees"),
+    "base targets known too well": (head("base_targets_u_mm", 1e-200), TOML, "base_targets_u_mm", "0 for exact"),
+    "a base target that is text": (head("base_targets", {"B1": "fre"}), TOML, "base_targets.B1", "three"),
 }  # fmt: skip
 
 
@@ -161,6 +187,8 @@ def test_it_is_refused_by_name(case: str, tmp_path: Path) -> None:
     rows, header = [dict(row) for row in CAMPAIGN.rows], dict(CAMPAIGN.header)
     read_dataset(write_files(tmp_path, rows, header))  # it is the change that is refused
     change(rows, header)
+    for row in rows:
+        row |= {k: "" for k in rows[7] if k not in row}  # a column that only one row fills
     with pytest.raises(DataError, match=f"(?s){words}") as caught:
         read_dataset(write_files(tmp_path, rows, header))
     named(caught.value, tmp_path / file, place)
@@ -180,9 +208,42 @@ def named(error: DataError, path: Path | str, place: int | str | None) -> None:
         assert place in text
 
 
+def mirrored(rows: list[Row], header: dict[str, Any]) -> None:
+    for row in rows:
+        row["y_mm"] = -row["y_mm"]
+
+
+def swapped_axes(rows: list[Row], header: dict[str, Any]) -> None:
+    header["world"] = "free"
+    for row in rows:
+        row["x_mm"], row["y_mm"] = row["y_mm"], row["x_mm"]
+
+
+def mirrored_tool_unknown(rows: list[Row], header: dict[str, Any]) -> None:
+    mirrored(rows, header)
+    header["world"] = "free"
+    header["model"] = {"fit": [*header["model"]["fit"], "tool"]}
+    header["tool_targets"] = {t: [x + 60, y - 30, z + 50] for t, (x, y, z) in header["tool_targets"].items()}
+
+
+def times(factor: float) -> Change:
+    def change(rows: list[Row], header: dict[str, Any]) -> None:
+        for row in rows:
+            for axis in ("x_mm", "y_mm", "z_mm"):
+                row[axis] *= factor
+
+    return change
+
+
 FIT_CASES: dict[str, tuple[Change, str, str]] = {
     "fewer readings than parameters": (few(9), "set", "readings.*parameters"),
     "one target on the axis": (one_target, "tool_targets", "axis of the last joint.*second target"),
+    "left-handed frame": (mirrored, "x_mm", "'main' is left-handed.*sign of one axis"),
+    "two axes in each other's place": (swapped_axes, "x_mm", "left-handed.*swap two"),
+    "left-handed frame, tool unknown": (mirrored_tool_unknown, "x_mm", "left-handed"),
+    "metres": (times(0.001), "x_mm", "metres.*Multiply them by 1000"),
+    "inches": (times(1.0 / 25.4), "x_mm", "inches.*Multiply them by 25.4"),
+    "micrometres": (times(1000.0), "x_mm", "micrometres.*Multiply them by 0.001"),
 }
 
 
@@ -191,10 +252,115 @@ def test_what_cannot_be_identified_is_refused_by_name(case: str, tmp_path: Path)
     change, key, words = FIT_CASES[case]
     rows, header = [dict(row) for row in CAMPAIGN.rows], dict(CAMPAIGN.header)
     change(rows, header)
-    data = read_dataset(write_files(tmp_path, rows, header))
+    path = write_files(tmp_path, rows, header)
     with pytest.raises(DataError, match=f"(?s){words}") as caught:
-        identify(data)
+        identify(read_dataset(path))
     named(caught.value, "data.csv", key)
+
+
+class TestLengthsAndTurns:
+    """Distances and orientations that are consistent among themselves and mean something else."""
+
+    def refused(self, cell: Cell, folder: Path, key: str, words: str, **header: Any) -> None:
+        with pytest.raises(DataError, match=f"(?s){words}") as caught:
+            identify(cell.dataset(folder, **header))
+        assert caught.value.key == key
+
+    @pytest.mark.parametrize("zero", [False, True])
+    @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "metres"), (25.4, "inches")])
+    def test_unit_of_lengths(self, factor: float, unit: str, zero: bool, tmp_path: Path) -> None:
+        cell = Cell(place=POSE)
+        cell.measure("l", 120)
+        for row in cell.rows:
+            row["length_mm"] /= factor
+        model = {"fit": ["base", "geometry"] + ["length_zero"] * zero}
+        self.refused(cell, tmp_path, "length_mm", f"{unit}.*by {factor:g}", model=model)
+
+    @pytest.mark.parametrize("world", ["free", "nominal"])
+    def test_mirrored_base_targets(self, world: str, tmp_path: Path) -> None:
+        cell = Cell(place=None if world == "nominal" else POSE)
+        cell.measure("l", 160)
+        given = {name: [-x, y, z] for name, (x, y, z) in cell.base_targets.items()}
+        self.refused(cell, tmp_path, "base_targets", "left-handed", base_targets=given, world=world)
+
+    @pytest.mark.parametrize(
+        ("cells", "words"),
+        [
+            (("rot_x", "rot_y", "rot_z", "rot_w"), "scalar last"),
+            (("rot_w", "-rot_x", "-rot_y", "-rot_z"), "the other way"),
+        ],
+    )
+    def test_quaternions_read_wrongly(self, cells: tuple[str, ...], words: str, tmp_path: Path) -> None:
+        cell = Cell(place=POSE)
+        cell.measure("po", 40, ["T2"])
+        for row in cell.rows:
+            read = [-row[name[1:]] if name[0] == "-" else row[name] for name in cells]
+            row |= zip(("rot_w", "rot_x", "rot_y", "rot_z"), read, strict=True)
+        self.refused(cell, tmp_path, "rot_w..rot_z", words)
+
+
+def twice(rows: list[Row], header: dict[str, Any]) -> None:
+    for i in (21, 33, 41):
+        rows[i] = {**rows[i - 1], "reading_id": 1000 + i, "set": "calibration"}
+        rows[i - 1]["set"] = "calibration"
+
+
+def narrow(rows: list[Row], header: dict[str, Any]) -> None:
+    """The four calibration readings whose joint 4 stood closest together."""
+    by_angle = sorted((r for r in rows if r["set"] == "calibration"), key=lambda row: row["j4_deg"])
+    fours = [by_angle[i : i + 4] for i in range(len(by_angle) - 3)]
+    rows[:] = min(fours, key=lambda four: four[-1]["j4_deg"] - four[0]["j4_deg"])
+    header["model"] = {"fit": ["base"]}
+
+
+def one_side(rows: list[Row], header: dict[str, Any]) -> None:
+    for row in rows:
+        row |= {"approach2": 1, "approach5": 1}
+
+
+# what is done, and the words of a warning that must then be there and is not there else
+TOLD: dict[str, tuple[Change, str]] = {
+    "readings that stand twice": (twice, r"3 readings repeat.*1021, 1033, 1041"),
+    "a joint that hardly moves": (narrow, r"Joint 4 moves only from .* deg"),
+    "one side": (one_side, r"Joints 2, 5 always arrived from the same side.*backlash"),
+    "noise in metres": (
+        head("noise", {"kind": "isotropic", "sigma_mm": 2e-5}), r"times the declared noise.*too small",
+    ),
+    "noise in micrometres": (
+        head("noise", {"kind": "isotropic", "sigma_mm": 20.0}), r"times the declared noise.*too large",
+    ),
+    "series without readings": (
+        head("series", {"nihgt": {"tool_targets": {"T1": [0.0, 0.0, 1.0]}}}), r"series 'nihgt' has no readings",
+    ),
+    "misspelt key of a series": (
+        head("series", {"main": {"tool_target": {"T1": [0.0, 0.0, 1.0]}}}), r"'series.main.tool_target' is not known",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", sorted(TOLD))
+def test_what_limits_the_result_is_told(case: str, tmp_path: Path) -> None:
+    change, words = TOLD[case]
+    rows, header = [dict(row) for row in CAMPAIGN.rows], dict(CAMPAIGN.header)
+    plain = identify(read_dataset(write_files(tmp_path / "1", rows, header)))
+    assert not [w for w in plain.warnings if re.search(words, w)]
+    change(rows, header)
+    told = identify(read_dataset(write_files(tmp_path / "2", rows, header)))
+    assert [w for w in told.warnings if re.search(words, w)], told.warnings
+
+
+def test_a_length_measured_twice_is_no_copy(tmp_path: Path) -> None:
+    """One number may come back to the last digit; only with the same time it is the same row."""
+    cell = Cell()
+    cell.measure("l", 120)
+    for i, row in enumerate(cell.rows):
+        row["t_s"] = 10.0 * i
+    cell.rows[5] = {**cell.rows[4], "reading_id": "again", "t_s": 50.0}
+    fine = identify(cell.dataset(tmp_path / "1"))
+    assert not [w for w in fine.warnings if "repeat" in w]
+    cell.rows[5]["t_s"] = 40.0
+    told = identify(cell.dataset(tmp_path / "2"))
+    assert [w for w in told.warnings if "1 reading repeats an earlier one" in w and "again" in w]
 
 
 def test_only_as_many_readings_as_parameters(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """The library of effects and its conformance check. These would catch: an effect whose column is not the derivative
-of what it does, that acts at zero, whose unit or slot does not exist or that JSON changes; an offer that depends on
-what was not recorded; and a check that lets any of these through.
+of what it does, that acts at zero, whose unit or slot does not exist or that JSON changes; an owner that lets a
+correction leave it out or put it in wrongly; and a check that lets any of these through.
 """
 
 from __future__ import annotations
@@ -17,72 +17,75 @@ from hypothesis import strategies as st
 
 from calib import regressors
 from calib.conditions import Conditions
-from calib.effects import Candidate, Effect, Offer, Parameter, Survey, Term, base_model, offers
+from calib.effects import (
+    Candidate,
+    Effect,
+    Harmonics,
+    Offer,
+    Parameter,
+    Steps,
+    Survey,
+    Term,
+    base_model,
+    offers,
+)
 from calib.effects.backlash import backlash
 from calib.effects.check import check_effect
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.kinematics import Array
-from calib.model import Design, RobotModel
+from calib.model import Design
 from calib.regressors import Constant, JointAngle
-from calib.robot import Robot, built_in_robots, load_robot
+from calib.robot import Robot, built_in_robots
 from calib.units import FACTORS, to_internal
-from tests.calib.campaigns import conditions_of
-
-TARGETS = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.675, 215.0)}
-
-
-_TARGETS = ({"T1": False}, {"T1": False, "T2": False})
-
-
-def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
-    """A placed robot of two series, and random conditions."""
-    robot = load_robot(name)
-    rng = np.random.default_rng(4)
-    joints = rng.uniform(np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0), (n, robot.joints))
-    turned = np.eye(4)
-    turned[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    turned[:3, 3] = [500.0, -200.0, 900.0]
-    model = RobotModel(
-        robot,
-        (),
-        {"day": TARGETS, "night": TARGETS},
-        {"day": turned, "night": np.eye(4)},
-        (2400.0, -900.0, 350.0),
-        anchors={"B1": (900.0, 100.0, 0.0), "B2": (-400.0, 800.0, 50.0)},
-    )
-    return model, conditions_of(robot, joints)
+from tests.calib.campaigns import situation
 
 
 def some_effects(offer: Offer) -> list[Effect]:
     """The effects of an offer: all there are, or the first, a middle and the last of a scan."""
     if isinstance(offer, Candidate):
         return [offer.effect]
-    places = getattr(offer, "orders", None)
-    places = getattr(offer, "ranks", None) if places is None else places
-    assert places is not None
+    places = (
+        offer.orders
+        if isinstance(offer, Harmonics)
+        else offer.ranks
+        if isinstance(offer, Steps)
+        else offer.values
+    )
     assert len(places) > 3
     return [offer.at(float(places[i])) for i in (0, len(places) // 3, len(places) - 1)]
 
 
+COMPLIANCE = {k: 1e-7 * k for k in range(2, 7)}
+
+
 def library(robot: Robot, conditions: Conditions) -> list[Effect]:
-    return [effect for offer in offers(Survey(robot, conditions)) for effect in some_effects(offer)]
+    survey = Survey(robot, conditions, compliance=COMPLIANCE)
+    return [effect for offer in offers(survey) for effect in some_effects(offer)]
+
+
+OWNERS = {
+    "robot": {
+        "periodic", "backlash", "settling", "encoder_scale", "coupling", "joint_offset", "joint_compliance",
+        "dead_zone", "cubic_stiffness", "parallel_twist", "link_torsion", "bearing_tilt", "thermal_growth",
+        "thermal_joint", "warm_up",
+    },
+    "mounting": {
+        "pedestal", "payload_mass", "payload_cog", "tool_offset", "tool_tilt", "target_offset", "base_shift",
+        "tool_shift",
+    },
+    "instrument": {"drift_translation", "drift_rotation", "tracker_scale"},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", built_in_robots())
 def test_every_effect_of_the_library_conforms(name: str) -> None:
     model, conditions = situation(name)
     effects = library(model.robot, conditions)
-    names = {effect.label.partition(":")[0] for effect in effects}
-    assert names == {
-        "periodic", "backlash", "encoder_scale", "drift_translation", "drift_rotation", "base_shift",
-        "tool_shift", "thermal_growth",
-    }  # fmt: skip
-    assert len(effects) == 6 * 3 + 6 + 6 + 2 + 2 * 3 + 1
+    for owner, names in OWNERS.items():
+        assert {e.label.partition(":")[0] for e in effects if e.owner == owner} == names
     for effect in effects:
         check_effect(effect, model, conditions)
-        assert effect.owner == ("instrument" if effect.label.startswith("drift") else
-                                "mounting" if effect.label.endswith("_shift") else "robot")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", built_in_robots())
@@ -101,26 +104,6 @@ def test_every_group_of_the_base_model_conforms(name: str) -> None:
             seen += 1
     check_effect(base_model.base_targets({"B1": None, "B2": 0.1}), model, conditions)
     assert seen == len(base_model.GROUPS) + 3
-
-
-def test_an_offer_needs_what_it_is_driven_by() -> None:
-    model, conditions = situation("abb-irb120")
-    n = len(conditions)
-
-    def names(**changed: Any) -> set[str]:
-        survey = Survey(model.robot, replace(conditions, **changed))
-        return {offer.label for offer in offers(survey)}
-
-    complete = names()
-    assert complete - names(time=np.full(n, np.nan)) == {"drift_translation", "drift_rotation"}
-    assert complete - names(temperature=np.full(n, np.nan)) == {"thermal_growth"}
-    assert complete - names(temperature=np.full(n, 21.3)) == {"thermal_growth"}
-    one = conditions.side.copy()
-    one[:, 3] = 1.0
-    assert complete - names(side=one) == {"backlash:j4"}
-    still = conditions.joints.copy()
-    still[:, 1] = 0.7
-    assert complete - names(joints=still) == {"encoder_scale:j2", "periodic:j2"}
 
 
 class TestCheckEffectRefuses:
@@ -225,10 +208,10 @@ def test_regressors_survive_json(kind: str, joint: int, number: float, name: str
         "series": name,
         "target": name,
         "anchor": name,
-        "reference_c": number,
+        "axis": joint % 3,
     }
     shape["order"] = joint if kind == "StepAt" else number
-    regressor = regressors.KINDS[kind](**{field: shape[field] for field in fields})
+    regressor = regressors.KINDS[kind](**{field: shape.get(field, number) for field in fields})
     assert regressors.from_json(json.loads(json.dumps(regressors.to_json(regressor)))) == regressor
 
 

@@ -189,7 +189,7 @@ def test_every_twist_is_the_derivative_of_its_slot(name: str) -> None:
     joints = random_joints(robot, 4, 11)
     rng = np.random.default_rng(5)
     slots = Chain.of(robot).slots
-    assert len(slots) == 6 + 6 + 5 * robot.joints + 6 + 6
+    assert len(slots) == 6 + 6 + 7 * robot.joints + 6 + 6
     station = np.array([2400.0, -900.0, 350.0])
     add = {slot: float(rng.uniform(-0.2, 0.2) * (1.0 if m.turns else 10.0)) for slot, m in slots.items()}
     nominal = nominal_values(robot, joints)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from calib.dataset import Dataset
 from calib.diagnose import select
 from calib.diagnose.evidence import evidence_of, p_value
-from calib.diagnose.scan import HarmonicScores, Scores, StepScores
+from calib.diagnose.refine import refine_times
+from calib.diagnose.scan import HarmonicScores, Scores, ShapeScores, StepScores
 from calib.diagnose.select import leave_one_out, refit
 from calib.diagnose.space import Space
 from calib.diagnose.trigsums import TrigSums
@@ -25,11 +26,13 @@ from calib.effects.drift import drift_rotation
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.effects.thermal_growth import thermal_growth
+from calib.effects.warm_up import warm_up
 from calib.identification import Identification
 from calib.identify import identify
 from calib.kinematics import Array
 from calib.least_squares import solve
 from calib.model import Design
+from calib.robot import load_robot
 from tests.calib.campaigns import simulate
 
 
@@ -166,15 +169,22 @@ def test_gains_are_what_fitting_with_the_candidate_would_save(
     brute = Brute(fitted)
     scores = library(fitted, brute.space)
     kinds = {type(family) for family in scores.families}
-    assert {HarmonicScores, StepScores} < kinds
-    assert compare(scores, brute) > 30
+    assert {HarmonicScores, StepScores, ShapeScores} < kinds
+    assert compare(scores, brute) > 90
     assert scores.freedom == 3 * len(fitted.readings.rows) - len(brute.kept)
     best = max((scores.best_of(i) for i in range(len(scores.families))), key=lambda s: s.gain)
     assert best.gain > 0.2 * scores.rss
 
 
 @pytest.mark.parametrize(
-    "enters", [(periodic(2, 7.0),), (backlash(3), tool_shift(20)), (drift_rotation(), periodic(6, 101.25))]
+    "enters",
+    [
+        (periodic(2, 7.0),),
+        (backlash(3), tool_shift(20)),
+        (drift_rotation(), periodic(6, 101.25)),
+        (warm_up(load_robot("abb-irb120"), 300.0), backlash(2)),
+    ],
+    ids=lambda enters: "+".join(effect.label for effect in enters),
 )
 def test_scores_follow_what_enters_and_leaves(
     enters: tuple[Effect, ...], complete: tuple[Dataset, Identification]
@@ -202,7 +212,7 @@ def test_scores_follow_what_enters_and_leaves(
     assert compare(scores, brute, skip=labels) > 25
     for index, family in enumerate(scores.families):  # what is in the model has nothing left to give
         for place in some_places(scores, index):
-            if family.effect(place).label in labels and not isinstance(family, StepScores):
+            if family.effect(place) in enters:
                 assert scores.gains(index)[1][place] == 0
     for new, coefficients in reversed(moves):
         scores.move(new, coefficients, enters=False)
@@ -210,6 +220,35 @@ def test_scores_follow_what_enters_and_leaves(
     assert scores.freedom == untouched.freedom
     for ours, theirs in zip((*scores.a, *scores.b), (*untouched.a, *untouched.b), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-8 * np.abs(theirs).max())
+
+
+def test_time_constants_are_scanned_and_refined(tmp_path: Path) -> None:
+    """Off the grid of the scan, to where the readings fit best."""
+    campaign, data = simulate(tmp_path, seed=8, n=200, n_validation=0, effects=["warm_up"], size=6.0)
+    truth = campaign.truth["effects"][0]["parameters"]["T_c"]["value"]
+    fitted = identify(data)
+    scores = library(fitted, Space.of(fitted))
+    index = next(i for i, family in enumerate(scores.families) if family.label == "warm_up")
+    best = scores.best_of(index)
+    assert best.freedom == 1
+    assert best.gain > 0.5 * scores.rss
+    found = best.effect
+    spacing = 1.25
+    assert 1.0 / spacing < found.shape["time_constant_s"] / truth < spacing
+    whole = fitted
+    for _ in range(3):
+        whole = refit(data, fitted, (found,))
+        (found,) = refine_times(Space.of(whole), (found,))
+    time = found.shape["time_constant_s"]
+    assert time == pytest.approx(truth, rel=0.1)
+    family = scores.families[index]
+    assert time != family.effect(family.place_of(found)).shape["time_constant_s"], "off the grid"
+    left = {
+        factor: Space.of(refit(data, fitted, (warm_up(whole.model.robot, factor * time),))).rss
+        for factor in (0.95, 1.0, 1.05)
+    }
+    assert left[1.0] < min(left[0.95], left[1.05])
+    assert refine_times(Space.of(whole), (backlash(2),)) == (backlash(2),)
 
 
 def test_the_search_lets_effects_enter_as_a_fit_would(complete: tuple[Dataset, Identification]) -> None:

@@ -1,0 +1,252 @@
+"""Poses that would tell rival explanations apart: what to measure next when a diagnosis is ambiguous.
+
+Each rival b of an effect a is fitted in its place. Where the two models predict d(x) apart at a pose x, and the
+rival's parameters with covariance C may still adapt themselves (columns J), a reading with noise S separates them by
+
+    d' (S + J C J')^-1 d,
+
+the squared Mahalanobis distance. Poses are taken one by one, each where it separates most what is separated least
+so far; after each the rival is fitted to what would be seen there (a Kalman step on d and C), so that the next pose
+looks elsewhere. Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential form).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.compensate.controller import controller_angles
+from calib.compensate.stated import StatedConditions, conditions_at
+from calib.conditions import Conditions
+from calib.header import Header
+from calib.identification import Identification
+from calib.kinematics import Array
+from calib.model import Design
+from calib.units import DEG
+
+POSES = 12
+_CANDIDATES = 1500
+SEPARATES = 30.0
+"""Squared distance that settles a pair: odds of exp(-15) against the wrong one when the noise is as found."""
+
+HELPS = 9.0
+"""Squared distance from which measuring is worth the time: three standard deviations."""
+
+APPROACHES = (5.0 * DEG, 15.0 * DEG)
+"""Lengths of the last move among which poses choose: what lags behind a move grows with it, play does not."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One explanation in the place of another: the model refitted with it."""
+
+    instead_of: str
+    label: str
+    fitted: Identification
+
+
+@dataclass(frozen=True)
+class FollowUp:
+    """What to measure: joints (n, N) rad as the controller counts them, sides (n,) +1 from below or -1 from above on
+    every joint, approach (n,) rad, the length of the last move, targets (n,) by name; and what it would bring.
+
+    separations: (label, rival) -> squared distance in units of the noise, once all poses are measured.
+    procedures: what no pose can do. rivals: what is to be told apart, to choose among other poses.
+    """
+
+    joints: Array
+    sides: Array
+    approach: Array
+    targets: tuple[str, ...]
+    separations: dict[tuple[str, str], float]
+    procedures: tuple[str, ...]
+    rivals: tuple[Rival, ...]
+
+    @property
+    def helps(self) -> bool:
+        """Whether measuring the poses would bring at least one pair a good step apart."""
+        return max(self.separations.values()) >= HELPS
+
+
+def stands(
+    found: Identification, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
+) -> Conditions:
+    """Conditions of stands at joints (n, N) rad as the controller counts them, after everything that was measured.
+
+    sides (n,) +1 or -1 on every joint, approach (n,) rad: length of the last move; targets (n,) names of targets of
+    the last series. Temperature and time are those of the last reading. Raises ValueError for an unknown target.
+    """
+    readings, robot, coupling = found.readings.conditions, found.model.robot, found.header.coupling
+    stated = StatedConditions(
+        temperature_c=_last(readings.temperature, readings.order),
+        time_s=_last(readings.time, readings.order),
+        loads=found.header.loads,
+        gravity=found.header.gravity,
+        series=readings.series_names[-1],
+    )
+    turned = robot.model_angles(joints, coupling)
+    previous = robot.model_angles(joints - (sides * approach)[:, None], coupling)
+    parts = {name: conditions_at(found.model, turned, stated, name) for name in dict.fromkeys(targets)}
+    made = next(iter(parts.values()))
+    points = np.stack([part.point for part in parts.values()])
+    which = np.array([list(parts).index(name) for name in targets])
+    return replace(
+        made,
+        side=np.where(turned >= previous, 1.0, -1.0),
+        previous=previous,
+        point=points[which, np.arange(len(which))],
+        target=np.array([made.target_names.index(name) for name in targets]),
+    )
+
+
+def candidates(found: Identification, limits: Array, count: int = _CANDIDATES, seed: int = 0) -> Conditions:
+    """Stands drawn evenly within limits (N, 2), rad, as the controller counts: either side of approach, a short or a
+    long last move, any target of the last series."""
+    rng = np.random.default_rng(seed)
+    sides = rng.choice((-1.0, 1.0), count)
+    approach = rng.choice(APPROACHES, count)
+    reach = approach[:, None]
+    low = limits[:, 0] + reach * (sides[:, None] > 0.0)
+    high = np.maximum(limits[:, 1] - reach * (sides[:, None] < 0.0), low)
+    names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])
+    targets = [names[i] for i in rng.integers(0, len(names), count)]
+    return stands(found, rng.uniform(low, high), sides, approach, targets)
+
+
+def choose(
+    found: Identification, rivals: Sequence[Rival], among: Conditions, count: int = POSES
+) -> tuple[list[int], Array]:
+    """Indices of `count` of the candidate conditions, and the separation (rivals,) that they bring."""
+    noise = _noise(found, among)
+    here = found.predict(among)
+    apart, columns, spread = [], [], []
+    for rival in rivals:
+        design = Design(rival.fitted.model, among)
+        frames = design.frames(rival.fitted.estimate, design.slots)
+        n = len(among)
+        apart.append(here - np.broadcast_to(frames.p, (3, n)).T)
+        columns.append(design.point_columns(frames).reshape(3, n, -1).transpose(1, 0, 2))
+        spread.append(rival.fitted.covariance.copy())
+    total = np.zeros(len(rivals))
+    chosen: list[int] = []
+    for _ in range(min(count, len(among))):
+        weights = [
+            np.linalg.inv(noise + np.einsum("nam,nbm->nab", j @ c, j))
+            for j, c in zip(columns, spread, strict=True)
+        ]
+        gains = np.array([np.einsum("na,nab,nb->n", d, w, d) for d, w in zip(apart, weights, strict=True)])
+        worth = np.min(total[:, None] + gains, axis=0) + 1e-3 * gains.sum(axis=0)
+        worth[chosen] = -np.inf
+        best = int(np.argmax(worth))
+        chosen.append(best)
+        for r, (d, j, c, w) in enumerate(zip(apart, columns, spread, weights, strict=True)):
+            total[r] += gains[r, best]
+            gain = c @ j[best].T @ w[best]
+            apart[r] = d - j @ (gain @ d[best])
+            spread[r] = c - gain @ (j[best] @ c)
+    return chosen, total
+
+
+def follow_up(
+    found: Identification,
+    rivals: Sequence[Rival],
+    limits: Array | None = None,
+    count: int = POSES,
+    seed: int = 0,
+) -> FollowUp:
+    """The poses that separate all `rivals` best. limits: (N, 2) rad, default the robot's own."""
+    robot = found.model.robot
+    if limits is None:
+        limits = np.column_stack([robot.lower, robot.upper])
+    return separating(found, rivals, candidates(found, limits, seed=seed), count)
+
+
+def separating(
+    found: Identification, rivals: Sequence[Rival], among: Conditions, count: int = POSES
+) -> FollowUp:
+    """The same, chosen among given stands: those that a cell can take, for instance."""
+    chosen, total = choose(found, rivals, among, count)
+    few = among.take(np.array(chosen))
+    robot, coupling = found.model.robot, found.header.coupling
+    joints = controller_angles(robot, few.joints, coupling)
+    moves = joints - controller_angles(robot, few.previous, coupling)
+    return FollowUp(
+        joints=joints,
+        sides=np.sign(moves[:, 0]),
+        approach=np.max(np.abs(moves), axis=1),
+        targets=tuple(few.target_names[t] for t in few.target),
+        separations={(r.instead_of, r.label): float(s) for r, s in zip(rivals, total, strict=True)},
+        procedures=tuple(
+            dict.fromkeys(
+                advice
+                for r, s in zip(rivals, total, strict=True)
+                if s < SEPARATES
+                for advice in _procedures(r, found)
+            )
+        ),
+        rivals=tuple(rivals),
+    )
+
+
+def _procedures(rival: Rival, found: Identification) -> list[str]:
+    """What else would separate two effects that no pose separates."""
+    labels = {rival.instead_of.partition(":")[0], rival.label.partition(":")[0]}
+    pair = f"{rival.instead_of} from {rival.label}"
+    out = []
+    if labels & _OF_SIDE:
+        out.append(f"To tell {pair}: visit the same poses from the other side, after moves of other lengths.")
+    if labels & _OF_WARMTH:
+        out.append(
+            f"To tell {pair}: pause until the air has another temperature, or measure in another order, "
+            "so that temperature no longer follows the clock."
+        )
+    if labels & _OF_LOAD:
+        out.append(f"To tell {pair}: measure some poses with another payload, declared in the header.")
+    if labels & _OF_TOOL and len(set(found.readings.conditions.target.tolist())) == 1:
+        out.append(
+            f"To tell {pair}: measure a second tool target, 50 mm or more off the axis of the last joint."
+        )
+    if labels & _OF_INSTRUMENT:
+        out.append(f"To tell {pair}: measure the world nests again, or from another station.")
+    return out or [
+        f"To tell {pair}: no pose within the limits does; they are one effect for every use of the model."
+    ]
+
+
+_OF_SIDE = {"backlash", "settling", "dead_zone"}
+_OF_WARMTH = {"thermal_growth", "thermal_joint", "warm_up", "drift_translation", "drift_rotation"}
+_OF_LOAD = {
+    "payload_mass",
+    "payload_cog",
+    "joint_compliance",
+    "cubic_stiffness",
+    "pedestal",
+    "bearing_tilt",
+    "link_torsion",
+}
+_OF_TOOL = {"tool_offset", "tool_tilt", "target_offset", "tool_shift"}
+_OF_INSTRUMENT = {"tracker_scale", "base_shift", "drift_translation", "drift_rotation"}
+
+
+def _noise(found: Identification, conditions: Conditions) -> Array:
+    """(n, 3, 3) covariance of a reading at every candidate, for the noise that was found, mm2."""
+    header: Header = found.header
+    joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
+    frames = Design(found.model, conditions).frames(found.estimate, joints)
+    points = np.broadcast_to(frames.p, (3, len(conditions))).T
+    typical = found.readings.observed.whiten
+    if header.noise.kind == "per-row":
+        # what the readings had on average
+        variance = 1.0 / np.mean(np.sum(typical**2, axis=1)[: min(3, len(typical))])
+        covariance = np.broadcast_to(np.eye(3) * variance, (len(points), 3, 3))
+    else:
+        covariance = header.noise.of_points(points, np.full(points.shape, np.nan))
+        covariance = covariance + header.noise.of_joints(frames.velocities(joints))
+    return covariance * max(found.noise_scale, 1.0) ** 2
+
+
+def _last(values: Array, order: Array) -> float:
+    value = float(values[np.argmax(order)])
+    return value if np.isfinite(value) else 0.0

@@ -1,0 +1,122 @@
+"""A smooth map of what no named effect explains: a patch, never a cause.
+
+Kernel ridge regression of the residual vectors on the joint angles (on cos and sin of each, so that a turn closes),
+with a Gaussian kernel on some landmark readings (Nystrom). Width and ridge are chosen on blocks of readings that were
+left out, never at random: neighbours in a sweep would flatter. It is only worth having where those blocks get better;
+it says nothing about poses unlike the measured ones, and no report calls it an effect.
+Sources: Williams & Seeger 2001 (Nystrom); Khanesar et al. 2022 for regression on what the physical model leaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.conditions import Conditions
+from calib.dataset import Dataset
+from calib.errors import DataError
+from calib.held_out import errors_on
+from calib.identification import Identification
+from calib.kinematics import Array
+from calib.statistics import ErrorStatistics, statistics_of
+
+_LANDMARKS = 400
+_BLOCKS = 5
+_WIDTHS = (0.15, 0.3, 0.6, 1.2)
+_RIDGES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+_WORTH = 0.97  # of the error on left-out blocks: a patch that gains less is not offered
+
+
+@dataclass(frozen=True)
+class Patch:
+    """landmarks (m, 2 N) features, weights (m, 3) mm; errors on left-out blocks without and with it, RMS mm."""
+
+    landmarks: Array
+    weights: Array
+    width: float
+    ridge: float
+    block_rms_without: float
+    block_rms_with: float
+
+    def shift(self, conditions: Conditions) -> Array:
+        """(n, 3) mm to add to the model's prediction."""
+        return _kernel(_features(conditions), self.landmarks, self.width) @ self.weights
+
+    @property
+    def worth_it(self) -> bool:
+        """Whether readings that it was not fitted to get better by more than a little."""
+        return self.block_rms_with < _WORTH * self.block_rms_without
+
+
+def patch_of(dataset: Dataset, found: Identification, seed: int = 0) -> Patch:
+    """The best patch for the points of a fit, by left-out stretches of time. Judge it by `worth_it`.
+
+    Raises DataError where no point was measured.
+    """
+    readings = found.readings
+    pointed = dataset.pointed[readings.rows]
+    if not pointed.any():
+        raise DataError(
+            "has no measured points: a residual map shifts points.",
+            do="Leave the patch out.",
+            file=dataset.path,
+        )
+    conditions = readings.conditions.take(pointed)
+    left = dataset.points[readings.rows[pointed]] - found.predict(conditions)
+    features = _features(conditions)
+    n = len(features)
+    rng = np.random.default_rng(seed)
+    landmarks = features[rng.permutation(n)[:_LANDMARKS]]
+    rank = np.argsort(np.argsort(conditions.order))
+    blocks = [rank * _BLOCKS // n == b for b in range(_BLOCKS)]
+    best: tuple[float, float, float, Array] | None = None
+    for width in _WIDTHS:
+        kernel, gram = _kernel(features, landmarks, width), _kernel(landmarks, landmarks, width)
+        # normal equations of every block, so that leaving one out is a difference
+        squares = [kernel[b].T @ kernel[b] for b in blocks]
+        moments = [kernel[b].T @ left[b] for b in blocks]
+        whole, moment = np.sum(squares, axis=0), np.sum(moments, axis=0)
+        for ridge in _RIDGES:
+            square = 0.0
+            for b, own, shared in zip(blocks, squares, moments, strict=True):
+                weights = _solve(whole - own, moment - shared, gram, ridge)
+                square += float(np.sum((left[b] - kernel[b] @ weights) ** 2))
+            if best is None or square < best[0]:
+                best = (square, width, ridge, _solve(whole, moment, gram, ridge))
+    assert best is not None
+    square, width, ridge, weights = best
+    without = float(np.sqrt(np.sum(left**2) / n))
+    return Patch(landmarks, weights, width, ridge, without, float(np.sqrt(square / n)))
+
+
+def error_with(dataset: Dataset, found: Identification, patch: Patch) -> ErrorStatistics | None:
+    """Position error on the measured validation points with the patch added."""
+    rows = dataset.validation_rows & dataset.pointed
+    conditions = dataset.conditions.take(rows)
+    moved = found.predict(conditions) + patch.shift(conditions)
+    return statistics_of(np.linalg.norm(moved - dataset.points[rows], axis=1))
+
+
+def error_without(dataset: Dataset, found: Identification) -> ErrorStatistics | None:
+    """The same without it."""
+    rows = dataset.validation_rows & dataset.pointed
+    return statistics_of(errors_on(dataset, rows, found.model, found.estimate))
+
+
+def _features(conditions: Conditions) -> Array:
+    """(n, 2 N): cos and sin of every joint."""
+    return np.hstack([np.cos(conditions.joints), np.sin(conditions.joints)])
+
+
+def _kernel(x: Array, landmarks: Array, width: float) -> Array:
+    """(n, m) exp(-|x - l|^2 / (2 w^2))."""
+    square = np.sum(x**2, axis=1)[:, None] + np.sum(landmarks**2, axis=1) - 2.0 * x @ landmarks.T
+    return np.exp(-np.maximum(square, 0.0) / (2.0 * width**2))
+
+
+def _solve(square: Array, moment: Array, gram: Array, ridge: float) -> Array:
+    """(m, 3) weights a that minimise |left - K a|^2 + ridge a'G a, from K'K (m, m) and K'left (m, 3)."""
+    system = square + ridge * gram
+    system += 1e-9 * np.trace(system) / len(system) * np.eye(len(system))
+    return np.linalg.solve(system, moment)

@@ -1,0 +1,38 @@
+"""Bearing tilt: the bearing of a joint gives way to the moment across its axis, c M_x about x and c M_y about y.
+
+One compliance for both directions, since a bearing is round. Bearings are built for what they carry: the usual size
+is an angle under the largest moment. Source: contracts, table of labels.
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Moment
+from calib.units import to_display
+
+_USUAL = 1e-3  # rad, under the largest moment
+_UNIT = "1e-6 rad/(N.m)"
+
+
+def bearing_tilt(joint: int, largest: float) -> Effect:
+    """Tilting compliance of the bearing of `joint`, whose moments reach `largest` N.mm; parameter c, 1e-6 rad/(N.m)."""
+    size = to_display(_USUAL / largest, _UNIT)
+    places = [(f"bearing{joint}.rx", Moment(joint, 0)), (f"bearing{joint}.ry", Moment(joint, 1))]
+    return effect(
+        f"bearing_tilt:j{joint}",
+        "structure",
+        "robot",
+        f"The bearing of joint {joint} tilts under the weight it carries.",
+        {"c": (_UNIT, size, places)},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One a joint across whose axis gravity pulls, now more, now less."""
+    moment = survey.conditions.moment
+    return [
+        Candidate(bearing_tilt(k, survey.largest(moment[:, k - 1, :2])))
+        for k in survey.joint_numbers
+        if survey.strains(moment[:, k - 1, 0]) or survey.strains(moment[:, k - 1, 1])
+    ]

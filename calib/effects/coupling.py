@@ -1,0 +1,38 @@
+"""Coupling: joint B turns by k theta_A, because B's drive or its cables run through joint A.
+
+A always stands nearer to the base than B: a drive passes the joints that carry it, so their turning winds it up;
+the joints behind it do not touch it. Offered are neighbours, where a cable or a belt crosses from one link to the
+next, and 4 with 6, since hollow wrists drive joint 6 by a shaft through joints 4 and 5. Controllers undo the ratio
+of a hollow wrist; what is left is its error. Source: architecture, table of slots (wrist coupling).
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import JointAngle
+
+
+def coupling(first: int, second: int) -> Effect:
+    """Joint `second` turns with joint `first`; parameter k, ppm."""
+    return effect(
+        f"coupling:j{first}-j{second}",
+        "transmission",
+        "robot",
+        f"Joint {second} turns a little when joint {first} does: its drive runs through it.",
+        {"k": ("ppm", 1000.0, [(f"theta{second}", JointAngle(first))])},
+    )
+
+
+def pairs(joints: int) -> list[tuple[int, int]]:
+    """The couplings that a robot of so many joints may have."""
+    neighbours = [(k, k + 1) for k in range(1, joints)]
+    return [*neighbours, (4, 6)] if joints == 6 else neighbours
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One a pair of which the first joint moved."""
+    joints = survey.conditions.joints
+    return [
+        Candidate(coupling(a, b)) for a, b in pairs(survey.robot.joints) if survey.varies(joints[:, a - 1])
+    ]

@@ -1,0 +1,26 @@
+"""Joint offset: the zero of a joint is off by a constant angle. `geometry` holds it already, as theta_K.
+
+The zero of joint 1 is the turn of the base about z, which every model frees.
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Constant
+
+
+def joint_offset(joint: int) -> Effect:
+    """Offset of the zero of `joint`; parameter offset, deg."""
+    return effect(
+        f"joint_offset:j{joint}",
+        "transmission",
+        "robot",
+        f"The zero of joint {joint} is off.",
+        {"offset": ("deg", 0.3, [(f"theta{joint}", Constant())])},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One a joint from 2 on, but for those whose zero the base model finds."""
+    return [Candidate(joint_offset(k)) for k in survey.joint_numbers[1:]]

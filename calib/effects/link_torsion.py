@@ -1,0 +1,45 @@
+"""Link torsion: a link twists under gravity, alpha_K grows by c (M . x), M the moment at joint K, x alpha's own axis.
+
+x is that of frame K-1 in modified DH, before joint K turns, and of frame K in standard DH, behind it. Links are built
+for what they carry: the usual size is an angle under the largest moment. Source: contracts, table of labels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Moment, MomentBehind, Regressor
+from calib.robot import Robot
+from calib.units import to_display
+
+_USUAL = 1e-3  # rad, under the largest moment
+_UNIT = "1e-6 rad/(N.m)"
+
+
+def about_alpha(robot: Robot, link: int) -> Regressor:
+    """Gravity moment about the axis of alpha of `link`."""
+    return Moment(link, 0) if robot.convention == "mdh" else MomentBehind(link, robot.theta[link - 1])
+
+
+def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
+    """Torsional compliance of `link`, whose moments reach `largest` N.mm; parameter c, 1e-6 rad/(N.m)."""
+    size = to_display(_USUAL / largest, _UNIT)
+    return effect(
+        f"link_torsion:j{link}",
+        "structure",
+        "robot",
+        f"Link {link} twists about its length under the weight it carries.",
+        {"c": (_UNIT, size, [(f"alpha{link}", about_alpha(robot, link))])},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One a link that gravity twists, now more, now less."""
+    candidates = []
+    for link in survey.joint_numbers:
+        moment = np.asarray(about_alpha(survey.robot, link).evaluate(survey.conditions))
+        if survey.strains(moment):
+            candidates.append(Candidate(link_torsion(survey.robot, link, survey.largest(moment))))
+    return candidates

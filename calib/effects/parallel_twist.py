@@ -1,0 +1,26 @@
+"""Parallel twist: two axes meant to be parallel are not, Hayati's beta of link K. 0.01 deg cost 0.1 mm.
+
+On other links the DH numbers hold it already. Source: Hayati 1983.
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Constant
+
+
+def parallel_twist(link: int) -> Effect:
+    """Twist of `link` about y; parameter beta, deg."""
+    return effect(
+        f"parallel_twist:j{link}",
+        "structure",
+        "robot",
+        f"The axes that link {link} should hold parallel are twisted.",
+        {"beta": ("deg", 0.1, [(f"beta{link}", Constant())])},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One a link between parallel axes, but for those whose twist the base model finds."""
+    return [Candidate(parallel_twist(k)) for k in survey.robot.parallel_axes]

@@ -1,0 +1,56 @@
+"""Payload: a load that is not as declared turns every joint by its compliance times the torque that is missing.
+
+The torque is linear in mass and in mass x centre of the load on the last link. The compliances are those of the
+model as estimated, constants of the effect. They absorb most of a wrong mass (0.95). Source: contracts, table of
+labels; Nubiola 2.5 (10 % errors of mass and centre).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import LoadTorque
+from calib.robot import Load
+
+Compliance = Mapping[int, float]
+"""Joint -> rad/(N.mm)."""
+
+
+def payload_mass(centre: tuple[float, float, float], compliance: Compliance) -> Effect:
+    """More mass on the last link, with its `centre` (mm, that link's frame); parameter mass, kg."""
+    return effect(
+        "payload_mass",
+        "frames and tool",
+        "mounting",
+        "The load on the last link is heavier or lighter than declared.",
+        {"mass": ("kg", 0.5, [(f"theta{k}", LoadTorque(k, 1.0, *centre), c) for k, c in compliance.items()])},
+    )
+
+
+def payload_cog(load: Load, compliance: Compliance) -> Effect:
+    """Another centre of `load`; parameters x, y, z, mm, in the last link's frame."""
+    kg = load.mass_kg
+    along = {"x": (kg, 0.0, 0.0), "y": (0.0, kg, 0.0), "z": (0.0, 0.0, kg)}
+    return effect(
+        "payload_cog",
+        "frames and tool",
+        "mounting",
+        "The centre of the load on the last link lies elsewhere than declared.",
+        {
+            axis: ("mm", 30.0, [(f"theta{k}", LoadTorque(k, 0.0, *kg_mm), c) for k, c in compliance.items()])
+            for axis, kg_mm in along.items()
+        },
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """Both, where the model has compliances; a centre only of a load that is declared."""
+    compliance = {k: c for k, c in survey.compliance.items() if c != 0.0 and survey.loaded(k)}
+    if not compliance:
+        return []
+    load = survey.payload
+    if load is None:
+        return [Candidate(payload_mass((0.0, 0.0, 0.0), compliance))]
+    return [Candidate(payload_mass(load.cog_mm, compliance)), Candidate(payload_cog(load, compliance))]

@@ -1,0 +1,39 @@
+"""Pedestal: what the robot stands on leans by its own compliance times the arm's overturning moment.
+
+About x and about y, each with a compliance of its own: a table, a rail or a frame is seldom as stiff one way as the
+other. It leans about the origin of the base. In the thesis's robots d_1 stands before the turns of the base, which
+therefore turn about a point d_1 above it; the shift that this leaves out is added. Source: contracts, table of labels.
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Overturning
+from calib.robot import Robot
+
+
+def pedestal(robot: Robot) -> Effect:
+    """Compliance of the pedestal; parameters x and y, 1e-6 rad/(N.m), about those axes of the base."""
+    about_x, about_y = Overturning(0), Overturning(1)
+    height = robot.d[0] if robot.base == "thesis" else 0.0
+    places_x = [("base.rx", about_x, 1.0), ("base.y", about_x, -height)]
+    places_y = [("base.ry", about_y, 1.0), ("base.x", about_y, height)]
+    return effect(
+        "pedestal",
+        "structure",
+        "mounting",
+        "The pedestal leans to where the arm reaches out.",
+        {
+            "x": ("1e-6 rad/(N.m)", 5.0, [place for place in places_x if place[2] != 0.0]),
+            "y": ("1e-6 rad/(N.m)", 5.0, [place for place in places_y if place[2] != 0.0]),
+        },
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One, where the arm reaches out in different directions."""
+    overturning = survey.conditions.overturning
+    if not (survey.strains(overturning[:, 0]) and survey.strains(overturning[:, 1])):
+        return []
+    return [Candidate(pedestal(survey.robot))]

@@ -1,0 +1,64 @@
+"""Tool: its targets sit elsewhere on the flange than measured: all shifted, all turned, or one shifted.
+
+What shifts along the last axis or turns about it is d and theta of the last link. With one target a shift and a
+turn look the same. Source: contracts, table of labels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Constant, OnTarget
+
+
+def tool_offset() -> Effect:
+    """All targets shifted across the last axis; parameters x, y, mm."""
+    return effect(
+        "tool_offset",
+        "frames and tool",
+        "mounting",
+        "The tool sits beside the axis of the flange.",
+        {axis: ("mm", 0.5, [(f"tool.{axis}", Constant())]) for axis in "xy"},
+    )
+
+
+def tool_tilt() -> Effect:
+    """All targets turned about a line across the last axis, through the flange; parameters rx, ry, deg."""
+    return effect(
+        "tool_tilt",
+        "frames and tool",
+        "mounting",
+        "The tool is mounted askew on the flange.",
+        {axis: ("deg", 0.2, [(f"tool.{axis}", Constant())]) for axis in ("rx", "ry")},
+    )
+
+
+def target_offset(target: str, series: Sequence[str]) -> Effect:
+    """One target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
+    return effect(
+        f"target_offset:{target}",
+        "frames and tool",
+        "mounting",
+        f"Target {target} sits elsewhere on the tool than measured.",
+        {
+            axis: ("mm", 0.5, [(f"target.{axis}", OnTarget(name, target)) for name in series])
+            for axis in "xyz"
+        },
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """All, and a shift of every target that was measured; none where the base model finds the targets itself."""
+    if survey.frees_tool:
+        return []
+    conditions = survey.conditions
+    candidates = [Candidate(tool_offset()), Candidate(tool_tilt())]
+    for t in np.unique(conditions.target):
+        seen_in = np.unique(conditions.series[conditions.target == t])
+        series = [conditions.series_names[s] for s in seen_in]
+        candidates.append(Candidate(target_offset(conditions.target_names[t], series)))
+    return candidates

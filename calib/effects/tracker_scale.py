@@ -1,0 +1,31 @@
+"""Tracker scale: the instrument's millimetre is too long or too short, s (p - station) added to every point.
+
+A wrong refractive index does that: 1e-6 a kelvin of air. The instrument's frame is shifted in proportion, so a
+distance from another meter stays as it is. The link lengths absorb most of it (0.97). Source: contracts, table of
+labels; Edlen 1966 (index of air).
+"""
+
+from __future__ import annotations
+
+from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.survey import Survey
+from calib.regressors import Beam
+
+
+def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
+    """Scale error of an instrument at `station_mm`; parameter scale, ppm."""
+    places = [(f"frame.{axis}", Beam(k, station_mm[k])) for k, axis in enumerate("xyz")]
+    return effect(
+        "tracker_scale",
+        "instrument",
+        "instrument",
+        "The instrument measures every length too long or too short.",
+        {"scale": ("ppm", 50.0, places)},
+    )
+
+
+def offer(survey: Survey) -> list[Candidate]:
+    """One, where the target moved."""
+    if not any(survey.varies(survey.conditions.point[:, axis]) for axis in range(3)):
+        return []
+    return [Candidate(tracker_scale(survey.station))]

@@ -1,0 +1,46 @@
+"""Warm-up: the arm's own heat makes every length grow towards a limit, a and d times 1 + alpha (1 - exp(-t/T_c)).
+
+The time constant T_c is scanned and refined. Source: contracts, table of labels; the thesis warms up for 1 h (2.2).
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from calib.effects.effect import Effect, Shapes, effect
+from calib.effects.survey import Survey
+from calib.effects.thermal_growth import arm_lengths
+from calib.regressors import WarmUp
+from calib.robot import Robot
+
+TIME_CONSTANT = "time_constant_s"
+SHORTEST, LONGEST = 300.0, 18000.0  # s
+_PLACES = 15
+
+
+def warm_up(robot: Robot, time_constant_s: float) -> Effect:
+    """The arm warms up with a time constant in s; parameter expansion, ppm, what it has grown by in the end."""
+    warmth = WarmUp(time_constant_s)
+    places = [(slot, warmth, length) for slot, length in arm_lengths(robot)]
+    return effect(
+        "warm_up",
+        "thermal",
+        "robot",
+        "The arm grows while it warms up from a cold start.",
+        {"expansion": ("ppm", 300.0, places)},
+        {TIME_CONSTANT: time_constant_s},
+    )
+
+
+def offer(survey: Survey) -> list[Shapes]:
+    """One scan, up to a time constant as long as the session: a slower warm-up is a straight line in time."""
+    time = survey.conditions.time
+    if not (survey.recorded("time") and survey.varies(time)):
+        return []
+    longest = min(LONGEST, float(np.ptp(time)))
+    if longest <= SHORTEST:
+        return []
+    values = np.geomspace(SHORTEST, longest, _PLACES)
+    return [Shapes("warm_up", TIME_CONSTANT, values, partial(warm_up, survey.robot))]

@@ -1,0 +1,106 @@
+"""What a header asks of the model. These would catch: a level that frees something else, a parameter that is held and
+moves, a prior that weighs on another one, and keys that are misspelt and passed over without a word.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calib.dataset import Dataset
+from calib.errors import DataError
+from calib.identify import identify
+from tests.calib.cells import NOISE, Cell
+from tests.calib.test_kinds_of_reading import miss
+
+
+class TestHeader:
+    def data(self, folder: Path, **more: Any) -> Dataset:
+        cell = Cell()
+        cell.measure("p", 60, noise=NOISE)
+        return cell.dataset(folder, **more)
+
+    @pytest.mark.parametrize(
+        ("level", "labels", "count"),
+        [
+            (1, ["base", "joint_offsets", "encoder_scale"], 6 + 5 + 6),
+            (2, ["base", "geometry", "parallel_twist"], 6 + 20 + 1),
+            (3, ["base", "geometry", "parallel_twist", "compliance"], 6 + 20 + 1 + 5),
+        ],
+    )
+    def test_levels(self, level: int, labels: list[str], count: int, tmp_path: Path) -> None:
+        result = identify(self.data(tmp_path, model={"level": level}))
+        assert [e.label for e in result.model.effects] == labels
+        assert len(result.estimate) == count
+
+    def test_what_is_held_stays_nominal(self, tmp_path: Path) -> None:
+        result = identify(self.data(tmp_path, world="nominal", model={"hold": ["d3", "c6", "base.z"]}))
+        assert not {"d3", "c6", "base.z"} & set(result.model.index)
+        assert result.dropped == ()
+        assert len(result.estimate) == 32 - 3
+
+    def test_priors_pull_by_name_kind_and_group(self, tmp_path: Path) -> None:
+        free = identify(self.data(tmp_path / "1"))
+        priors = {"alpha4": 1e-9, "a": 1e-9, "compliance": 1e-9}
+        tight = identify(self.data(tmp_path / "2", model={"priors": priors}))
+        for name, position in tight.model.index.items():
+            named = name == "alpha4" or name[0] in "c" or (name[0] == "a" and name[1:].isdigit())
+            assert (abs(tight.estimate[position]) < 1e-10) == (named or name == "d3"), name
+        assert abs(free.estimate[free.model.index["alpha4"]]) > 1e-5
+        assert tight.noise_scale > 2.0 * free.noise_scale
+
+    @pytest.mark.parametrize(
+        ("model", "words"),
+        [
+            ({"hold": ["d9"]}, "d9.*does not have.*alpha2"),
+            ({"priors": {"gamma": 1.0}}, "gamma.*does not have.*alpha2"),
+        ],
+    )
+    def test_what_the_model_does_not_have(self, model: dict[str, Any], words: str, tmp_path: Path) -> None:
+        with pytest.raises(DataError, match=f"(?s){words}"):
+            identify(self.data(tmp_path, model=model))
+
+    def test_misspelt_keys_are_told(self, tmp_path: Path) -> None:
+        noise = {"kind": "isotropic", "sigma_mm": 0.03, "repeatability": 0.1}
+        result = identify(self.data(tmp_path, gravity=[0, 0, -9.81], noise=noise, model={"held": ["d3"]}))
+        for key in ("gravity", "noise.repeatability", "model.held"):
+            assert any(f"'{key}' is not known" in w for w in result.warnings), key
+
+    @pytest.mark.parametrize(
+        "header",
+        [
+            {"model": {"hold": ["base.z"]}},
+            {"model": {"priors": {"base": 5.0}}},
+            {"model": {"priors": {"B2.x": 0.1}}, "base_targets": {"B2": "free"}},
+            {"model": {"priors": {"base_targets": 0.1}}, "base_targets": "free", "world": "nominal"},
+        ],
+    )
+    def test_nothing_is_known_of_what_is_free(self, header: dict[str, Any], tmp_path: Path) -> None:
+        """Its start is a guess from the readings: held there, it would bias everything else without a word."""
+        cell = Cell()
+        cell.base_targets = {"B2": cell.base_targets["B2"]}
+        cell.measure("pl", 60)
+        with pytest.raises(DataError, match=r"leaves free.*no nominal value"):
+            identify(cell.dataset(tmp_path, **header))
+
+    @pytest.mark.parametrize("world", ["free", "nominal"])
+    def test_a_tool_that_is_known_in_part(self, world: str, tmp_path: Path) -> None:
+        """Held or weighed it stays where the header has it, and is not replaced by a start from the readings."""
+        cell = Cell()
+        cell.targets["T2"] = cell.targets["T2"] + [4.0, -3.0, 0.0]
+        cell.measure("p", 80, ["T2"])
+        model = {"fit": ["base", "geometry", "parallel_twist", "compliance", "tool"], "hold": ["T2.z"]}
+        data = cell.dataset(tmp_path / world, world=world, model=model)
+        result = identify(data)
+        assert result.model.targets["main"]["T2"] == (75.0, 93.675, 215.0)
+        assert "d6" not in [drop.name for drop in result.dropped], (
+            "with the height of the tool known, link 6 is seen"
+        )
+        assert miss(cell, data, result).max() < 1e-6
+        weighed = {**model, "hold": [], "priors": {"T2.z": 0.01}}
+        result = identify(cell.dataset(tmp_path / "weighed", world=world, model=weighed))
+        assert "d6" not in [drop.name for drop in result.dropped]
+        position = result.model.index["T2.z"]
+        assert result.standard_errors[position] == pytest.approx(0.01, rel=1e-3)
