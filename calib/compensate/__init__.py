@@ -1,14 +1,28 @@
 """Compensation: targets that make the real robot land where the nominal one would. `correct` is the door."""
 
-from calib.compensate.correct import Correction, Status, correct
+from calib.compensate.actual import nominal_of
+from calib.compensate.calibrated import Calibrated
+from calib.compensate.controller import controller_angles, model_sides
+from calib.compensate.correct import correct, inverse_poses
+from calib.compensate.correction import REASONS, Correction, Status
 from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, nominal_poses
+from calib.compensate.targets import PoseCorrection, correct_poses, stands_of
 
 __all__ = [
     "FLANGE",
+    "REASONS",
+    "Calibrated",
     "Correction",
+    "PoseCorrection",
     "StatedConditions",
     "Status",
     "conditions_at",
+    "controller_angles",
     "correct",
+    "correct_poses",
+    "inverse_poses",
+    "model_sides",
+    "nominal_of",
     "nominal_poses",
+    "stands_of",
 ]

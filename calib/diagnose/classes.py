@@ -55,6 +55,12 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
             continue
         # A rival that the linearised model prefers lost against the effect when both were refitted.
         cost = max(own - score.evidence, 0.0)
+        if score.freedom <= columns:
+            # No more complex, and it fits as well: what is usual must not decide alone.
+            fit = without.space.rows * math.log(
+                max(without.rss - score.gain, 1e-300) / max(without.rss - gain, 1e-300)
+            )
+            cost = min(cost, max(fit, 0.0))
         if cost < CLASS_WIDTH and not _same(without, effect, score.effect):
             costs[label] = min(cost, costs.get(label, math.inf))
             effects[label] = score.effect

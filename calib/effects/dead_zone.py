@@ -13,6 +13,7 @@ from calib.effects.survey import Survey
 from calib.regressors import TorqueSign
 
 SMOOTHED = 0.05  # share of the largest torque
+_LEAST_CHANGE = 0.2  # of the 2 that a full change of side makes
 
 
 def dead_zone(joint: int, width: float) -> Effect:
@@ -28,10 +29,11 @@ def dead_zone(joint: int, width: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint on which gravity pulls both ways: from one side alone the gap is an offset."""
+    """One a joint whose load comes near zero or changes its side: far from it the gap is an offset."""
     candidates = []
     for joint in survey.joint_numbers:
         torque = survey.conditions.torque[:, joint - 1]
-        if survey.loaded(joint) and np.min(torque) < 0.0 < np.max(torque):
-            candidates.append(Candidate(dead_zone(joint, SMOOTHED * survey.largest(torque))))
+        width = SMOOTHED * survey.largest(torque)
+        if survey.loaded(joint) and np.ptp(np.tanh(torque / width)) > _LEAST_CHANGE:
+            candidates.append(Candidate(dead_zone(joint, width)))
     return candidates

@@ -1,0 +1,59 @@
+"""The calibrated robot at stated conditions: FK_cal of the pose shift.
+
+It holds what belongs to the robot and to its mounting, never what belongs to the instrument. Where the world is the
+nominal base frame, the identified base is part of the error; where the base was placed by the fit (a model with
+placements), the world is arbitrary, and the identified base frame takes its place: its parameters are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, series_of
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.model import Design, RobotModel
+
+CORRECTED_OWNERS = ("robot", "mounting")
+
+
+class Calibrated:
+    """The calibrated robot at stated conditions: poses (n, 4, 4) of the tool point for joints (n, N), rad."""
+
+    def __init__(
+        self, model: RobotModel, estimate: Array, stated: StatedConditions, target: str = FLANGE
+    ) -> None:
+        series = series_of(model, stated)
+        owned = model.owned(CORRECTED_OWNERS)
+        if series in model.placements:
+            own = [
+                e for e in model.effects if e.label.partition("[")[0] == "base" and e.group == "base model"
+            ]
+            owned[[i for e in own for i in model.positions(e)]] = 0.0
+        self._estimate = np.where(owned > 0.0, estimate, 0.0)
+        targets = {name: {FLANGE: (0.0, 0.0, 0.0), **known} for name, known in model.targets.items()}
+        self._model = replace(model, targets=targets, placements={})
+        self._plain = model
+        self._stated = stated
+        self._target = target
+
+    def poses(self, joints: Array) -> Array:
+        """Raises DataError when the model needs a condition that was not stated."""
+        n = len(joints)
+        design = Design(self._model, conditions_at(self._plain, joints, self._stated, self._target))
+        for position, _, drive in design.terms:
+            if self._estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
+                name = self._model.parameters[position].name
+                raise DataError(
+                    f"the model holds {name}, which depends on a condition that was not stated.",
+                    do="State the temperature and the time for which the correction shall hold.",
+                    key="conditions",
+                )
+        frames = design.frames(self._estimate, record=())
+        poses = np.zeros((n, 4, 4))
+        poses[:, :3, :3] = frames.rotation
+        poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
+        poses[:, 3, 3] = 1.0
+        return poses
