@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -55,38 +56,38 @@ class Dataset:
         """Name of the file."""
         return self.path.name
 
-    @property
+    @cached_property
     def pointed(self) -> NDArray[np.bool_]:
         """(n,) a point was measured."""
         return np.isfinite(self.points[:, 0])
 
-    @property
+    @cached_property
     def turned(self) -> NDArray[np.bool_]:
         """(n,) an orientation was measured, and its noise declared: without, nobody knows what it is worth."""
         weighed = np.isfinite(self.u_rotation) | (self.header.noise.rotation > 0.0)
         return np.isfinite(self.orientation[:, 0]) & weighed
 
-    @property
+    @cached_property
     def spanned(self) -> NDArray[np.bool_]:
         """(n,) a distance was measured."""
         return np.isfinite(self.lengths)
 
-    @property
+    @cached_property
     def usable(self) -> NDArray[np.bool_]:
         """(n,) measured and not rejected."""
         return np.isin(self.status, ("", "ok")) & (self.pointed | self.spanned)
 
-    @property
+    @cached_property
     def fit_rows(self) -> NDArray[np.bool_]:
         """(n,) rows that may enter a fit."""
         return self.usable & (self.sets != "validation")
 
-    @property
+    @cached_property
     def validation_rows(self) -> NDArray[np.bool_]:
         """(n,) measured rows that only ever judge."""
         return self.usable & (self.sets == "validation")
 
-    @property
+    @cached_property
     def numbers(self) -> int:
         """How many numbers were measured in the rows that enter a fit."""
         rows = self.fit_rows

@@ -127,7 +127,7 @@ def find_dependent(
     kept = [j for j in order if j not in dropped]
     triangle = triangular_factor(columns[:, kept] / scale[kept])
     while (at := _first_dependent(triangle, [j in settled_ones for j in kept])) is not None:
-        share, *_ = np.linalg.lstsq(triangle[:at, :at], triangle[:at, at], rcond=None)
+        share = _shares(triangle[:at, :at], triangle[:at, at])
         weight = np.abs(share)
         heavy = [i for i in np.argsort(-weight)[:6] if weight[i] > 0.05 * weight.max()]
         dropped[kept[at]] = Dropped(names[kept[at]], tuple(names[kept[i]] for i in heavy))
@@ -136,6 +136,13 @@ def find_dependent(
     active = np.zeros(len(names), dtype=bool)
     active[kept] = True
     return active, tuple(dropped[j] for j in order if j in dropped)
+
+
+def _shares(before: Array, column: Array) -> Array:
+    """(a,) how much of each column before explains a column; columns before may be dependent where they stand."""
+    if np.all(np.abs(np.diag(before)) >= _DEPENDENT):
+        return _back(before, column)
+    return np.asarray(np.linalg.lstsq(before, column, rcond=None)[0], dtype=np.float64)
 
 
 def _first_dependent(triangle: Array, stands: list[bool]) -> int | None:

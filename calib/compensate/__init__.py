@@ -2,6 +2,7 @@
 
 from calib.compensate.actual import nominal_of
 from calib.compensate.calibrated import Calibrated
+from calib.compensate.carried import Carried, carried, constant_slots, joint_origins
 from calib.compensate.controller import controller_angles, model_sides
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
@@ -12,15 +13,19 @@ __all__ = [
     "FLANGE",
     "REASONS",
     "Calibrated",
+    "Carried",
     "Correction",
     "PoseCorrection",
     "StatedConditions",
     "Status",
+    "carried",
     "conditions_at",
+    "constant_slots",
     "controller_angles",
     "correct",
     "correct_poses",
     "inverse_poses",
+    "joint_origins",
     "model_sides",
     "nominal_of",
     "nominal_poses",

@@ -13,14 +13,17 @@ import numpy as np
 
 from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, series_of
 from calib.errors import DataError
-from calib.kinematics import Array
+from calib.kinematics import Array, Frames
 from calib.model import Design, RobotModel
 
 CORRECTED_OWNERS = ("robot", "mounting")
 
 
 class Calibrated:
-    """The calibrated robot at stated conditions: poses (n, 4, 4) of the tool point for joints (n, N), rad."""
+    """The calibrated robot at stated conditions, with the base as the nominal frame where the fit placed it.
+
+    estimate: (m,) of the model, zero where a parameter is the instrument's or only tells where the base was put.
+    """
 
     def __init__(
         self, model: RobotModel, estimate: Array, stated: StatedConditions, target: str = FLANGE
@@ -32,28 +35,36 @@ class Calibrated:
                 e for e in model.effects if e.label.partition("[")[0] == "base" and e.group == "base model"
             ]
             owned[[i for e in own for i in model.positions(e)]] = 0.0
-        self._estimate = np.where(owned > 0.0, estimate, 0.0)
+        self.estimate = np.where(owned > 0.0, estimate, 0.0)
         targets = {name: {FLANGE: (0.0, 0.0, 0.0), **known} for name, known in model.targets.items()}
-        self._model = replace(model, targets=targets, placements={})
+        # `turns` say how a measuring tool is mounted, not how the flange stands.
+        self._model = replace(model, targets=targets, placements={}, turns={})
         self._plain = model
         self._stated = stated
         self._target = target
 
-    def poses(self, joints: Array) -> Array:
-        """Raises DataError when the model needs a condition that was not stated."""
-        n = len(joints)
+    def design(self, joints: Array) -> Design:
+        """The model at n stands. Raises DataError when it needs a condition that was not stated."""
         design = Design(self._model, conditions_at(self._plain, joints, self._stated, self._target))
         for position, _, drive in design.terms:
-            if self._estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
+            if self.estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
                 name = self._model.parameters[position].name
                 raise DataError(
                     f"the model holds {name}, which depends on a condition that was not stated.",
                     do="State the temperature and the time for which the correction shall hold.",
                     key="conditions",
                 )
-        frames = design.frames(self._estimate, record=())
-        poses = np.zeros((n, 4, 4))
-        poses[:, :3, :3] = frames.rotation
-        poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
-        poses[:, 3, 3] = 1.0
-        return poses
+        return design
+
+    def poses(self, joints: Array) -> Array:
+        """(n, 4, 4) at model angles (n, N), rad. Raises DataError like `design`."""
+        return poses_of(self.design(joints).frames(self.estimate, record=()), len(joints))
+
+
+def poses_of(frames: Frames, n: int) -> Array:
+    """(n, 4, 4) of the target frame."""
+    poses = np.zeros((n, 4, 4))
+    poses[:, :3, :3] = frames.rotation
+    poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
+    poses[:, 3, 3] = 1.0
+    return poses

@@ -22,7 +22,7 @@ from calib.effects.effect import Effect
 
 CERTAIN = 0.95
 _ODDS = {"settling": 1.0 / 30.0}
-"""A settle time of seconds leaves little to settle; play is in every worn gear. One approach distance shows the same."""
+"""A pause of seconds leaves little to settle; play is in every worn gear. Moves of one length show both the same."""
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 

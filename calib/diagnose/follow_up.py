@@ -178,41 +178,44 @@ def separating(
         approach=np.max(np.abs(moves), axis=1),
         targets=tuple(few.target_names[t] for t in few.target),
         separations={(r.instead_of, r.label): float(s) for r, s in zip(rivals, total, strict=True)},
-        procedures=tuple(
-            dict.fromkeys(
-                advice
-                for r, s in zip(rivals, total, strict=True)
-                if s < SEPARATES
-                for advice in _procedures(r, found)
-            )
-        ),
+        procedures=_procedures([r for r, s in zip(rivals, total, strict=True) if s < SEPARATES], found),
         rivals=tuple(rivals),
     )
 
 
-def _procedures(rival: Rival, found: Identification) -> list[str]:
-    """What else would separate two effects that no pose separates."""
+def _procedures(rivals: Sequence[Rival], found: Identification) -> tuple[str, ...]:
+    """What else would separate the pairs that no pose separates, a sentence for each kind of advice."""
+    pairs: dict[str, dict[str, list[str]]] = {}
+    for rival in rivals:
+        for advice in _advice(rival, found):
+            pairs.setdefault(advice, {}).setdefault(rival.instead_of, []).append(rival.label)
+    return tuple(
+        f"To tell {'; '.join(f'{label} from {_listed(others)}' for label, others in told.items())}: {advice}"
+        for advice, told in pairs.items()
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _advice(rival: Rival, found: Identification) -> list[str]:
     labels = {rival.instead_of.partition(":")[0], rival.label.partition(":")[0]}
-    pair = f"{rival.instead_of} from {rival.label}"
     out = []
     if labels & _OF_SIDE:
-        out.append(f"To tell {pair}: visit the same poses from the other side, after moves of other lengths.")
+        out.append("visit the same poses from the other side, after moves of other lengths.")
     if labels & _OF_WARMTH:
         out.append(
-            f"To tell {pair}: pause until the air has another temperature, or measure in another order, "
+            "pause until the air has another temperature, or measure in another order, "
             "so that temperature no longer follows the clock."
         )
     if labels & _OF_LOAD:
-        out.append(f"To tell {pair}: measure some poses with another payload, declared in the header.")
+        out.append("measure some poses with another payload, declared in the header.")
     if labels & _OF_TOOL and len(set(found.readings.conditions.target.tolist())) == 1:
-        out.append(
-            f"To tell {pair}: measure a second tool target, 50 mm or more off the axis of the last joint."
-        )
+        out.append("measure a second tool target, 50 mm or more off the axis of the last joint.")
     if labels & _OF_INSTRUMENT:
-        out.append(f"To tell {pair}: measure the world nests again, or from another station.")
-    return out or [
-        f"To tell {pair}: no pose within the limits does; they are one effect for every use of the model."
-    ]
+        out.append("measure the world nests again, or from another station.")
+    return out or ["no pose within the limits does; they are one effect for every use of the model."]
 
 
 _OF_SIDE = {"backlash", "settling", "dead_zone"}

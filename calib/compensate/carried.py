@@ -1,0 +1,126 @@
+"""What a table of constants can carry of a model, and what the rest costs.
+
+A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some effects are
+such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the backlash at the stated
+side. What follows the joints (compliance, gear errors, encoder scale) is left out. Nothing here asks which effect it
+is: a term is carried if what drives it is the same at every stand, and the table holds its slot.
+
+    loss = |FK_full(q) - FK_carried(q)| of the flange, over random q within the joint limits
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.compensate.calibrated import Calibrated, poses_of
+from calib.compensate.stated import StatedConditions
+from calib.kinematics import TOOL, Array, Chain, Placement, nominal_values, propagate
+from calib.model import RobotModel
+from calib.robot import Robot
+from calib.statistics import ErrorStatistics, statistics_of
+
+STANDS = 1000
+_AXES = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """values: slot -> change from nominal, rad or mm. left_out: names of the parameters of which something is lost.
+
+    loss: of the flange's position, mm; nominal: what the nominal robot is off by at the same stands.
+    """
+
+    values: dict[str, float]
+    left_out: tuple[str, ...]
+    loss: ErrorStatistics
+    nominal: ErrorStatistics
+
+
+def carried(
+    model: RobotModel,
+    estimate: Array,
+    stated: StatedConditions,
+    slots: Collection[str],
+    *,
+    coupling: str = "none",
+    seed: int = 1,
+) -> Carried:
+    """What of a model, estimate (m,), the slots can carry. Raises DataError for a condition that is missing."""
+    robot = model.robot
+    rng = np.random.default_rng(seed)
+    counted = rng.uniform(robot.lower, robot.upper, (STANDS, robot.joints))
+    joints = robot.model_angles(counted, coupling)
+    calibrated = Calibrated(model, estimate, stated)
+    design = calibrated.design(joints)
+    values: dict[str, float] = {}
+    lost: dict[str, None] = {}
+    for position, slot, drive in design.terms:
+        amounts = calibrated.estimate[position] * np.asarray(drive)
+        if not np.any(amounts):
+            continue
+        if slot in slots and np.ptp(amounts) <= 1e-12 * np.max(np.abs(amounts)):
+            values[slot] = values.get(slot, 0.0) + float(np.mean(amounts))
+        else:
+            lost[model.parameters[position].name] = None
+    full = poses_of(design.frames(calibrated.estimate, record=()), STANDS)[:, :3, 3]
+
+    def off(changes: dict[str, float]) -> ErrorStatistics:
+        reached = propagate(Chain.of(robot), changed(robot, joints, changes), Placement(), record=())
+        found = statistics_of(np.linalg.norm(full - poses_of(reached, STANDS)[:, :3, 3], axis=1))
+        assert found is not None  # there are STANDS of them
+        return found
+
+    return Carried(values, tuple(lost), off(values), off({}))
+
+
+def changed(robot: Robot, joints: Array, changes: dict[str, float]) -> dict[str, Array | float]:
+    """Slot values of the nominal robot at model angles (n, N), with the changes."""
+    values = nominal_values(robot, joints)
+    for slot, change in changes.items():
+        values[slot] = values.get(slot, 0.0) + change
+    return values
+
+
+def constant_slots(robot: Robot) -> tuple[str, ...]:
+    """Every slot of the chain from base to flange that a table of frames can hold, in order."""
+    chain = Chain.of(robot)
+    motions = (*chain.base, *(motion for link in chain.links for motion in link), *TOOL)
+    return tuple(motion.slot for motion in motions)
+
+
+def joint_origins(robot: Robot, changes: dict[str, float]) -> tuple[Array, Array]:
+    """Frames between the joints, mm: (N, 4, 4) from each joint's moving frame to where the next one turns about z,
+    the first from the base; and (4, 4) from the last to the flange.
+
+    The pose of the flange is the product of origin_k Rz(q_k) over the joints, times the last.
+    """
+    chain = Chain.of(robot)
+    values = changed(robot, np.zeros((1, robot.joints)), changes)
+    motions = [*chain.base, *(motion for link in chain.links for motion in link), *TOOL]
+    for i, motion in enumerate(motions[:-1]):
+        # Rz(theta) Tz(d) = Tz(d) Rz(theta): a joint turns about z where its d has led.
+        if motion.slot.startswith("theta") and motions[i + 1].slot == motion.slot.replace("theta", "d"):
+            motions[i : i + 2] = motions[i + 1], motion
+    origins, here = [], np.eye(4)
+    for motion in motions:
+        here = here @ _motion(
+            motion.axis, float(np.squeeze(values.get(motion.slot, 0.0))), turns=motion.turns
+        )
+        if motion.slot.startswith("theta"):
+            origins.append(here)
+            here = np.eye(4)
+    return np.stack(origins), here
+
+
+def _motion(axis: int, amount: float, *, turns: bool) -> Array:
+    out = np.eye(4)
+    if not turns:
+        out[:3, 3] = amount * _AXES[axis]
+        return out
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    c, s = np.cos(amount), np.sin(amount)
+    out[i, i], out[j, j], out[i, j], out[j, i] = c, c, -s, s
+    return out
