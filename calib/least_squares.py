@@ -90,12 +90,15 @@ def orthonormal(matrix: Array) -> tuple[Array, Array]:
     return q @ np.linalg.inv(second), second @ first
 
 
-def _normal_factor(matrix: Array) -> Array:
-    """(m, m) R with R'R = matrix' matrix. An error in R only slows Gauss-Newton, which looks at the true residual."""
+def _normal_factor(gram: Array, columns: Array, prior: Array, size: Array) -> Array:
+    """(m, m) R with R'R = gram, scaled. An error in R only slows Gauss-Newton, which looks at the true residual.
+
+    Where rounding makes gram indefinite: by reflections on the columns and priors it is made of, scaled by `size`.
+    """
     try:
-        return np.asarray(np.linalg.cholesky(matrix.T @ matrix).T, dtype=np.float64)
+        return np.asarray(np.linalg.cholesky(gram).T, dtype=np.float64)
     except np.linalg.LinAlgError:
-        return triangular_factor(matrix)
+        return triangular_factor(np.vstack([columns / size, np.diag(prior / size)]))
 
 
 def find_dependent(
@@ -188,15 +191,17 @@ def solve(
     columns = np.zeros((residual.size, len(size)))
     while iterations < max_iterations and not converged:
         iterations += 1
-        columns = jacobian(design, observed, frames)[:, active]
+        columns = jacobian(design, observed, frames)
+        if not active.all():
+            columns = columns[:, active]
         weighted = residual
         if root is not None:
             columns, weighted = columns * np.tile(root, len(residual))[:, None], residual * root
-        size = np.sqrt(np.einsum("ij,ij->j", columns, columns) + prior**2)
-        system = np.vstack([columns / size, np.diag(prior / size)])
-        right = np.concatenate([weighted.ravel(), -prior * estimate[active]])
-        triangle = _normal_factor(system)
-        scaled = _back(triangle, _back(triangle, system.T @ right, 1))
+        gram = columns.T @ columns + np.diag(prior**2)
+        size = np.sqrt(np.diag(gram))
+        triangle = _normal_factor(gram / np.outer(size, size), columns, prior, size)
+        right = (columns.T @ weighted.ravel() - prior**2 * estimate[active]) / size
+        scaled = _back(triangle, _back(triangle, right, 1))
         change = float(np.linalg.norm(triangle @ scaled))
         step = scaled / size
         for _ in range(12):

@@ -74,6 +74,10 @@ class Solutions:
         """What became of one pose in one branch."""
         return REACHED[self.state[row, branch]]
 
+    def all_of(self, row: int) -> tuple[Reached, ...]:
+        """What became of one pose in all branches."""
+        return tuple(REACHED[state] for state in self.state[row])
+
     def within(self, lower: Array, upper: Array, seed: Array | None = None) -> Array:
         """(n, 8, 6) the turns within the limits (6,) nearest to `seed` (n, 6), default 0; NaN beyond limits. rad."""
         near = np.zeros(6) if seed is None else np.asarray(seed)[:, None, :]
