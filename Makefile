@@ -27,8 +27,10 @@ check: $(VENV)/.installed
 test: check
 	$(BIN)/python -m pytest
 
+# The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).
 bench: $(VENV)/.installed
 	$(BIN)/python -m tests.benchmarks
+	$(BIN)/python -m tests.benchmarks peers
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

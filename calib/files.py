@@ -9,14 +9,15 @@ from pathlib import Path
 MODE = 0o644  # less what the umask takes away
 
 
-def replace_file(path: Path, text: str) -> None:
-    """Write a UTF-8 text file whole or not at all; of a symlink the file it points to."""
+def replace_file(path: Path, content: str | bytes) -> None:
+    """Write a file whole or not at all, text as UTF-8; of a symlink the file it points to."""
+    data = content if isinstance(content, bytes) else content.encode("utf-8")
     target = Path(os.path.realpath(path))
     # A name of its own for every writer: two of them at once do not spoil each other's file.
     partial = target.with_name(f"{target.stem[:40]}.{secrets.token_hex(6)}.partial")
     try:
-        with open(partial, "x", encoding="utf-8", newline="\n", opener=_open) as file:
-            file.write(text)
+        with open(partial, "xb", opener=_open) as file:
+            file.write(data)
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, target)

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import typer
 
-from service.commands import campaign, convert, demo, diagnose, identify, mock, select, serve, validate
+from service.commands import (
+    campaign,
+    compensate,
+    convert,
+    demo,
+    diagnose,
+    export,
+    identify,
+    mock,
+    select,
+    serve,
+    validate,
+)
 
 app = typer.Typer(
     name="truepose",
@@ -19,6 +31,8 @@ app.command("convert")(convert.convert)
 app.command("identify")(identify.identify_command)
 app.command("diagnose")(diagnose.diagnose_command)
 app.command("select")(select.select)
+app.command("compensate")(compensate.compensate_command)
+app.command("export")(export.export_command)
 app.command("validate")(validate.validate_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
 app.command("mock")(mock.mock)

@@ -1,0 +1,99 @@
+"""`truepose compensate`: a program whose targets make the real robot land where the program says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.errors import DataError
+from calib.model_file import load_model
+from service import exit_codes, wording
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.programs import KnownFrames, compensate, named_frames, read_program, summary, write_text
+from service.programs.compensation import REFUSED
+from service.programs.conditions import stated_conditions
+from service.terminal import Terminal
+
+
+def compensate_command(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The identified model.")],
+    program: Annotated[
+        Path, typer.Argument(metavar="IN", help="Targets .csv, RAPID .mod, Fanuc .ls or URScript .script.")
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The corrected program.")],
+    conditions: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY=VALUE,...",
+            help="side, approach, temperature, time, mass, cog, series; default: those of the model.",
+        ),
+    ] = None,
+    tool: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[NAME=]x,y,z,w,p,r", help="A tool that does not stand in the program, mm and deg."
+        ),
+    ] = None,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[NAME=]x,y,z,w,p,r", help="A work object or user frame that does not stand in it."
+        ),
+    ] = None,
+    inverse: Annotated[
+        bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")
+    ] = False,
+    keep_refused: Annotated[
+        bool, typer.Option("--keep-refused", help="Write the program though some targets stay as they were.")
+    ] = False,
+    json: options.Json = None,
+) -> None:
+    """Correct the targets of a program; all its other text stays as it is."""
+    options.check_outputs({"OUT": out, "--json": json}, inputs=(model, program))
+    if out.suffix.lower() != program.suffix.lower():
+        raise DataError(
+            "is named as another kind of program than IN.", do=f"Let it end in {program.suffix}.", file=out
+        )
+    known = KnownFrames(named_frames("--tool", tool or []), named_frames("--frame", frame or []))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {model} and {program}")
+        saved = load_model(model)
+        stated = stated_conditions(conditions, saved)
+        read = read_program(program, saved.model.robot, known)
+        terminal.say(f"correcting {wording.counted(len(read.targets), 'target')}")
+        done = compensate(read, program, saved, stated.stated, known, inverse=inverse)
+        refused = done.of(REFUSED)
+        written = keep_refused or not refused
+        document = {
+            "format": summary.FORMAT,
+            "model": str(model),
+            "robot": saved.model.robot.name,
+            "program": str(program),
+            "out": str(out) if written else None,
+            "direction": "actual to nominal" if inverse else "nominal to actual",
+            "conditions": stated.document,
+            **summary.document(done),
+            "warnings": list(stated.notes),
+        }
+        options.write_result(document, json, terminal)
+        if written:
+            write_text(out, done.text)
+        terminal.rest()
+        for each in summary.shown(done):
+            terminal.out.print(each)
+        for note in stated.notes:
+            terminal.note(f"truepose: {note}")
+        if not written:
+            more = f" and {len(refused) - 1} more" if len(refused) > 1 else ""
+            raise DataError(
+                f"target '{refused[0].target.name}'{more} cannot be corrected: {refused[0].why}. Nothing was written.",
+                do="Change the target, or leave it as it is with --keep-refused.",
+                file=program,
+                line=refused[0].target.line,
+            )
+        terminal.out.print(f"{out}: {summary.in_words(done)}. Holds for: {stated.in_words}.")
+    if refused:
+        raise typer.Exit(exit_codes.NOT_MET)

@@ -1,0 +1,5 @@
+"""Exports of a model for other programs: each says what it carries and what its own predicted error is."""
+
+from service.exports.formats import FORMATS, Export, Format
+
+__all__ = ["FORMATS", "Export", "Format"]

@@ -1,0 +1,25 @@
+"""Robot programs: read, corrected, written back with all other text untouched.
+
+`read_program` and `compensate` are the doors; a dialect is one file.
+"""
+
+from service.programs.compensation import Compensation, Outcome, compensate
+from service.programs.frames import KnownFrames, named_frames
+from service.programs.program import Driven, Program, Target, rewritten
+from service.programs.read import parse, read_program
+from service.programs.text import write_text
+
+__all__ = [
+    "Compensation",
+    "Driven",
+    "KnownFrames",
+    "Outcome",
+    "Program",
+    "Target",
+    "compensate",
+    "named_frames",
+    "parse",
+    "read_program",
+    "rewritten",
+    "write_text",
+]

@@ -1,0 +1,141 @@
+"""A program corrected: every target told apart, solved, corrected in one batch, written, read again and compared.
+
+What the written file means is taken from reading it back as the controller will, so that rounding, and anything that
+went wrong in writing, shows in the figures. Sources of the correction: `calib.compensate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calib.compensate import (
+    StatedConditions,
+    controller_angles,
+    correct,
+    nominal_of,
+)
+from calib.errors import DataError
+from calib.kinematics import Array, forward
+from calib.model_file import SavedModel
+from calib.robot import Robot
+from service.programs.frames import KnownFrames
+from service.programs.program import Driven, Program, Target, rewritten
+from service.programs.read import parse
+from service.programs.stands import leaves_window, stands
+
+CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one target. NaN where it was not corrected.
+
+    moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
+    the file can hold; turned: rad, the largest change of a joint. Positions are those of the target's tool point.
+    """
+
+    target: Target
+    status: str
+    why: str
+    moved: tuple[float, float]
+    quantised: tuple[float, float]
+    turned: float
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """A program with corrected targets, as text, and what became of every target of the one it was made from."""
+
+    text: str
+    outcomes: tuple[Outcome, ...]
+
+    def of(self, status: str) -> list[Outcome]:
+        """Targets with this status."""
+        return [outcome for outcome in self.outcomes if outcome.status == status]
+
+
+def compensate(
+    program: Program,
+    path: Path,
+    saved: SavedModel,
+    stated: StatedConditions,
+    known: KnownFrames,
+    *,
+    inverse: bool = False,
+) -> Compensation:
+    """Correct every target of a program that can be; the others stay as they are, with the reason.
+
+    inverse: from actual to nominal instead. Raises DataError when the model lacks a stated condition, the program
+    holds no target, or it has poses and the robot no inverse kinematics in closed form.
+    """
+    robot, coupling = saved.model.robot, saved.coupling
+    targets = program.targets
+    if not targets:
+        raise DataError("holds no target.", do="Give a program with targets.", file=path)
+    angles, why = stands(targets, robot, coupling)
+    nominal = robot.model_angles(angles, coupling)
+    door = nominal_of if inverse else correct
+    done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling)
+    counted = controller_angles(robot, done.joints, coupling)
+    flange = _flanges(robot, done.joints)
+    driven: dict[int, Driven] = {}
+    for i, target in enumerate(targets):
+        if target.empty or why[i]:
+            continue
+        why[i] = done.reasons[i]
+        if not why[i] and not target.turns_written and (outside := leaves_window(target, counted[i])):
+            why[i] = f"its configuration would change: {outside}"
+        if not why[i]:
+            driven[i] = Driven(counted[i], flange[i])
+    # What needs no correction keeps its digits.
+    changed = {i: d for i, d in driven.items() if not np.array_equal(done.joints[i], nominal[i])}
+    text = rewritten(program, changed)
+    written = _read_back(text, path, targets, robot, coupling, known)
+    before, after = _flanges(robot, nominal), _flanges(robot, written)
+    turned = np.max(np.abs(done.joints - nominal), axis=1)
+    outcomes = []
+    for i, target in enumerate(targets):
+        if i not in driven:
+            status = EMPTY if target.empty else REFUSED
+            nothing = (np.nan, np.nan)
+            outcomes.append(Outcome(target, status, why[i], nothing, nothing, np.nan))
+            continue
+        moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
+        outcomes.append(Outcome(target, CORRECTED, "", moved, quantised, float(turned[i])))
+    return Compensation(text, tuple(outcomes))
+
+
+def _read_back(
+    text: str,
+    path: Path,
+    targets: Sequence[Target],
+    robot: Robot,
+    coupling: str,
+    known: KnownFrames,
+) -> Array:
+    """Model angles (n, N) that a controller finds in the program as written. Raises RuntimeError for a misprint."""
+    again = parse(text, path, robot, known).targets
+    if [t.name for t in again] != [t.name for t in targets]:
+        raise RuntimeError("the corrected program reads otherwise than the program it was made from")
+    return robot.model_angles(stands(again, robot, coupling)[0], coupling)
+
+
+def _flanges(robot: Robot, joints: Array) -> Array:
+    """(n, 4, 4) flange poses of the nominal robot, NaN where the joints are."""
+    poses = forward(robot, np.nan_to_num(joints))
+    poses[~np.all(np.isfinite(joints), axis=1)] = np.nan
+    return poses
+
+
+def _apart(one: Array, other: Array, tool: Array) -> tuple[float, float]:
+    """Distance of the tool points, mm, and turn, rad, between two flange poses."""
+    a, b = one @ tool, other @ tool
+    turn = a[:3, :3].T @ b[:3, :3]
+    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    return float(np.linalg.norm(b[:3, 3] - a[:3, 3])), float(
+        np.arctan2(0.5 * np.linalg.norm(vector), 0.5 * (np.trace(turn) - 1.0))
+    )

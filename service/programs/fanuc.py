@@ -1,0 +1,226 @@
+"""Fanuc .ls programs: the positions of motion group 1 in the /POS section, Cartesian or joints.
+
+    P[2:"name"]{
+       GP1:
+        UF : 0, UT : 1,  CONFIG : 'N U T, 0, 0, 0',
+        X = 600.000 mm, Y = -12.500 mm, Z = 900.000 mm, W = 180.000 deg, P = -.131 deg, R = -90.000 deg
+    };
+
+CONFIG: N/F no flip or flip, U/D up or down, T/B toward (front) or back, then the whole turns of J1, J4, J6; its text is
+kept. `********` is a position that was never taught. Poses count in user frame UF of the controller's world, whose
+origin the robot file names; neither frame nor tool stands in the file. Three decimals are all the format holds.
+Source: the maker's ASCII program listing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib.compensate import inverse_poses
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.units import DEG
+from service.programs import frames
+from service.programs.frames import KnownFrames
+from service.programs.program import Driven, Target, Window
+from service.programs.text import Edit, line_of
+
+PLACES = 3
+
+_POSITION = re.compile(
+    r"P\[\s*(?P<number>\d+)\s*(?::\s*\"?(?P<comment>[^\]\"]*)\"?)?\s*\]\s*\{(?P<body>[^}]*)\}\s*;"
+)
+_GROUP = re.compile(r"\bGP(\d+)\s*:")
+_FRAMES = re.compile(r"\bUF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)")
+_CONFIG = re.compile(r"\bCONFIG\s*:\s*'\s*([^']*)'")
+_VALUE = re.compile(
+    r"\b(?P<name>[XYZWPR]|[JE]\d)\s*=(?P<field>\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+))|(?P<none>\*+)))"
+    r"\s*(?P<unit>mm|deg)?"
+)
+_USE = re.compile(r"(?<![A-Z])P\[\s*(\d+)[^\]]*\]")
+_POSE = ("X", "Y", "Z", "W", "P", "R")
+_JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
+_TURNED = (0, 3, 5)  # joints 1, 4, 6
+_LETTERS = ({"T": "front", "B": "back"}, {"U": "up", "D": "down"}, {"N": "noflip", "F": "flip"})
+
+
+@dataclass(frozen=True)
+class _Field:
+    """One number: where blanks and digits stand, and its value; None where never taught."""
+
+    start: int
+    end: int
+    value: float | None
+
+
+@dataclass(frozen=True)
+class _Place:
+    fields: Mapping[str, _Field] = field(default_factory=dict)
+    frame: Array = field(default_factory=lambda: np.eye(4))
+
+
+class FanucProgram:
+    """A .ls program. Raises DataError for a text that is none, or a /POS section that cannot be read."""
+
+    def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
+        self.text = text
+        self._file, self._world, self._known = file, world, known
+        begin = re.search(r"^/POS\b", text, re.MULTILINE)
+        if begin is None or re.search(r"^﻿?/PROG\b", text, re.MULTILINE) is None:
+            raise DataError(
+                "is not a Fanuc program: /PROG and /POS are missing.",
+                do="Give an .ls file as the controller lists it.",
+                file=file,
+                line=1,
+            )
+        end = re.search(r"^/END\b", text[begin.end() :], re.MULTILINE)
+        stop = len(text) if end is None else begin.end() + end.start()
+        self._incremental = self._used_incrementally(text[: begin.start()])
+        found = [self._position(m) for m in _POSITION.finditer(text, begin.end(), stop)]
+        self._refuse_leftovers(begin.end(), stop, len(found))
+        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self._places = tuple(place for _, place in found)
+
+    def edits(self, index: int, driven: Driven) -> list[Edit]:
+        """Edits of the numbers that differ; each keeps the width of its field."""
+        target, place = self.targets[index], self._places[index]
+        if target.joints is not None:
+            values = dict(zip(_JOINTS, np.degrees(driven.joints), strict=True))
+        else:
+            pose = inverse_poses(place.frame) @ driven.flange @ target.tool
+            turned = frames.wpr(pose, [place.fields[name].value or 0.0 for name in _POSE[3:]])
+            values = dict(zip(_POSE, [*pose[:3, 3], *turned], strict=True))
+        out = []
+        for name, value in values.items():
+            slot = place.fields[name]
+            off = value - (slot.value or 0.0)
+            # W, P and R of -180 and 180 deg are the same.
+            off = math.remainder(off, 360.0) if name in _POSE[3:] else off
+            if abs(off) > 0.5 * 10.0**-PLACES:
+                digits = f"{value + 0.0:.{PLACES}f}".replace("-0.000", "0.000")
+                # At least one blank stays between '=' and the number.
+                out.append(
+                    Edit(slot.start, slot.end, digits.rjust(max(slot.end - slot.start, len(digits) + 1)))
+                )
+        return out
+
+    def _position(self, match: re.Match[str]) -> tuple[Target, _Place]:
+        number, comment = match["number"], (match["comment"] or "").strip()
+        name = f"P[{number}:{comment}]" if comment else f"P[{number}]"
+        target = Target(name, line_of(self.text, match.start()))
+        begin, end = self._first_group(match)
+        if begin == end:
+            return replace(target, empty=True, notes=("has no position of group 1",)), _Place()
+        body = self.text[begin:end]
+        fields = {
+            m["name"]: _Field(
+                begin + m.start("field"), begin + m.end("field"), None if m["none"] else float(m["number"])
+            )
+            for m in _VALUE.finditer(body)
+        }
+        place = _Place(fields)
+        wanted = _JOINTS if "J1" in fields else _POSE
+        missing = [key for key in wanted if key not in fields]
+        if missing:
+            raise DataError(
+                f"{name} has no {missing[0]}.", do="Correct the position.", file=self._file, line=target.line
+            )
+        if any(fields[key].value is None for key in wanted):
+            return replace(target, empty=True, notes=("was never taught",)), place
+        if int(number) in self._incremental:
+            line = self._incremental[int(number)]
+            return replace(target, refused=f"is a distance, not a place: used with INC (line {line})"), place
+        values = [fields[key].value or 0.0 for key in wanted]
+        if wanted is _JOINTS:
+            return replace(target, joints=np.array(values) * DEG), place
+        try:
+            return self._pose(target, body, place, values)
+        except ValueError as error:
+            return replace(target, refused=str(error)), place
+
+    def _pose(self, target: Target, body: str, place: _Place, values: list[float]) -> tuple[Target, _Place]:
+        """A Cartesian position. Raises ValueError, saying why, where its joints cannot be told."""
+        if any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items()):
+            raise ValueError("it positions an extended axis, which may carry the robot or the work")
+        of = _FRAMES.search(body)
+        config = _CONFIG.search(body)
+        if of is None or config is None:
+            raise ValueError("it has no UF, UT or CONFIG")
+        frame = self._world @ self._frame(of[1], self._known.frames, "UF", "--frame")
+        tool = self._frame(of[2], self._known.tools, "UT", "--tool")
+        branch, windows = _configuration(config[1])
+        flange = frame @ frames.of_wpr(values[:3], values[3:]) @ inverse_poses(tool)
+        return (
+            replace(target, flange=flange, tool=tool, branch=branch, windows=windows),
+            replace(place, frame=frame),
+        )
+
+    def _frame(self, number: str, known: Mapping[str, Array], what: str, option: str) -> Array:
+        if number.lower() in known:
+            return known[number.lower()]
+        if number == "0":
+            return np.eye(4)
+        raise ValueError(
+            f"its {what} {number} does not stand in the program: give {option} {number}=x,y,z,w,p,r"
+        )
+
+    def _first_group(self, match: re.Match[str]) -> tuple[int, int]:
+        """Where the values of group 1 stand; a body without groups is group 1."""
+        begin, end = match.span("body")
+        groups = list(_GROUP.finditer(self.text, begin, end))
+        if not groups:
+            return begin, end
+        for group, after in zip(groups, [*(g.start() for g in groups[1:]), end], strict=True):
+            if group[1] == "1":
+                return group.end(), after
+        return end, end
+
+    def _used_incrementally(self, instructions: str) -> dict[int, int]:
+        """Number of a position used with INC -> line of that instruction."""
+        out: dict[int, int] = {}
+        at = 0
+        for statement in instructions.split(";"):
+            if re.search(r"\bINC\b", statement):
+                for use in _USE.finditer(statement):
+                    out.setdefault(int(use[1]), line_of(self.text, at + use.start()))
+            at += len(statement) + 1
+        return out
+
+    def _refuse_leftovers(self, begin: int, end: int, found: int) -> None:
+        heads = list(re.finditer(r"\bP\[", self.text[begin:end]))
+        if len(heads) != found:
+            whole = {m.start() for m in _POSITION.finditer(self.text, begin, end)}
+            odd = next(begin + m.start() for m in heads if begin + m.start() not in whole)
+            raise DataError(
+                "a position is not written as P[n]{ ... };",
+                do="Correct it, or list the program anew.",
+                file=self._file,
+                line=line_of(self.text, odd),
+            )
+
+
+def _configuration(text: str) -> tuple[str, dict[int, Window]]:
+    """Branch and ranges of J1, J4, J6, rad, of a CONFIG. Raises ValueError for one that is not understood."""
+    letters, *turns = text.split(",")
+    words = []
+    for choices in _LETTERS:
+        chosen = [choices[letter] for letter in letters.split() if letter in choices]
+        if len(chosen) != 1:
+            raise ValueError(f"its CONFIG '{text.strip()}' does not tell {' from '.join(choices.values())}")
+        words.append(chosen[0])
+    try:
+        counted = [int(turn) for turn in turns]
+    except ValueError as error:
+        raise ValueError(f"its CONFIG '{text.strip()}' has a turn that is no number") from error
+    if len(counted) != len(_TURNED):
+        raise ValueError(f"its CONFIG '{text.strip()}' does not have three turns")
+    half = 180.0 * DEG
+    return "/".join(words), {
+        joint: (2.0 * half * turn - half, 2.0 * half * turn + half)
+        for joint, turn in zip(_TURNED, counted, strict=True)
+    }

@@ -1,0 +1,118 @@
+"""Poses as controllers write them, (4, 4) in mm inside: quaternion (ABB), W P R (Fanuc), rotation vector (UR).
+
+W, P, R turn about the fixed x, y and z axes in this order: R = Rz(R) Ry(P) Rx(W). Tools and frames that a program
+names without holding them come from the command line in the same form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calib.errors import DataError
+from calib.kinematics import Array
+
+NORM_TOLERANCE = 1e-3  # how far from 1 the norm of a quaternion may be, that was written with four digits
+UNNAMED = ""
+
+
+@dataclass(frozen=True)
+class KnownFrames:
+    """Tools on the flange and frames in the controller's world, by the name or number a program calls them."""
+
+    tools: Mapping[str, Array] = field(default_factory=dict)
+    frames: Mapping[str, Array] = field(default_factory=dict)
+
+
+def pose_of(position: Sequence[float], rotation: Rotation) -> Array:
+    """(4, 4) from a position in mm and a rotation."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.as_matrix(), position
+    return pose
+
+
+def of_quaternion(position: Sequence[float], wxyz: Sequence[float]) -> Array:
+    """Pose from a scalar-first quaternion. Raises ValueError, saying the norm, when it is not one of norm 1."""
+    norm = math.sqrt(sum(x * x for x in wxyz))
+    if not abs(norm - 1.0) <= NORM_TOLERANCE:
+        raise ValueError(f"its quaternion has norm {norm:.6g}, not 1")
+    w, x, y, z = wxyz
+    return pose_of(position, Rotation.from_quat([x, y, z, w]))
+
+
+def quaternion(pose: Array, near: Sequence[float]) -> list[float]:
+    """Scalar-first quaternion of a pose, of the two that mean the same the one on the side of `near`."""
+    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+    found = np.array([w, x, y, z])
+    return list(-found if found @ np.asarray(near) < 0.0 else found)
+
+
+def of_wpr(position: Sequence[float], wpr_deg: Sequence[float]) -> Array:
+    """Pose from W, P, R in degrees."""
+    return pose_of(position, Rotation.from_euler("xyz", wpr_deg, degrees=True))
+
+
+def wpr(pose: Array, near: Sequence[float]) -> list[float]:
+    """W, P, R in degrees, -180 to 180, of the two triples that mean the same the one nearest to `near`.
+
+    At P = +-90, where W and R turn about the same axis, W stays as it was.
+    """
+    rotation = pose[:3, :3]
+    cosine = math.hypot(rotation[0, 0], rotation[1, 0])
+    if cosine < 1e-9:
+        w = math.radians(near[0])
+        p = math.atan2(-rotation[2, 0], cosine)
+        sign = 1.0 if p > 0.0 else -1.0
+        r = sign * w - math.atan2(sign * rotation[0, 1], rotation[1, 1])
+        candidates = [(w, p, r)]
+    else:
+        w = math.atan2(rotation[2, 1], rotation[2, 2])
+        p = math.atan2(-rotation[2, 0], cosine)
+        r = math.atan2(rotation[1, 0], rotation[0, 0])
+        candidates = [(w, p, r), (w + math.pi, math.pi - p, r + math.pi)]
+    near = [math.radians(angle) for angle in near]
+
+    def away(candidate: Sequence[float]) -> float:
+        return sum(math.remainder(a - b, 2.0 * math.pi) ** 2 for a, b in zip(candidate, near, strict=True))
+
+    return [math.degrees(math.remainder(angle, 2.0 * math.pi)) for angle in min(candidates, key=away)]
+
+
+def of_vector(position: Sequence[float], vector: Sequence[float]) -> Array:
+    """Pose from a rotation vector in rad."""
+    return pose_of(position, Rotation.from_rotvec(vector))
+
+
+def rotation_vector(pose: Array, near: Sequence[float]) -> list[float]:
+    """Rotation vector of a pose, rad, of those that differ by whole turns the one nearest to `near`."""
+    vector = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return list(vector)
+    axis = vector / angle
+    turns = round((float(axis @ np.asarray(near)) - angle) / (2.0 * math.pi))
+    return list(axis * (angle + 2.0 * math.pi * turns))
+
+
+def named_frames(option: str, texts: Sequence[str]) -> dict[str, Array]:
+    """Poses from `NAME=x,y,z,w,p,r` or, unnamed, `x,y,z,w,p,r` (mm, deg). Raises DataError naming the option."""
+    out: dict[str, Array] = {}
+    for text in texts:
+        name, equals, numbers = text.rpartition("=")
+        key = name.strip() if equals else UNNAMED
+        try:
+            values = [float(part) for part in numbers.split(",")]
+        except ValueError:
+            values = []
+        if len(values) != 6 or not all(math.isfinite(v) for v in values):
+            raise DataError(
+                f"'{text}' is not a frame.", do="Write NAME=x,y,z,w,p,r in mm and degrees.", key=option
+            )
+        if key.lower() in out:
+            raise DataError(f"'{key}' is given twice.", do="Give it once.", key=option)
+        out[key.lower()] = of_wpr(values[:3], values[3:])
+    return out

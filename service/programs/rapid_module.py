@@ -1,0 +1,211 @@
+"""What a RAPID module declares, which motion uses what with which tool and work object, and what it assigns.
+
+Only declarations of data and motion instructions are looked at; routines, structured statements and everything else
+pass by unread. Instructions and their arguments: the maker's reference, as sections of the `MOTIONS` table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from calib.errors import DataError
+from service.programs.syntax import Node, Token, Unknown, closing, lexer, literal, split
+from service.programs.text import line_of
+
+tokens_of = lexer("!", '"')
+
+_DATA = ("const", "pers", "var")
+_MOVED = ("offs", "reltool")  # functions that move a target along
+_DEEPEST = 8  # constants named by constants
+
+
+class Motion(NamedTuple):
+    """Which arguments of an instruction are targets, and which is the tool."""
+
+    targets: tuple[int, ...]
+    tool: int | None
+
+
+MOTIONS: dict[str, Motion] = {
+    "moveabsj": Motion((0,), None),
+    **dict.fromkeys(("movej", "movel", "movejdo", "moveldo", "movejao", "movelao"), Motion((0,), 3)),
+    **dict.fromkeys(("movejgo", "movelgo", "movejsync", "movelsync"), Motion((0,), 3)),
+    **dict.fromkeys(("movec", "movecdo", "movecao", "movecgo", "movecsync"), Motion((0, 1), 4)),
+    **dict.fromkeys(("triggl", "triggj"), Motion((0,), 4)),
+    "triggc": Motion((0, 1), 5),
+    "searchl": Motion((2,), 4),
+    **dict.fromkeys(("arcl", "arclstart", "arclend"), Motion((0,), 5)),
+}
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """`CONST robtarget p{2} := ...;`: name as written, type in small letters, tokens of the value."""
+
+    name: str
+    type: str
+    at: int
+    dimensions: tuple[int, ...]
+    value: tuple[Token, ...]
+
+
+@dataclass(frozen=True)
+class Use:
+    """One target of one motion: a name, or a literal in place; tool and work object as the instruction names them.
+
+    plain: the target itself, not one moved along by Offs or RelTool. unknown: why the argument is neither.
+    """
+
+    at: int
+    joints: bool
+    name: str
+    target: Node | None
+    tool: str
+    work_object: str
+    plain: bool = True
+    unknown: str = ""
+
+
+class Module:
+    """A RAPID module as far as it is read. Raises DataError where it cannot be one."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self._text, self._file = text, file
+        self._tokens = tokens_of(text, file)
+        words = {token.text.lower() for token in self._tokens if token.kind == "name"}
+        if not words & {"module", "proc", "robtarget", "jointtarget"}:
+            raise DataError(
+                "is not a RAPID module.", do="Give a .mod file as the controller saves it.", file=file, line=1
+            )
+        self._names_at: set[int] = set()
+        self.declarations: dict[str, list[Declaration]] = {}
+        for i, token in enumerate(self._tokens):
+            if token.kind == "name" and token.text.lower() in _DATA:
+                self._declare(i)
+        self.uses = tuple(use for i in range(len(self._tokens)) for use in self._motion(i))
+        self.assigned = self._assignments()
+
+    def line(self, at: int) -> int:
+        """Line number of a position."""
+        return line_of(self._text, at)
+
+    def constant(self, node: Node, depth: int = 0) -> Node:
+        """The literal behind a name, or the node itself. Raises Unknown for a name that has none."""
+        if node.kind != "name":
+            return node
+        found = self.declarations.get(node.text.lower(), [])
+        if len(found) != 1 or not found[0].value or found[0].dimensions or depth > _DEEPEST:
+            raise Unknown(node.start, f"'{node.text}' has no value in this module")
+        if node.text.lower() in self.assigned:
+            raise Unknown(node.start, f"'{node.text}' gets another value while the program runs")
+        return self.constant(literal(found[0].value), depth + 1)
+
+    def numbers(self, node: Node, count: int) -> list[float]:
+        """`count` numbers of a list. Raises Unknown when it holds anything else."""
+        values = [self.constant(item) for item in self.items(node, count)]
+        for value in values:
+            if value.kind != "number":
+                raise Unknown(node.start, f"'{value.text}' stands where a number is needed")
+        return [value.value for value in values]
+
+    def items(self, node: Node, count: int) -> tuple[Node, ...]:
+        """The `count` parts of a list. Raises Unknown when it is not one."""
+        found = self.constant(node)
+        if found.kind != "list" or len(found.items) != count:
+            raise Unknown(node.start, f"a list of {count} values is needed here")
+        return found.items
+
+    def _declare(self, i: int) -> None:
+        head = self._tokens[i + 1 : i + 4]
+        if len(head) < 3 or head[0].kind != "name" or head[1].kind != "name":
+            return
+        at, dimensions = i + 3, ()
+        if head[2].text == "{":
+            end = self._closing(i + 3)
+            sizes = [t.text for t in self._tokens[i + 4 : end] if t.text != ","]
+            dimensions = tuple(int(size) if size.isdecimal() else 0 for size in sizes)
+            at = end + 1
+        begins = self._tokens[at].text if at < len(self._tokens) else ""
+        if begins not in (":=", ";"):
+            return  # a parameter of a routine
+        value = self._until_semicolon(at + 1) if begins == ":=" else []
+        name = head[1].text
+        self._names_at.add(head[1].start)
+        self.declarations.setdefault(name.lower(), []).append(
+            Declaration(name, head[0].text.lower(), head[1].start, dimensions, tuple(value))
+        )
+
+    def _motion(self, i: int) -> list[Use]:
+        token = self._tokens[i]
+        motion = MOTIONS.get(token.text.lower()) if token.kind == "name" else None
+        follows = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
+        if motion is None or follows in (":=", "(", ")", ",", ";", ":"):
+            return []
+        parts = [part for part in split(self._until_semicolon(i + 1), ",", "\\") if part]
+        plain = [part for part in parts if part[0].text != "\\"]
+        options = {p[1].text.lower(): p[3:] for p in parts if p[0].text == "\\" and len(p) > 1}
+        tool = ""
+        if motion.tool is not None:
+            tool = _name_of(plain[motion.tool]) if motion.tool < len(plain) else "?"
+        work_object = _name_of(options["wobj"]) if "wobj" in options else "wobj0"
+        joints = token.text.lower() == "moveabsj"
+        return [
+            self._use(plain[k], joints=joints, tool=tool, work_object=work_object)
+            for k in motion.targets
+            if k < len(plain)
+        ]
+
+    def _use(self, part: Sequence[Token], *, joints: bool, tool: str, work_object: str) -> Use:
+        at = part[0].start
+        try:
+            node = literal(part)
+            plain = not (node.kind == "call" and node.text.lower() in _MOVED and node.items)
+            node = node if plain else node.items[0]
+            if node.kind in ("name", "element"):
+                return Use(at, joints, node.text, None, tool, work_object, plain)
+            if node.kind == "list" and plain:
+                return Use(at, joints, "", node, tool, work_object)
+            raise Unknown(at, f"'{self._text[node.start : node.end]}' is computed while the program runs")
+        except Unknown as unknown:
+            return Use(at, joints, "", None, tool, work_object, unknown=str(unknown))
+
+    def _assignments(self) -> dict[str, int]:
+        """Names of data that get a value outside their declaration -> line."""
+        out: dict[str, int] = {}
+        tokens = self._tokens
+        for i, token in enumerate(tokens[:-1]):
+            before = tokens[i - 1].text if i else ""
+            if token.kind != "name" or before in ("\\", ".") or token.start in self._names_at:
+                continue
+            j = i + 1
+            while j < len(tokens) - 1 and tokens[j].text in (".", "{"):
+                j = j + 2 if tokens[j].text == "." else self._closing(j) + 1
+            if j < len(tokens) and tokens[j].text == ":=":
+                out.setdefault(token.text.lower(), self.line(token.start))
+        return out
+
+    def _until_semicolon(self, at: int) -> list[Token]:
+        for i in range(at, len(self._tokens)):
+            if self._tokens[i].text == ";":
+                return self._tokens[at:i]
+        raise DataError(
+            "a statement is not ended.",
+            do="End it with ';'.",
+            file=self._file,
+            line=self.line(self._tokens[at - 1].start),
+        )
+
+    def _closing(self, at: int) -> int:
+        try:
+            return closing(self._tokens, at)
+        except Unknown as unknown:
+            raise DataError(
+                f"{unknown}.", do="Close it.", file=self._file, line=self.line(unknown.at)
+            ) from unknown
+
+
+def _name_of(part: Sequence[Token]) -> str:
+    """A plain name, '?' for anything else."""
+    return part[0].text if len(part) == 1 and part[0].kind == "name" else "?"

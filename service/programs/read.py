@@ -1,0 +1,69 @@
+"""Which dialect a program is written in, by its name's ending, and whether the robot understands it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import DataError
+from calib.robot import Robot
+from service.programs.fanuc import FanucProgram
+from service.programs.frames import KnownFrames
+from service.programs.program import Program
+from service.programs.rapid import RapidProgram
+from service.programs.target_table import TargetTable
+from service.programs.text import read_text
+from service.programs.urscript import UrScript
+
+RAPID, FANUC, URSCRIPT, TABLE = "RAPID module", "Fanuc program", "URScript", "target table"
+SUFFIXES = {
+    ".mod": RAPID,
+    ".modx": RAPID,
+    ".sys": RAPID,
+    ".prg": RAPID,
+    ".ls": FANUC,
+    ".script": URSCRIPT,
+    ".urscript": URSCRIPT,
+    ".csv": TABLE,
+}
+_MAKERS = {RAPID: "abb", FANUC: "fanuc", URSCRIPT: "universal robots"}
+
+
+def dialect_of(path: Path, robot: Robot) -> str:
+    """The dialect of a file. Raises DataError for an unknown ending, or a dialect of another maker's robots."""
+    dialect = SUFFIXES.get(path.suffix.lower())
+    if dialect is None:
+        raise DataError(
+            "is not a program known here.", do=f"Its name must end in {', '.join(SUFFIXES)}.", file=path
+        )
+    maker = robot.maker.casefold()
+    speaks = [d for d, name in _MAKERS.items() if maker.startswith(name)]
+    if dialect != TABLE and speaks and dialect not in speaks:
+        raise DataError(
+            f"is a {dialect}, and the model is of {robot.name} by {robot.maker}.",
+            do="Use the model of the robot that runs the program.",
+            file=path,
+        )
+    if dialect != TABLE and robot.joints != 6:
+        raise DataError(
+            f"is a {dialect}, and the robot has {robot.joints} joints.", do="Use a target table.", file=path
+        )
+    return dialect
+
+
+def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> Program:
+    """A program from its text. Raises DataError where it cannot be read."""
+    dialect = dialect_of(path, robot)
+    if dialect == TABLE:
+        return TargetTable(text, str(path), robot.joints, known)
+    world = np.eye(4)
+    world[:3, 3] = robot.controller_world_mm
+    reader = {RAPID: RapidProgram, FANUC: FanucProgram, URSCRIPT: UrScript}[dialect]
+    return reader(text, str(path), world, known)
+
+
+def read_program(path: Path, robot: Robot, known: KnownFrames) -> Program:
+    """Read a program file. Raises DataError."""
+    dialect_of(path, robot)
+    return parse(read_text(path), path, robot, known)

@@ -1,0 +1,85 @@
+"""How the nominal robot stands in the targets of a program: the joints that its controller would find for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.compensate import controller_angles
+from calib.inverse_kinematics import BRANCHES, Reached, inverse_kinematics, nearest_turns
+from calib.kinematics import Array
+from calib.robot import Robot
+from service.programs.program import Target
+
+
+def stands(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
+    """Controller angles (n, N), rad, NaN where they cannot be told, and why not, as sentence parts ('' where told).
+
+    Poses without a branch are solved nearest to the target before them. Raises DataError for poses of a robot that
+    has no inverse kinematics in closed form.
+    """
+    angles = np.full((len(targets), robot.joints), np.nan)
+    why = [target.refused for target in targets]
+    posed = [i for i, t in enumerate(targets) if t.flange is not None and not t.refused]
+    solved: dict[int, tuple[Array, tuple[Reached, ...]]] = {}
+    if posed:
+        flange = np.stack([t.flange for t in targets if t.flange is not None and not t.refused])
+        solutions = inverse_kinematics(robot, flange)
+        counted = controller_angles(robot, solutions.joints, coupling)
+        solved = {i: (counted[row], solutions.all_of(row)) for row, i in enumerate(posed)}
+    lower, upper = np.array(robot.lower), np.array(robot.upper)
+    before: Array | None = None
+    for i, target in enumerate(targets):
+        if why[i] or target.empty:
+            continue
+        if target.joints is not None:
+            angles[i] = target.joints
+        elif i in solved:
+            angles[i], why[i] = _chosen(target, *solved[i], before, lower, upper)
+        if not why[i]:
+            before = angles[i]
+    return angles, why
+
+
+def _chosen(
+    target: Target,
+    counted: Array,
+    reached: tuple[Reached, ...],
+    before: Array | None,
+    lower: Array,
+    upper: Array,
+) -> tuple[Array, str]:
+    """Of the solutions `counted` (8, 6) the one that the controller takes, or why there is none."""
+    nowhere = np.full(6, np.nan)
+    if target.branch is None:
+        if before is None:
+            return nowhere, "no joint target before it says how the arm stands: begin with one"
+        turned = nearest_turns(counted, before, lower, upper)
+        away = np.sum((turned - before) ** 2, axis=1)
+        if not np.any(np.isfinite(away)):
+            return nowhere, "it is out of reach, or beyond the joint limits, in every branch"
+        nearest = int(np.nanargmin(away))
+        return (turned[nearest], "") if reached[nearest] is Reached.YES else (nowhere, reached[nearest].value)
+    branch = BRANCHES.index(target.branch)
+    solution = counted[branch]
+    if reached[branch] is not Reached.YES:
+        return nowhere, f"{reached[branch]} ({target.branch})"
+    # Where the program asks for a turn it is that one, whether within the limits or not: told after the correction.
+    seed, lower, upper = np.zeros(6), lower.copy(), upper.copy()
+    for joint, (begin, end) in target.windows.items():
+        seed[joint], lower[joint], upper[joint] = 0.5 * (begin + end), -np.inf, np.inf
+    turned = nearest_turns(solution, seed, lower, upper)
+    if not np.all(np.isfinite(turned)):
+        return nowhere, f"it is beyond the joint limits ({target.branch})"
+    outside = leaves_window(target, turned)
+    return (nowhere, f"its configuration does not fit: {outside}") if outside else (turned, "")
+
+
+def leaves_window(target: Target, angles: Array) -> str:
+    """Which joint stands outside the turns that the program asks for, as a sentence part; '' where none does."""
+    for joint, (begin, end) in target.windows.items():
+        if not begin <= angles[joint] <= end:
+            asked = f"{np.degrees(begin):.1f} to {np.degrees(end):.1f}"
+            return f"joint {joint + 1} stands at {np.degrees(angles[joint]):.2f} deg, asked for is {asked}"
+    return ""

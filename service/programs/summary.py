@@ -1,0 +1,105 @@
+"""The summary of a corrected program: a table for people, a document for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from calib.units import DEG
+from service import wording
+from service.programs.compensation import CORRECTED, EMPTY, REFUSED, Compensation, Outcome
+
+FORMAT = "truepose-compensation/1"
+_SHOWN = 40  # targets on a terminal; the JSON holds all
+
+
+def document(done: Compensation) -> dict[str, Any]:
+    """Counts, largest figures, and every target."""
+    corrected = done.of(CORRECTED)
+    return {
+        "corrected": len(corrected),
+        "refused": len(done.of(REFUSED)),
+        "empty": len(done.of(EMPTY)),
+        "largest_move_mm": _largest([o.moved[0] for o in corrected]),
+        "largest_quantisation_mm": _largest([o.quantised[0] for o in corrected]),
+        "targets": [
+            {
+                "target": o.target.name,
+                "line": o.target.line,
+                "kind": o.target.kind,
+                "status": o.status,
+                "reason": o.why or None,
+                "moved_mm": _number(o.moved[0]),
+                "moved_deg": _number(o.moved[1] / DEG),
+                "largest_joint_change_deg": _number(o.turned / DEG),
+                "quantised_mm": _number(o.quantised[0]),
+                "quantised_deg": _number(o.quantised[1] / DEG),
+                "notes": list(o.target.notes),
+            }
+            for o in done.outcomes
+        ],
+    }
+
+
+def shown(done: Compensation) -> Iterator[RenderableType]:
+    """Every target with its move and its rounding; what was refused comes first and whole."""
+    for outcome in done.of(REFUSED):
+        yield Text(f"{refusal(outcome)}.")
+    table = Table(
+        title="Targets", title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
+    )
+    for i, name in enumerate(
+        ("target", "line", "moved mm", "moved deg", "joints deg", "rounded mm", "rounded deg", "")
+    ):
+        table.add_column(name, justify="left" if i in (0, 7) else "right", overflow="fold")
+    listed = [o for o in done.outcomes if o.status != REFUSED]
+    for o in listed[:_SHOWN]:
+        if o.status == EMPTY:
+            figures = ["-"] * 5
+        else:
+            figures = [
+                f"{o.moved[0]:.3f}",
+                f"{o.moved[1] / DEG:.3f}",
+                f"{o.turned / DEG:.3f}",
+                f"{o.quantised[0]:.5f}",
+                f"{o.quantised[1] / DEG:.5f}",
+            ]
+        table.add_row(o.target.name, str(o.target.line), *figures, "; ".join(o.target.notes))
+    if listed:
+        yield table
+    if len(listed) > _SHOWN:
+        yield Text(f"... and {len(listed) - _SHOWN} more; --json tells all.")
+
+
+def refusal(outcome: Outcome) -> str:
+    """A refused target as a sentence without its full stop."""
+    return f"line {outcome.target.line}, target '{outcome.target.name}': {outcome.why}"
+
+
+def in_words(done: Compensation) -> str:
+    """One line for people."""
+    corrected, empty = done.of(CORRECTED), done.of(EMPTY)
+    parts = [f"{wording.counted(len(corrected), 'target')} corrected"]
+    if corrected:
+        parts.append(
+            f"moved by {np.max([o.moved[0] for o in corrected]):.3f} mm at most, "
+            f"rounded by {np.max([o.quantised[0] for o in corrected]):.5f} mm at most"
+        )
+    if empty:
+        parts.append(f"{len(empty)} never taught")
+    return ", ".join(parts)
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _largest(values: list[float]) -> float | None:
+    return _number(max(values)) if values else None

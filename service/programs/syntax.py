@@ -1,0 +1,151 @@
+"""Words and literals that RAPID and URScript share: numbers, names, strings, bracketed lists, and where they stand.
+
+Only what a literal can hold is understood; anything else is `Unknown`, with its line, and left alone by the caller.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from calib.errors import DataError
+from service.programs.text import line_of
+
+_OPEN, _CLOSE = "([{", ")]}"
+
+
+@dataclass(frozen=True)
+class Token:
+    """A word of the program: kind is 'number', 'name', 'string' or 'sign'."""
+
+    kind: str
+    text: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Node:
+    """A literal: kind is 'number', 'name', 'string', 'list', 'call' (name and arguments), 'element' (name{...})."""
+
+    kind: str
+    start: int
+    end: int
+    text: str = ""
+    value: float = 0.0
+    items: tuple[Node, ...] = ()
+
+
+class Unknown(Exception):
+    """Something this parser does not know, at a position of the text."""
+
+    def __init__(self, at: int, what: str) -> None:
+        super().__init__(what)
+        self.at = at
+
+
+def lexer(comment: str, quotes: str) -> Callable[[str, str], list[Token]]:
+    """A function (text, file) -> tokens, for a language whose comments begin with `comment` and end with the line."""
+    strings = "|".join(f"{q}[^{q}\n]*{q}" for q in quotes)
+    pattern = re.compile(
+        rf"(?P<space>\s+|{comment}[^\n]*)|(?P<string>{strings})|(?P<name>[^\W\d]\w*)"
+        r"|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<sign>:=|.)",
+    )
+
+    def tokens(text: str, file: str) -> list[Token]:
+        out = []
+        for match in pattern.finditer(text):
+            kind = match.lastgroup or "sign"
+            if kind == "space":
+                continue
+            if kind == "sign" and match.group() in quotes:
+                raise DataError(
+                    "a string is not closed.",
+                    do="Close it on its line.",
+                    file=file,
+                    line=line_of(text, match.start()),
+                )
+            out.append(Token(kind, match.group(), match.start(), match.end()))
+        return out
+
+    return tokens
+
+
+def closing(tokens: Sequence[Token], at: int) -> int:
+    """Index of the bracket that closes the one at `at`. Raises Unknown when there is none."""
+    depth = 0
+    for i in range(at, len(tokens)):
+        if tokens[i].kind == "sign" and tokens[i].text in _OPEN:
+            depth += 1
+        elif tokens[i].kind == "sign" and tokens[i].text in _CLOSE:
+            depth -= 1
+            if depth == 0:
+                return i
+    raise Unknown(tokens[at].start, "a bracket is not closed")
+
+
+def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
+    """The tokens between separators that stand in no bracket; a separator begins its part, but for ','."""
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for token in tokens:
+        if token.kind == "sign":
+            depth += (token.text in _OPEN) - (token.text in _CLOSE)
+            if depth == 0 and token.text in separators:
+                parts.append([] if token.text == "," else [token])
+                continue
+        parts[-1].append(token)
+    return parts
+
+
+def literal(tokens: Sequence[Token]) -> Node:
+    """All tokens as one literal. Raises Unknown for anything else."""
+    if not tokens:
+        raise Unknown(0, "nothing stands here")
+    node, used = _literal(tokens, 0)
+    if used != len(tokens):
+        raise Unknown(tokens[used].start, f"'{tokens[used].text}' is not part of a plain value")
+    return node
+
+
+def _literal(tokens: Sequence[Token], at: int) -> tuple[Node, int]:
+    if at >= len(tokens):
+        raise Unknown(tokens[-1].end, "the value ends too early")
+    token = tokens[at]
+    if token.kind == "sign" and token.text in "+-" and at + 1 < len(tokens):
+        number = tokens[at + 1]
+        if number.kind == "number":
+            value = float(number.text) * (-1.0 if token.text == "-" else 1.0)
+            return Node("number", token.start, number.end, token.text + number.text, value), at + 2
+    if token.kind == "number":
+        return Node("number", token.start, token.end, token.text, float(token.text)), at + 1
+    if token.kind == "string":
+        return Node("string", token.start, token.end, token.text), at + 1
+    if token.kind == "name":
+        follows = tokens[at + 1] if at + 1 < len(tokens) else None
+        if follows is not None and follows.kind == "sign" and follows.text in _OPEN:
+            end = closing(tokens, at + 1)
+            kind = {"(": "call", "{": "element", "[": "list"}[follows.text]
+            # The arguments of a call may be anything: only the first, where it is a plain value, is looked at.
+            items = _plain(tokens[at + 2 : end]) if kind == "call" else _items(tokens[at + 2 : end])
+            return Node(kind, token.start, tokens[end].end, token.text, items=items), end + 1
+        return Node("name", token.start, token.end, token.text), at + 1
+    if token.text == "[":
+        end = closing(tokens, at)
+        return Node("list", token.start, tokens[end].end, items=_items(tokens[at + 1 : end])), end + 1
+    raise Unknown(token.start, f"'{token.text}' is not part of a plain value")
+
+
+def _items(tokens: Sequence[Token]) -> tuple[Node, ...]:
+    return tuple(literal(part) for part in split(tokens, ",")) if tokens else ()
+
+
+def _plain(tokens: Sequence[Token]) -> tuple[Node, ...]:
+    out = []
+    for part in split(tokens, ","):
+        try:
+            out.append(literal(part))
+        except Unknown:
+            out.append(Node("unknown", part[0].start if part else 0, part[-1].end if part else 0))
+    return tuple(out)

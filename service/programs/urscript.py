@@ -1,0 +1,193 @@
+"""URScript: waypoints of movej, movel, movep, movec, as joint angles or poses, in place or by name.
+
+    q1 = [0.1, -1.57, 1.2, 0.0, 1.57, 0.0]        joint angles, rad; d2r(...) as well
+    movel(p[0.4, -0.2, 0.3, 0.0, 3.14, 0.0])      pose of the tool in the base, m and rotation vector, rad
+
+A pose does not say how the arm stands: the controller takes the solution nearest to where it stands, and so does this
+reader, from the waypoint before. The tool is that of `set_tcp`, or of the command line. Source: the maker's script
+manual, module motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib.compensate import inverse_poses
+from calib.errors import DataError
+from calib.kinematics import Array
+from service.programs import frames
+from service.programs.frames import UNNAMED, KnownFrames
+from service.programs.program import Driven, Target
+from service.programs.syntax import Node, Token, Unknown, closing, lexer, literal, split
+from service.programs.text import Edit, decimal, line_of
+
+PLACES = 8  # m and rad
+METRE = 1000.0
+
+tokens_of = lexer("#", "\"'")
+
+_MOTIONS = {"movej": 1, "movel": 1, "movep": 1, "movec": 2}  # how many waypoints
+_TOOL = "set_tcp"
+
+
+class UrScript:
+    """A URScript program. Raises DataError for a text that has a bracket or a string left open."""
+
+    def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
+        self.text = text
+        self._file, self._world = file, world
+        self._tokens = tokens_of(text, file)
+        self._values = self._assigned()
+        self._tool: Array | None = known.tools.get(UNNAMED)
+        self._seen: dict[str, Target] = {}
+        found: list[tuple[Target, Node | None]] = []
+        for i, token in enumerate(self._tokens[:-1]):
+            if token.kind == "name" and self._tokens[i + 1].text == "(":
+                if token.text == _TOOL:
+                    self._tool = self._set_tcp(i)
+                elif token.text in _MOTIONS:
+                    found += self._motion(i, _MOTIONS[token.text])
+        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self._nodes = tuple(node for _, node in found)
+
+    def edits(self, index: int, driven: Driven) -> list[Edit]:
+        """Edits of the numbers that differ."""
+        target, node = self.targets[index], self._nodes[index]
+        if node is None:
+            return []
+        if target.joints is not None:
+            return _set(node, driven.joints)
+        pose = inverse_poses(self._world) @ driven.flange @ target.tool
+        vector = frames.rotation_vector(pose, [_number(item) for item in node.items[3:]])
+        return _set(node, np.array([*(pose[:3, 3] / METRE), *vector]))
+
+    def _motion(self, i: int, count: int) -> list[tuple[Target, Node | None]]:
+        parts = split(self._tokens[i + 2 : self._closing(i + 1)], ",")
+        out = []
+        for part in parts[:count]:
+            at = part[0].start if part else self._tokens[i].start
+            line = line_of(self.text, at)
+            try:
+                node = literal(part)
+                name = node.text if node.kind == "name" else f"line {line}"
+                out += self._waypoint(name, line, node)
+            except Unknown as unknown:
+                why = f"is computed while the program runs: {unknown}"
+                out.append((Target(f"line {line}", line, refused=why), None))
+        return out
+
+    def _waypoint(self, name: str, line: int, node: Node) -> list[tuple[Target, Node | None]]:
+        if node.kind == "name":
+            values = self._values.get(node.text, [])
+            if len(values) != 1 or values[0] is None:
+                why = "is computed while the program runs" if values else "has no value in this program"
+                return [(Target(name, line, refused=why), None)]
+            node = values[0]
+            line = line_of(self.text, node.start)
+        target = self._read(Target(name, line), node)
+        if name in self._seen:  # a named waypoint used again: the same text, already a target
+            before = self._seen[name]
+            same = before.flange is None or np.allclose(before.tool, target.tool)
+            why = f"{name} is used with two tools: one correction cannot serve both"
+            return [] if same else [(Target(name, line, refused=why), None)]
+        if not name.startswith("line "):
+            self._seen[name] = target
+        return [(target, node if not target.refused else None)]
+
+    def _read(self, target: Target, node: Node) -> Target:
+        try:
+            if node.kind != "list" or node.text not in ("", "p") or len(node.items) != 6:
+                raise ValueError("is neither six joint angles nor a pose")
+            values = [_number(item) for item in node.items]
+            if node.text == "":
+                return replace(target, joints=np.array(values))
+            if self._tool is None:
+                raise ValueError("no set_tcp stands before it, so its tool is not known: give --tool")
+        except Unknown as unknown:
+            return replace(target, refused=f"is computed while the program runs: {unknown}")
+        except ValueError as error:
+            return replace(target, refused=str(error))
+        pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
+        return replace(target, flange=self._world @ pose @ inverse_poses(self._tool), tool=self._tool)
+
+    def _set_tcp(self, i: int) -> Array | None:
+        """The tool that is set; None when it is not a plain pose."""
+        try:
+            node = literal(split(self._tokens[i + 2 : self._closing(i + 1)], ",")[0])
+            if node.kind == "name":
+                (found,) = self._values.get(node.text, [None])
+                if found is None:
+                    return None
+                node = found
+            if node.text != "p" or len(node.items) != 6:
+                return None
+            values = [_number(item) for item in node.items]
+        except (Unknown, ValueError):
+            return None
+        return frames.of_vector([METRE * v for v in values[:3]], values[3:])
+
+    def _assigned(self) -> dict[str, list[Node | None]]:
+        """Every value that a name is given, None where it is computed or an element of it is changed."""
+        out: dict[str, list[Node | None]] = {}
+        depth = 0
+        for i, token in enumerate(self._tokens[:-1]):
+            if token.kind == "sign":
+                depth += (token.text == "(") - (token.text == ")")
+            if token.kind != "name":
+                continue
+            at = i + 1
+            element = self._tokens[at].text == "["
+            if element:
+                at = self._closing(at) + 1
+            if at + 1 >= len(self._tokens) or self._tokens[at].text != "=":
+                continue
+            # In brackets `name =` names an argument, as in movej(q, a=1.2).
+            if self._tokens[at + 1].text == "=" or depth > 0:
+                continue
+            out.setdefault(token.text, []).append(None if element else self._value(at + 1))
+        return out
+
+    def _value(self, at: int) -> Node | None:
+        """The literal that fills the rest of its line."""
+        end = self._tokens[at].start
+        tokens: list[Token] = []
+        depth = 0
+        for token in self._tokens[at:]:
+            if depth == 0 and "\n" in self.text[end : token.start]:
+                break
+            depth += (token.text in "([") - (token.text in ")]") if token.kind == "sign" else 0
+            tokens.append(token)
+            end = token.end
+        try:
+            return literal(tokens)
+        except Unknown:
+            return None
+
+    def _closing(self, at: int) -> int:
+        try:
+            return closing(self._tokens, at)
+        except Unknown as unknown:
+            raise DataError(
+                f"{unknown}.", do="Close it.", file=self._file, line=line_of(self.text, unknown.at)
+            ) from unknown
+
+
+def _number(node: Node) -> float:
+    """A number, or d2r of one. Raises Unknown for anything else."""
+    if node.kind == "number":
+        return node.value
+    if node.kind == "call" and node.text == "d2r" and len(node.items) == 1 and node.items[0].kind == "number":
+        return math.radians(node.items[0].value)
+    raise Unknown(node.start, f"'{node.text}' stands where a number is needed")
+
+
+def _set(node: Node, values: Array) -> list[Edit]:
+    return [
+        Edit(item.start, item.end, decimal(float(value), PLACES))
+        for item, value in zip(node.items, values, strict=True)
+        if abs(_number(item) - value) > 0.5 * 10.0**-PLACES
+    ]

@@ -1,0 +1,183 @@
+"""`truepose compensate`: exit codes, what is written and what is not, conditions, and the document for programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.cli import main
+from tests.service.campaigns import edit_text, write_data
+from tests.service.robot_programs import LS, RAPID, TABLE, write
+
+JOINTS = """target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg
+a,10,20,-30,40,50,60
+b,-20,30,-10,-40,-50,0
+"""
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A diagnosed IRB 120 with backlash in joint 4."""
+    folder = tmp_path_factory.mktemp("model")
+    path = folder / "m.json"
+    assert main(["diagnose", str(write_data(folder)), "--model", str(path)]) == 0
+    return path
+
+
+def run(model: Path, program: Path, *options: str) -> tuple[int, Path]:
+    out = program.with_name(f"out{program.suffix}")
+    return main(["compensate", str(model), str(program), str(out), *options]), out
+
+
+def document_of(model: Path, program: Path, *options: str) -> tuple[int, dict[str, Any]]:
+    result = program.with_name("r.json")
+    code, _ = run(model, program, *options, "--json", str(result))
+    return code, json.loads(result.read_text("utf-8"))
+
+
+def joints_of(path: Path) -> np.ndarray:
+    rows = path.read_text("utf-8").splitlines()[1:]
+    return np.array([[float(cell) for cell in row.split(",")[1:7]] for row in rows])
+
+
+def test_a_module_is_corrected_and_told(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out = run(model, write(tmp_path, "a.mod", RAPID))
+    shown = capsys.readouterr()
+    assert code == 0
+    assert out.read_text("utf-8") != RAPID
+    assert "6 targets corrected, moved by" in shown.out
+    for piece in ("p1", "path{2}", "approach from below", "rounded"):
+        assert piece in shown.out
+    assert "correcting 6 targets" in shown.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mod", "out.mod"]
+
+
+def test_the_document(model: Path, tmp_path: Path) -> None:
+    code, document = document_of(model, write(tmp_path, "a.mod", RAPID))
+    assert code == 0
+    assert document["format"] == "truepose-compensation/1"
+    assert document["robot"] == "abb-irb120"
+    assert (document["corrected"], document["refused"], document["empty"]) == (6, 0, 0)
+    assert document["conditions"]["side_of_model_joints"] == [1] * 6
+    first = document["targets"][0]
+    assert (first["target"], first["line"], first["kind"], first["status"]) == (
+        "j1",
+        11,
+        "joints",
+        "corrected",
+    )
+    assert 0.05 < first["moved_mm"] < 10.0
+    assert 0.0 <= first["quantised_mm"] < 1e-4
+    assert document["largest_move_mm"] == max(t["moved_mm"] for t in document["targets"])
+
+
+def test_json_on_standard_output_stands_alone(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _ = run(model, write(tmp_path, "t.csv", JOINTS), "--json", "-")
+    assert code == 0
+    assert json.loads(capsys.readouterr().out)["corrected"] == 2
+
+
+def test_with_a_refused_target_nothing_is_written_unless_asked_for(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = write(tmp_path, "t.csv", JOINTS.replace("-40,-50", "-40,0.1"))
+    code, document = document_of(model, program)
+    shown = capsys.readouterr()
+    assert code == 2
+    assert "t.csv, line 3: target 'b' cannot be corrected: close to a singular pose" in shown.err
+    assert document["out"] is None
+    assert document["targets"][1]["status"] == "refused"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["r.json", "t.csv"]
+    code, out = run(model, program, "--keep-refused")
+    assert code == 3
+    np.testing.assert_array_equal(joints_of(out)[1], [-20.0, 30.0, -10.0, -40.0, 0.1, 0.0])
+    assert np.max(np.abs(joints_of(out)[0] - [10, 20, -30, 40, 50, 60])) > 0.005
+
+
+def test_the_side_of_approach_moves_the_joint_with_backlash(model: Path, tmp_path: Path) -> None:
+    program = write(tmp_path, "t.csv", JOINTS)
+    stood = []
+    for side in ("below", "above", "1:1:1:-1:1:1"):
+        code, out = run(model, program, "--conditions", f"side={side}")
+        assert code == 0
+        stood.append(joints_of(out))
+    below, above, fourth = stood
+    assert np.min(np.abs(above - below)[:, 3]) > 0.01
+    np.testing.assert_allclose(
+        fourth, above, atol=2e-4
+    )  # nothing but the play of joint 4 depends on the side
+
+
+def test_the_payload_is_carried_by_the_compliances(model: Path, tmp_path: Path) -> None:
+    program = write(tmp_path, "t.csv", JOINTS)
+    moves = []
+    for condition in ("mass=0.1,cog=0:0:50", "mass=5,cog=0:0:150"):
+        code, document = document_of(model, program, "--conditions", condition)
+        assert code == 0
+        assert document["conditions"]["mass_kg"] == float(condition.split("=")[1].split(",")[0])
+        moves.append(joints_of(program.with_name("out.csv")))
+    assert np.max(np.abs(moves[1] - moves[0])) > 0.005
+
+
+def test_there_and_back(model: Path, tmp_path: Path) -> None:
+    _, out = run(model, write(tmp_path, "t.csv", JOINTS))
+    back = tmp_path / "back.csv"
+    assert main(["compensate", str(model), str(out), str(back), "--inverse"]) == 0
+    np.testing.assert_allclose(joints_of(back), joints_of(tmp_path / "t.csv"), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "what"),
+    [
+        ("side=left", "'--conditions side'"),
+        ("side=1:1", "'--conditions side'"),
+        ("sides=1", "'sides=1' is not a condition"),
+        ("time=1,time=2", "given twice"),
+        ("temperature=warm", "'--conditions temperature': 'warm' is not a number"),
+        ("temperature=nan", "'--conditions temperature'"),
+        ("mass=2", "'--conditions cog'"),
+        ("cog=1:2:3", "'--conditions mass'"),
+        ("mass=-1,cog=1:2:3", "above zero"),
+        ("series=night", "is not a series of the model"),
+    ],
+)
+def test_conditions_that_cannot_be(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], conditions: str, what: str
+) -> None:
+    code, out = run(model, write(tmp_path, "t.csv", JOINTS), "--conditions", conditions)
+    assert code == 2
+    assert what in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_programs_of_another_robot_and_names_that_mislead(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = write(tmp_path, "a.ls", LS)
+    assert run(model, program)[0] == 2
+    assert "a.ls: is a Fanuc program, and the model is of abb-irb120 by ABB" in capsys.readouterr().err
+    table = write(tmp_path, "t.csv", TABLE)
+    assert main(["compensate", str(model), str(table), str(tmp_path / "o.mod")]) == 2
+    assert "another kind of program" in capsys.readouterr().err
+    assert main(["compensate", str(model), str(table), str(table)]) == 2
+    assert "would be written over" in capsys.readouterr().err
+    assert main(["compensate", str(model), str(tmp_path / "no.csv"), str(tmp_path / "o.csv")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_a_damaged_model_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    damaged = tmp_path / "m.json"
+    damaged.write_bytes(model.read_bytes())
+    edit_text(damaged, '"truepose-model/1"', '"something/1"')
+    code, out = run(damaged, write(tmp_path, "t.csv", JOINTS))
+    assert code == 2
+    assert "is not a model file" in capsys.readouterr().err
+    assert not out.exists()
