@@ -15,7 +15,7 @@ import numpy as np
 from calib.dataset import Dataset
 from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.curves import with_curves
-from calib.diagnose.evidence import p_value
+from calib.diagnose.evidence import CLAIM, p_value
 from calib.diagnose.follow_up import FollowUp, Rival, follow_up
 from calib.diagnose.scan import Scores
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
@@ -27,7 +27,7 @@ from calib.held_out import errors_on
 from calib.identification import Identification
 from calib.identify import Progress, fit, identify, silent
 from calib.kinematics import Array
-from calib.model import RobotModel
+from calib.model import Design, RobotModel
 from calib.placing import base_model_of, place_nominal
 from calib.readings import readings_of
 from calib.statistics import ErrorStatistics, statistics_of
@@ -69,6 +69,16 @@ class Diagnosis:
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
     seconds: float
 
+    @property
+    def stretch(self) -> float | None:
+        """Held-out error over what the fit leaves on its own points: far above 1 the model extrapolates there."""
+        observed = self.final.readings.observed
+        if self.error_after is None or observed.points is None or observed.lengths is not None:
+            return None
+        design = Design(self.final.model, self.final.readings.conditions)
+        left = observed.points - design.frames(self.final.estimate, ()).p
+        return self.error_after.rms / float(np.sqrt(np.mean(np.sum(left**2, axis=0))))
+
 
 def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress = silent) -> Diagnosis:
     """Find what the base model of a data set lacks. Raises DataError when it cannot even be identified."""
@@ -87,12 +97,9 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         selection = replace(selection, fitted=screened)
         if unchanged:
             break
-    final = selection.fitted
-    space = Space.of(final)
-    scores = Scores(offers(Survey.of(final, dataset)), space)
     progress("weighing rivals of every effect")
-    found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
-    found.sort(key=lambda f: -f.evidence.explained_variance)
+    selection, space, named = _judged(dataset, selection)
+    final, found = selection.fitted, list(named)
     structure = left_over(space)
     curved = with_curves(dataset, selection, structure, progress=progress)
     if curved.effects != selection.effects:
@@ -116,9 +123,25 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
         error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
-        follow_up=_follow_up(dataset, final, found),
+        follow_up=_follow_up(dataset, selection.fitted, named),
         seconds=time.perf_counter() - begin,
     )
+
+
+def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, list[Found]]:
+    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first."""
+    while True:
+        fitted = selection.fitted
+        space = Space.of(fitted)
+        scores = Scores(offers(Survey.of(fitted, dataset)), space)
+        found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
+        found.sort(key=lambda f: -f.evidence.explained_variance)
+        weak = [f for f in found if f.evidence.p_value > CLAIM]
+        if not weak:
+            return selection, space, found
+        gone = weak[len(weak) // 2 :]
+        kept = tuple(e for e in selection.effects if all(e is not f.effect for f in gone))
+        selection = Selection(refit(dataset, fitted, kept), kept)
 
 
 def _screen(dataset: Dataset, base: Identification, selection: Selection) -> Identification:
