@@ -4,8 +4,9 @@ from acquisition.campaign import Campaign, campaign_from, read_campaign
 from acquisition.cell import Cell, cell_from, read_cell
 from acquisition.clock import Clock, ScaledClock
 from acquisition.devices import Devices, open_devices
-from acquisition.export import export
+from acquisition.export import export, export_events
 from acquisition.interrupt import pausing_on_interrupt
+from acquisition.lease import Lease
 from acquisition.run import Outcome, Run, checked_plan
 from acquisition.states import State
 from acquisition.status import RunStatus, read_status
@@ -17,6 +18,7 @@ __all__ = [
     "Clock",
     "Devices",
     "Event",
+    "Lease",
     "Outcome",
     "Run",
     "RunStatus",
@@ -26,6 +28,7 @@ __all__ = [
     "cell_from",
     "checked_plan",
     "export",
+    "export_events",
     "open_devices",
     "pausing_on_interrupt",
     "read_campaign",

@@ -32,12 +32,11 @@ class Attempts:
     def _begin(self, kind: str, visit: int, pose: int | None, arrival: int | None) -> int:
         now = self._store.moment()
         with self._store.changing() as db:
-            row = db.execute(
-                "INSERT INTO attempt (kind, visit, pose, arrival, began_utc, began_t_s) "
-                "VALUES (?, ?, ?, ?, ?, ?) RETURNING id",
+            return db.execute(
+                "INSERT INTO attempt (kind, visit, pose, arrival, began_utc, began_t_s, station) "
+                "SELECT ?, ?, ?, ?, ?, ?, station FROM campaign RETURNING id",
                 (kind, visit, pose, arrival, now.utc, now.t_s),
-            ).fetchone()
-        return row[0]
+            ).fetchone()[0]
 
     def arrived(self, attempt: int, reached: JointReading) -> None:
         """The robot stands in the pose."""
@@ -102,15 +101,15 @@ class Attempts:
             self._store.note(db, "prompt", id=prompt.id, text=prompt.text, expects=expects)
             self._store.change_state(db, State.WAITING, prompt.text)
 
-    def answered(self, prompt_id: str, answer: str, by: str) -> None:
+    def answered(self, prompt_id: str, answer: str, by: str, reason: str = "") -> None:
         """The answer, with which the campaign goes on; or VOID."""
         with self._store.changing() as db:
             db.execute(
-                "UPDATE prompt SET answer = ?, answered_by = ?, answered_utc = ? "
+                "UPDATE prompt SET answer = ?, answered_by = ?, reason = ?, answered_utc = ? "
                 "WHERE id = ? AND answer IS NULL",
-                (answer, by, self._store.moment().utc, prompt_id),
+                (answer, by, reason, self._store.moment().utc, prompt_id),
             )
-            self._store.note(db, "answer", id=prompt_id, answer=answer, by=by)
+            self._store.note(db, "answer", id=prompt_id, answer=answer, by=by, reason=reason)
             if answer != VOID:
                 self._store.change_state(db, State.RUNNING, "")
 

@@ -1,67 +1,94 @@
 """The campaign file `campaign.toml` (`truepose-campaign/1`): what to measure, how often, from which side.
 
-Angles deg, times s (campaign time, which a simulated cell runs `time_scale` times faster). A campaign says
-what; `acquisition.plan` turns it into poses for one cell.
+Angles deg, lengths mm, times s (campaign time, which a simulated cell runs `time_scale` times faster). A campaign
+says what; `acquisition.blocks` has its kinds of blocks, `acquisition.plan` turns it into poses for one cell.
 """
 
 from __future__ import annotations
 
-import csv
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import tomli_w
 
+from acquisition.blocks import read_block
+from acquisition.blocks.block import Approach, Block, Settle, read_approach, read_settle
+from acquisition.blocks.poses import read_poses
 from acquisition.toml_table import TomlTable, parse_toml
-from drivers.errors import ConfigError
+
+__all__ = [
+    "FORMAT",
+    "Approach",
+    "Block",
+    "Campaign",
+    "NestCheck",
+    "Settle",
+    "WarmUp",
+    "campaign_from",
+    "campaign_of_record",
+    "read_campaign",
+    "read_poses",
+]
 
 FORMAT = "truepose-campaign/1"
-SETS = ("calibration", "validation")
-_KEYS = "format name approach settle_s samples retries warm_up_s reference_every order seed block"
-KINDS = ("poses", "sweep", "repeat", "circle_point", "hexapod", "sphere")
-
-Joints = tuple[float, ...]
-Sides = Literal["one", "both"]
-Select = Literal["random", "file", "list", "observability"]
-DRAWN = ("random", "observability")
+_KEYS = (
+    "format name approach settle_s settle_check samples retries warm_up_s warm_up nest_check reference_every "
+    "order seed block"
+)
 
 
 @dataclass(frozen=True)
-class Approach:
-    """From where the last move starts: `offset_deg` on every joint; `both`: its sign drawn for each joint."""
+class WarmUp:
+    """The arm is warm when its last `over` readings of the reference pose lie within `below_mm` of each other.
 
-    offset_deg: float = -5.0
-    sides: Sides = "one"
+    They are `every_s` apart; after `at_most_s` a person decides.
+    """
+
+    below_mm: float
+    over: int
+    every_s: float
+    at_most_s: float
 
 
 @dataclass(frozen=True)
-class Block:
-    """Poses of one set. `joints_deg`: the poses themselves where they are given, else drawn (select in `DRAWN`)."""
+class NestCheck:
+    """The nests are measured again after `every` readings; one that moved more than `limit_mm` stops for a person."""
 
-    set: str
-    select: Select
-    count: int
-    targets: tuple[str, ...] | None
-    approach: Approach
-    joints_deg: tuple[Joints, ...] = ()
+    every: int
+    limit_mm: float
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """One campaign. `targets` of a block None: all of the cell. `source`: its text, kept in the record."""
+    """One campaign. `source`: its text, kept in the record."""
 
     blocks: tuple[Block, ...]
-    settle_s: float
+    settle: Settle
     samples: int
     retries: int
     warm_up_s: float
+    warm_up: WarmUp | None
+    nest_check: NestCheck | None
     reference_every: int
     shuffled: bool
     seed: int
     source: str = field(repr=False)
+
+    @property
+    def settle_s(self) -> float:
+        """Unless a block says otherwise."""
+        return self.settle.seconds
+
+    def settle_of(self, block: int) -> Settle:
+        """What a visit of the block with this number waits for; records of old have reference poses of none, -1."""
+        return self.settle if block < 0 else self.blocks[block].settle
+
+    def station_of(self, block: int) -> int:
+        """How often the instrument has been set up anew when the block is measured."""
+        return sum(each.new_station for each in self.blocks[: block + 1])
 
 
 def read_campaign(path: Path) -> Campaign:
@@ -87,17 +114,20 @@ def campaign_from(
     top = TomlTable(table, file)
     top.text("format", allowed=(FORMAT,))
     top.only(_KEYS.split())
-    approach = _approach(top.table("approach"), Approach())
+    approach = read_approach(top.table("approach"), Approach())
+    settle = read_settle(top, Settle(4.0, check=False))
     blocks = top.tables("block")
     if not blocks:
         raise top.refuse("block", "is missing: a campaign measures at least one [[block]].")
     folder = (beside or Path()) if read_files else None
     return Campaign(
-        blocks=tuple(_block(block, approach, folder) for block in blocks),
-        settle_s=top.number("settle_s", 4.0, low=0.0, high=3600.0),
+        blocks=_stations(blocks, tuple(read_block(block, approach, settle, folder) for block in blocks)),
+        settle=settle,
         samples=top.whole("samples", 100, low=1, high=100_000),
         retries=top.whole("retries", 2, high=100),
         warm_up_s=top.number("warm_up_s", 0.0, low=0.0, high=86_400.0),
+        warm_up=_warm_up(top),
+        nest_check=_nest_check(top),
         reference_every=top.whole("reference_every", 0),
         shuffled=top.text("order", "blocks", ("blocks", "shuffled")) == "shuffled",
         seed=top.whole("seed", 1, high=2**53),
@@ -105,64 +135,30 @@ def campaign_from(
     )
 
 
-def _approach(table: TomlTable, default: Approach) -> Approach:
-    table.only(("offset_deg", "sides"))
-    offset = table.number("offset_deg", default.offset_deg, low=-30.0, high=30.0)
-    if abs(offset) < 0.1:
-        raise table.refuse(
-            "offset_deg", f"is {offset:g}; without an approach, backlash spoils every reading."
+def _stations(tables: list[TomlTable], blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+    if blocks[0].new_station:
+        raise tables[0].refuse(
+            "new_station", "is true in the first block; the nests are measured there anyway."
         )
-    return Approach(offset, cast(Sides, table.text("sides", default.sides, ("one", "both"))))
+    return blocks
 
 
-def _block(table: TomlTable, approach: Approach, folder: Path | None) -> Block:
-    table.only(("kind", "set", "count", "select", "targets", "approach", "file", "joints_deg"))
-    kind = table.text("kind", "poses", KINDS)
-    if kind != "poses":
-        raise table.refuse("kind", f"is {kind!r}; this version measures kind = 'poses' only.")
-    select = table.text("select", "random", ("random", "file", "list", "observability"))
-    poses: tuple[Joints, ...] = ()
-    if select == "list":
-        poses = _listed(table)
-    elif select == "file" and folder is not None:
-        poses = read_poses(folder / table.text("file"))
-    return Block(
-        set=table.text("set", "calibration", SETS),
-        select=cast(Select, select),
-        count=table.whole("count", len(poses) or None, low=1) if select in DRAWN else len(poses),
-        targets=table.names("targets"),
-        approach=_approach(table.table("approach"), approach),
-        joints_deg=poses,
+def _warm_up(top: TomlTable) -> WarmUp | None:
+    if "warm_up" not in top.values:
+        return None
+    table = top.table("warm_up")
+    table.only(("below_mm", "over", "every_s", "at_most_s"))
+    return WarmUp(
+        below_mm=table.number("below_mm", low=1e-4, high=10.0),
+        over=table.whole("over", 3, low=2, high=100),
+        every_s=table.number("every_s", 300.0, low=0.0, high=3600.0),
+        at_most_s=table.number("at_most_s", 7200.0, low=0.0, high=86_400.0),
     )
 
 
-def _listed(table: TomlTable) -> tuple[Joints, ...]:
-    rows = table.values.get("joints_deg")
-    if not isinstance(rows, Sequence) or not rows:
-        raise table.refuse("joints_deg", "is missing or empty: select = 'list' needs the poses.")
-    width = len(rows[0]) if isinstance(rows[0], Sequence) else 0
-    return tuple(table.rows("joints_deg", width))
-
-
-def read_poses(path: Path) -> tuple[Joints, ...]:
-    """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ... Raises ConfigError naming the line."""
-    try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error}).") from error
-    names = [name.strip() for name in lines[0]] if lines else []
-    columns = []
-    while f"j{len(columns) + 1}_deg" in names:
-        columns.append(names.index(f"j{len(columns) + 1}_deg"))
-    if not columns:
-        raise ConfigError(f"{path}, line 1: has no columns j1_deg, j2_deg, ...")
-    poses = []
-    for number, line in enumerate(lines[1:], start=2):
-        if any(cell.strip() for cell in line):
-            try:
-                poses.append(tuple(float(line[column]) for column in columns))
-            except (ValueError, IndexError) as error:
-                raise ConfigError(f"{path}, line {number}: a joint angle is not a number.") from error
-    if not poses:
-        raise ConfigError(f"{path}: has no poses.")
-    return tuple(poses)
+def _nest_check(top: TomlTable) -> NestCheck | None:
+    if "nest_check" not in top.values:
+        return None
+    table = top.table("nest_check")
+    table.only(("every", "limit_mm"))
+    return NestCheck(table.whole("every", low=1), table.number("limit_mm", low=1e-4, high=10.0))

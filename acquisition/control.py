@@ -1,4 +1,4 @@
-"""What people may ask of a running campaign, from any thread: to pause, or to stop now.
+"""What people and watchdogs may ask of a running campaign, from any thread: to pause, or to stop now.
 
 Pausing waits for the reading in hand. Stopping tells the robot at once, over its own connection, and never
 depends on anything that the sequencer is waiting for.
@@ -11,9 +11,11 @@ from collections.abc import Callable
 
 from acquisition.clock import Clock
 
+ON_REQUEST = "Paused on request."
+
 
 class Pausing(Exception):
-    """Unwinds the sequencer to a pause."""
+    """Unwinds the sequencer to a pause; its text is the reason."""
 
 
 class Stopping(Exception):
@@ -27,6 +29,7 @@ class Control:
         self._clock = clock
         self._stop = threading.Event()
         self._any = threading.Event()
+        self._reason = ON_REQUEST
         self._watchers: list[Callable[[], None]] = []
 
     @property
@@ -42,7 +45,10 @@ class Control:
         """Call `watcher` on every order; it must not block."""
         self._watchers.append(watcher)
 
-    def pause(self) -> None:
+    def pause(self, reason: str = ON_REQUEST) -> None:
+        """After the reading in hand. The first reason counts."""
+        if not self._any.is_set():
+            self._reason = reason
         self._any.set()
         self._tell()
 
@@ -59,7 +65,7 @@ class Control:
         """Raises Stopping or Pausing."""
         self.check_stop()
         if self._any.is_set():
-            raise Pausing
+            raise Pausing(self._reason)
 
     def check_stop(self) -> None:
         """Raises Stopping."""

@@ -28,7 +28,7 @@ class Desk:
         self._control = control
         self._changed = threading.Condition()
         self._pending: Prompt | None = None
-        self._answer: tuple[Answer, str] | None = None
+        self._answer: tuple[Answer, str, str] | None = None  # answer, who, why
         self._failure: AcquisitionError | None = None
         self._asker: threading.Thread | None = None
         control.watch(self._wake)
@@ -37,9 +37,13 @@ class Desk:
         with self._changed:
             self._changed.notify_all()
 
-    def ask(self, text: str, picture: str | None = None) -> Answer:
-        """Wait for a person. Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer."""
-        prompt = Prompt(uuid.uuid4().hex[:12], text, CHOICES, picture)
+    def ask(self, text: str, picture: str | None = None, *, redo: bool = False) -> tuple[Answer, str]:
+        """Wait for a person: the answer and its reason. `redo`: the last reading may be asked for once more.
+
+        Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
+        """
+        choices = (*CHOICES, Answer.REDO) if redo else CHOICES
+        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture)
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None
         self._attempts.ask(prompt)
@@ -56,10 +60,10 @@ class Desk:
                 raise failure
             self._control.check()
             raise AssertionError("woken without a reason")
-        self._attempts.answered(prompt.id, answer[0].value, answer[1])
-        return answer[0]
+        self._attempts.answered(prompt.id, answer[0].value, answer[1], answer[2])
+        return answer[0], answer[2]
 
-    def answer(self, prompt_id: str, answer: Answer, by: str) -> None:
+    def answer(self, prompt_id: str, answer: Answer, by: str, reason: str = "") -> None:
         """From any thread. Raises UnknownPrompt for a prompt that is not being asked."""
         with self._changed:
             pending = self._pending
@@ -67,7 +71,7 @@ class Desk:
                 raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
             if answer not in pending.expects:
                 raise UnknownPrompt(f"prompt {prompt_id} does not expect {answer.value}", device="operator")
-            self._answer = (answer, by)
+            self._answer = (answer, by, reason)
             self._changed.notify_all()
 
     def _put(self, operator: Operator, prompt: Prompt) -> None:
@@ -81,7 +85,7 @@ class Desk:
             return
         with self._changed:
             if self._pending is prompt and self._answer is None:
-                self._answer = (answer, type(operator).__name__)
+                self._answer = (answer, type(operator).__name__, "")
                 self._changed.notify_all()
 
     def _withdraw(self, prompt: Prompt) -> None:

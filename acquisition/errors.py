@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.errors import Busy, ConfigError, Refused
+from drivers.errors import Busy, ConfigError, Refused, StorageError
 
 
 class RecordInUse(Busy):
@@ -11,6 +11,14 @@ class RecordInUse(Busy):
     code = 3101
     exit_code = 4
     advice = "End the other program that runs this campaign, or look at it with 'campaign status'."
+
+
+class RobotInUse(Busy):
+    """Another campaign of this computer moves this robot."""
+
+    code = 3106
+    exit_code = 4
+    advice = "Wait until the other campaign has ended, or pause it; one robot obeys one campaign at a time."
 
 
 class UnsafePlan(Refused):
@@ -42,6 +50,22 @@ class IllegalTransition(Refused):
 
     code = 3105
     advice = "Look at the state of the campaign: a finished one cannot be run again."
+
+
+class RecordTaken(StorageError):
+    """Another program writes this record now, past the lock of its owner."""
+
+    code = 5101
+    advice = "Find out which other program runs this campaign and end one of the two, then resume."
+
+
+class ClockJumped(StorageError):
+    """The calendar stepped against the steady clock, so that the times between readings are in doubt."""
+
+    code = 5102
+    advice = (
+        "The computer slept, or its clock was set: look at its date and time and at the cell, then resume."
+    )
 
 
 class RecordError(ConfigError):

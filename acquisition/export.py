@@ -2,11 +2,13 @@
 
 Points in the world frame of the nests; angles as commanded, with the approach point before them and the side of
 approach; the controller's read-back beside them. Readings that were given up stay in the file as
-`rejected:REASON` without a point.
+`rejected:REASON` without a point, those that were measured again with theirs. `station` counts the places of the
+instrument, where it had several. `export_events` writes what happened as JSON lines.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from pathlib import Path
@@ -19,15 +21,34 @@ from acquisition.errors import RecordError
 from acquisition.store import Store
 from calib.convert.table import Table
 from calib.effects.base_model import DEFAULT_GROUPS
+from calib.files import replace_file
 
 _ROWS = """
 SELECT attempt.*, pose.set_name, pose.target, pose.joints_deg, pose.sides, pose.approach_deg,
-       pose.status AS outcome, pose.reason, arrival.read_deg AS reached_deg
+       pose.reason, pose.replaced_by, arrival.read_deg AS reached_deg
 FROM attempt JOIN pose ON pose.id = attempt.pose LEFT JOIN attempt AS arrival ON arrival.id = attempt.arrival
 WHERE pose.kind = 'pose' AND (attempt.status = 'good' OR (pose.status = 'skipped' AND attempt.id = (
       SELECT max(id) FROM attempt AS last WHERE last.pose = pose.id)))
 ORDER BY attempt.id
 """
+
+
+def export_events(record_dir: Path, out: Path) -> int:
+    """Write every event of a record, oldest first, one JSON object a line. Returns how many.
+
+    Raises RecordError, StorageError, OSError.
+    """
+    store = Store.open(record_dir, writer=False)
+    try:
+        text, number = io.StringIO(), 0
+        while events := store.events(number):
+            for event in events:
+                text.write(json.dumps(event.as_dict()) + "\n")
+            number = events[-1].id
+    finally:
+        store.close()
+    replace_file(out, text.getvalue())
+    return number
 
 
 def export(record_dir: Path, out: Path) -> Path:
@@ -42,7 +63,7 @@ def export(record_dir: Path, out: Path) -> Path:
         world = store.world
     finally:
         store.close()
-    if world is None or not any(row["status"] == "good" for row in rows):
+    if world is None or not any(_counts(row) for row in rows):
         raise RecordError(f"{record_dir}: holds no reading of a pose yet")
     station = tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
@@ -71,8 +92,14 @@ def _columns(rows: list[dict[str, Any]], joints: int) -> dict[str, list[str]]:
     for axis in "xyz":
         columns[f"{axis}_mm"] = [_text(row[f"world_{axis}_mm"], 6) for row in rows]
     columns["t_air_c"] = [_text(row["t_air_c"], 3) for row in rows]
-    columns["status"] = ["ok" if row["status"] == "good" else f"rejected:{row['reason']}" for row in rows]
+    if len({row["station"] for row in rows}) > 1:
+        columns["station"] = [str(row["station"]) for row in rows]
+    columns["status"] = ["ok" if _counts(row) else f"rejected:{row['reason']}" for row in rows]
     return columns
+
+
+def _counts(row: dict[str, Any]) -> bool:
+    return row["status"] == "good" and row["replaced_by"] is None
 
 
 def _text(value: float | None, decimals: int) -> str:

@@ -1,28 +1,33 @@
 """The closed loop: measure, find what the model lacks, correct targets, drive them, measure where the robot lands.
 
     campaign 1 -> data set -> diagnosis -> corrected targets of new poses -> campaign 2 -> verification
+                             | ambiguous                                ^
+                             v                                          |
+               follow-up poses -> campaign -> data sets merged -> diagnosis
 
-Every step is a function of the one before; `close_loop` runs them. The same clock serves both campaigns, so that a
+Every step is a function of the one before; `close_loop` runs them. The same clock serves all campaigns, so that a
 drift goes on where it was. Corrections hold for an approach from one side, and for the time and the air temperature
 at which the targets will be measured; where the model follows these, every pose is corrected just before it is driven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from acquisition.campaign import FORMAT, Campaign, campaign_from
+from acquisition.campaign import Campaign, campaign_from
 from acquisition.cell import Cell
 from acquisition.clock import Clock
+from acquisition.corrected import APPROACH_DEG, campaign_of, clear, correction, follows_conditions
 from acquisition.devices import Devices
 from acquisition.errors import UnsafePlan
 from acquisition.export import export
+from acquisition.follow_up import campaign_table, in_cell
+from acquisition.merge import Part, frame_of_part, merge
 from acquisition.plan import DECIMALS
 from acquisition.poses import draw_poses
 from acquisition.run import Outcome, Run
@@ -38,17 +43,15 @@ from acquisition.verification import (
     verification_of,
     world_of,
 )
-from acquisition.workspace import above_table, outside_boxes, points_of_arm
 from acquisition.world_frame import WorldFrame
-from calib.compensate import Correction, StatedConditions, correct
+from calib.compensate import StatedConditions
 from calib.dataset import Dataset, read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose.follow_up import FollowUp
 from calib.kinematics import Array
 from calib.units import DEG
 
-APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
 FEW = 1  # poses that are corrected at once where the model follows time or temperature
-_FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 _NEW_POSES = 77  # random stream, beside those of the plan
 
 Guard = Callable[[Run], AbstractContextManager[None]]
@@ -94,13 +97,23 @@ class Targets:
 
 
 @dataclass(frozen=True)
+class FollowedUp:
+    """The middle step: what was ambiguous, the poses that were to settle it, and how many readings they brought."""
+
+    before: Diagnosis
+    poses: FollowUp
+    readings: int
+
+
+@dataclass(frozen=True)
 class LoopResult:
-    """What the loop found and proved."""
+    """What the loop found and proved. followed_up: None where nothing was ambiguous, or no pose would have helped."""
 
     data: Path
     diagnosis: Diagnosis
     targets: Targets
     verification: Verification
+    followed_up: FollowedUp | None
 
 
 def close_loop(
@@ -108,16 +121,55 @@ def close_loop(
 ) -> LoopResult:
     """Run the whole loop; records in `folder`/campaign1, campaign2, ...; data set in `folder`/data.csv.
 
+    Follow-up poses are recorded in `folder`/campaign_follow_up; data.csv then holds both, data1.csv the first alone.
     poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
     the readings cannot be used, ConfigError or UnsafePlan before anything moves.
     """
     say("campaign 1: calibration and validation poses")
     first = measure(equipment, campaign, folder / "campaign1")
     data = export(first.record, folder / "data.csv")
-    dataset = read_dataset(data)
-    diagnosis = diagnose(dataset, progress=say)
+    diagnosis = diagnose(read_dataset(data), progress=say)
+    last, followed_up = first, None
+    planned = follow_up_of(equipment.cell, diagnosis)
+    if planned is not None:
+        say(f"follow-up: {len(planned.joints)} poses that tell {_rivals_in_words(planned)} apart")
+        last = measure(
+            equipment,
+            campaign_from(campaign_table(planned, campaign), "follow-up campaign"),
+            folder / "campaign_follow_up",
+        )
+        alone = len(diagnosis.dataset)
+        data = join(equipment.cell, first, last, folder)
+        before, diagnosis = diagnosis, diagnose(read_dataset(data), progress=say)
+        followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
     say("campaign 2: driving corrected targets")
-    return verify(equipment, campaign, folder, first, data, diagnosis, poses)
+    return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
+
+
+def follow_up_of(cell: Cell, diagnosis: Diagnosis) -> FollowUp | None:
+    """The poses of a cell that tell the rivals of a diagnosis apart; None where there are none, or no pose helps.
+
+    Raises ConfigError when hardly any pose is clear.
+    """
+    if diagnosis.follow_up is None:
+        return None
+    planned = in_cell(cell, diagnosis.final, diagnosis.follow_up.rivals)
+    return planned if planned.helps else None
+
+
+def join(cell: Cell, first: Measured, later: Measured, folder: Path) -> Path:
+    """One data set, `folder`/data.csv, of a first campaign and its follow-up; data1.csv keeps the first alone."""
+    world = world_of(first.record)
+    alone = export(first.record, folder / "data1.csv")
+    added = export(later.record, folder / "data_follow_up.csv")
+    part = Part(added, later.began_s - first.began_s, frame_of_part(later.record, world, cell.nests))
+    return merge(alone, world, [part], folder / "data.csv")
+
+
+def _rivals_in_words(planned: FollowUp) -> str:
+    pairs = [f"{label} and {rival}" for label, rival in planned.separations]
+    more = len(pairs) - 1
+    return pairs[0] + (f" (and {more} other pair{'s' if more > 1 else ''})" if more else "")
 
 
 def measure(equipment: Equipment, campaign: Campaign, record: Path) -> Measured:
@@ -138,18 +190,22 @@ def verify(
     campaign: Campaign,
     folder: Path,
     first: Measured,
+    last: Measured,
     data: Path,
     diagnosis: Diagnosis,
+    followed_up: FollowedUp | None,
     poses: int,
 ) -> LoopResult:
-    """Drive corrected targets of new poses, and the same uncorrected, and judge where the robot landed."""
+    """Drive corrected targets of new poses, and the same uncorrected, and judge where the robot landed.
+
+    first: the campaign whose world frame and clock count; last: the one measured last.
+    """
     dataset = diagnosis.dataset
     world = world_of(first.record)
-    wanted, refused = new_targets(equipment, campaign, dataset, diagnosis, first, poses)
+    wanted, refused = new_targets(equipment, campaign, dataset, diagnosis, first, last, poses)
     size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)
     batches: list[Judged] = []
     sent: list[Array] = []
-    last = first
     for number, begin in enumerate(range(0, len(wanted), size), start=2):
         goals = wanted[begin : begin + size]
         stated = conditions_soon(equipment, dataset, first, last)
@@ -168,7 +224,8 @@ def verify(
     both = np.vstack(sent)
     half = both.shape[1] // 2
     verification = verification_of(batches, len(both), refused, f"{APPROACH_DEG:g} deg on every joint")
-    return LoopResult(data, diagnosis, Targets(both[:, :half], both[:, half:], tuple(refused)), verification)
+    targets = Targets(both[:, :half], both[:, half:], tuple(refused))
+    return LoopResult(data, diagnosis, targets, verification, followed_up)
 
 
 def _judged(
@@ -192,6 +249,7 @@ def new_targets(
     dataset: Dataset,
     diagnosis: Diagnosis,
     first: Measured,
+    last: Measured,
     poses: int,
 ) -> tuple[Array, list[str]]:
     """Joint angles (k, N), deg, of random new poses whose correction can be driven, and why others cannot.
@@ -201,13 +259,13 @@ def new_targets(
     rng = np.random.default_rng([campaign.seed, _NEW_POSES])
     drawn = draw_poses(equipment.cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
     goals = np.array([joints for joints, _ in drawn])
-    done = correction(equipment.cell, diagnosis, goals, conditions_soon(equipment, dataset, first, first))
+    done = correction(equipment.cell, diagnosis, goals, conditions_soon(equipment, dataset, first, last))
     near_table = done.good & ~clear(equipment.cell, np.where(done.good[:, None], done.joints / DEG, goals))
     good = done.good & ~near_table
-    last = int(np.flatnonzero(good)[:poses][-1]) if good.any() else -1
-    reasons = [r for r in done.reasons[: last + 1] if r]
-    reasons += ["its correction comes too close to table or boxes"] * int(near_table[: last + 1].sum())
-    if last < 0:
+    end = int(np.flatnonzero(good)[:poses][-1]) if good.any() else -1
+    reasons = [r for r in done.reasons[: end + 1] if r]
+    reasons += ["its correction comes too close to table or boxes"] * int(near_table[: end + 1].sum())
+    if end < 0:
         raise UnsafePlan(f"none of {len(goals)} new poses can be corrected: {reasons[0] if reasons else ''}")
     return goals[good][:poses], reasons
 
@@ -229,55 +287,3 @@ def conditions_soon(
         loads=dataset.header.loads,
         gravity=dataset.header.gravity,
     )
-
-
-def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
-    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach."""
-    limits = np.array(cell.robot.limits_deg)
-    room = 10.0**-DECIMALS  # what rounding may add
-    limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
-    final = diagnosis.final
-    return correct(final.model, final.estimate, goals_deg * DEG, stated, limits=limits)
-
-
-def clear(cell: Cell, joints_deg: Array) -> Any:
-    """(n,) whether arm and tool are clear of table and boxes, at the targets and at their approach points."""
-    good = np.ones(len(joints_deg), dtype=bool)
-    for stand in (joints_deg, joints_deg + APPROACH_DEG):
-        points = points_of_arm(cell, np.nan_to_num(stand))
-        good &= above_table(cell, points) & outside_boxes(cell, points)
-    return good
-
-
-def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
-    """Whether the corrected joints depend on time or temperature more than a little."""
-    stated = StatedConditions(temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
-    final, joints = diagnosis.final, goals_deg * DEG
-    at = correct(final.model, final.estimate, joints, stated).joints
-    for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
-        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at)
-        # An arm of half a metre turns an angle into a length.
-        if 500.0 * float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
-            return True
-    return False
-
-
-def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Campaign:
-    """Corrected targets first, then the same uncorrected; settle time, samples and retries as in `like`."""
-    return campaign_from(
-        {
-            "format": FORMAT,
-            "seed": like.seed,
-            "approach": {"offset_deg": APPROACH_DEG, "sides": "one"},
-            "settle_s": like.settle_s,
-            "samples": like.samples,
-            "retries": like.retries,
-            "block": [_block(corrected_deg), _block(wanted_deg)],
-        },
-        "verification campaign",
-    )
-
-
-def _block(joints_deg: Array) -> dict[str, Any]:
-    rows: Sequence[Sequence[float]] = joints_deg.tolist()
-    return {"kind": "poses", "set": "validation", "select": "list", "joints_deg": rows}

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.cell import Cell
-from acquisition.workspace import above_table, cone_deg, facing, outside_boxes, points_of_arm
+from acquisition.workspace import cone_deg, facing, may_stand
 from drivers.errors import ConfigError
 
 _BATCH = 500
@@ -72,11 +72,8 @@ def draw_candidates(
         joints = np.round(rng.uniform(least, most_deg), decimals)
         seen = facing(cell, joints, targets)
         joints, sides = joints[seen], sides[seen]
-        clear = np.ones(len(joints), dtype=bool)
-        for stand in (joints, joints - sides * reach):
-            points = points_of_arm(cell, stand)
-            clear &= above_table(cell, points) & outside_boxes(cell, points)
-            clear &= np.all((stand >= low) & (stand <= high), axis=1)  # rounding may have left them
+        # Within the limits they were drawn; rounding may have left them.
+        clear = may_stand(cell, joints) & may_stand(cell, joints - sides * reach)
         chosen = np.flatnonzero(clear)[: most - len(found)]
         found += [(tuple(float(q) for q in joints[i]), tuple(int(side) for side in sides[i])) for i in chosen]
     return found

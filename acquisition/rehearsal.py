@@ -10,15 +10,19 @@ import csv
 import io
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from acquisition.campaign import Campaign, read_campaign
 from acquisition.cell import Cell, read_cell
 from acquisition.devices import Devices, open_devices
 from acquisition.loop import Targets
+from acquisition.plan import DECIMALS
+from acquisition.poses import draw_poses
 from acquisition.run import checked_plan
 from calib.files import replace_file
 from drivers.link import WireLog, WireSink
@@ -26,6 +30,11 @@ from drivers.link import WireLog, WireSink
 TIME_SCALE = 100.0  # a session of some 40 min in 24 s
 SECONDS_PER_READING = 7.5  # what a reading takes on the simulated cell, moves and pauses shared out
 CALIBRATION, VALIDATION = 60, 40
+NARROW = 0.35
+"""Share of the joint ranges of a narrow start: there effects look alike that a wide one tells apart."""
+_NARROW_STREAM = 78
+_APPROACH_DEG = -5.0
+_ROOM_MM = 180.0  # above the table: by so much an approach from any side may lower the arm
 
 CELL: dict[str, Any] = {
     "format": "truepose-cell/1",
@@ -61,7 +70,7 @@ def campaign_table(seed: int, calibration: int = CALIBRATION, validation: int = 
         "format": "truepose-campaign/1",
         "seed": seed,
         "order": "shuffled",
-        "approach": {"offset_deg": -5.0, "sides": "both"},
+        "approach": {"offset_deg": _APPROACH_DEG, "sides": "both"},
         "settle_s": 4.0,
         "samples": 100,
         "retries": 2,
@@ -69,6 +78,18 @@ def campaign_table(seed: int, calibration: int = CALIBRATION, validation: int = 
         "reference_every": 25,
         "block": [{"kind": "poses", "set": name, "count": n, "select": "random"} for name, n in blocks],
     }
+
+
+def narrow_block(cell: Cell, seed: int, count: int) -> dict[str, Any]:
+    """A block of so many calibration poses in the middle of the joint ranges. Raises ConfigError."""
+    low, high = np.array(cell.robot.limits_deg).T
+    middle, half = 0.5 * (low + high), 0.5 * NARROW * (high - low)
+    limits = tuple(zip((middle - half).tolist(), (middle + half).tolist(), strict=True))
+    robot = replace(cell.robot, limits_deg=limits, table_z_mm=cell.robot.table_z_mm + _ROOM_MM)
+    rng = np.random.default_rng([seed, _NARROW_STREAM])
+    drawn = draw_poses(replace(cell, robot=robot), count, rng, _APPROACH_DEG, both=False, decimals=DECIMALS)
+    poses = [list(joints) for joints, _ in drawn]
+    return {"kind": "poses", "set": "calibration", "select": "list", "joints_deg": poses}
 
 
 def write_files(
@@ -80,17 +101,17 @@ def write_files(
     calibration: int = CALIBRATION,
     validation: int = VALIDATION,
     seconds_per_reading: float = SECONDS_PER_READING,
+    narrow: bool = False,
 ) -> tuple[Cell, Campaign]:
     """Write OUT/cell.toml and OUT/campaign.toml and read them back.
 
     seconds_per_reading: times the readings it is the length of the session over which the simulator's drifts grow
-    and its air swings. Raises ConfigError, UnsafePlan, OSError.
+    and its air swings. narrow: the calibration poses keep to the middle of the joint ranges.
+    Raises ConfigError, UnsafePlan, OSError.
     """
     out.mkdir(parents=True, exist_ok=True)
     campaign_file, cell_file = out / "campaign.toml", out / "cell.toml"
     table = campaign_table(seed, calibration, validation)
-    replace_file(campaign_file, tomli_w.dumps(table))
-    campaign = read_campaign(campaign_file)
     simulation = {
         "seed": seed,
         "time_scale": time_scale,
@@ -98,6 +119,10 @@ def write_files(
         "seconds_per_reading": seconds_per_reading,
     }
     replace_file(cell_file, tomli_w.dumps(CELL | {"simulation": simulation}))
+    if narrow:
+        table["block"][0] = narrow_block(read_cell(cell_file), seed, calibration)
+    replace_file(campaign_file, tomli_w.dumps(table))
+    campaign = read_campaign(campaign_file)
     readings = sum(len(visit.targets) for visit in checked_plan(read_cell(cell_file), campaign))
     # Steps and drifts of the simulated session get their size over campaign 1.
     replace_file(cell_file, tomli_w.dumps(CELL | {"simulation": simulation | {"readings": readings}}))

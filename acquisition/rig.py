@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 
 from acquisition.control import Control
 from acquisition.devices import Devices
@@ -15,12 +16,20 @@ from drivers.errors import AcquisitionError, LinkError, Unmeasurable
 from drivers.interfaces import Identity, JointReading, PointReading
 
 
-class Rig:
-    """The devices of one execution. `met` is told who answers, and whether it can be stopped, on connecting."""
+@dataclass(frozen=True)
+class Met:
+    """A device that has just been connected. `read_deg`: where the robot stands; None for the instrument."""
 
-    def __init__(
-        self, devices: Devices, control: Control, met: Callable[[str, Identity, bool], None]
-    ) -> None:
+    role: str
+    who: Identity
+    can_stop: bool
+    read_deg: tuple[float, ...] | None
+
+
+class Rig:
+    """The devices of one execution. `met` is told of every connection, before anything moves."""
+
+    def __init__(self, devices: Devices, control: Control, met: Callable[[Met], None]) -> None:
         self._devices = devices
         self._control = control
         self._met = met
@@ -37,9 +46,11 @@ class Rig:
                 if role not in self._connected:
                     device.connect()
                     self._connected.add(role)
+                    stands = None
                     if role == "robot":
                         self._can_stop = self._devices.robot.can_stop
-                    self._met(role, device.identify(), self._can_stop)
+                        stands = self._devices.robot.position().joints_deg
+                    self._met(Met(role, device.identify(), self._can_stop, stands))
                 self._control.check_stop()
                 if role not in self._armed:
                     device.arm()
@@ -63,6 +74,11 @@ class Rig:
                 self.moving = False
         self._control.check_stop()
         return reached
+
+    def position(self) -> JointReading:
+        """Where the robot stands. Raises AcquisitionError."""
+        with self._using("robot"):
+            return self._devices.robot.position()
 
     def measure(self, target: str, samples: int, near_mm: Sequence[float] | None) -> PointReading:
         """A whole measurement. Raises AcquisitionError, Stopping."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -25,14 +26,16 @@ from acquisition.control import Control, Pausing, Stopping
 from acquisition.desk import Desk
 from acquisition.devices import Devices
 from acquisition.errors import NotResumed
+from acquisition.forecast import Forecast
+from acquisition.lease import Lease, only_mover
 from acquisition.plan import Visit, make_plan
-from acquisition.rig import Rig
+from acquisition.rig import Met, Rig
 from acquisition.sequencer import Sequencer
 from acquisition.states import State
 from acquisition.status import Pace, RunStatus, status_of
 from acquisition.store import Event, Moment, Store
 from drivers.errors import AcquisitionError, StorageError
-from drivers.interfaces import Answer, Identity
+from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
 
 LEAST_FREE_BYTES = 50_000_000
@@ -136,16 +139,23 @@ class Run:
         devices: Devices,
         clock: Clock | None = None,
         on_event: Callable[[Event], None] | None = None,
+        lease: Lease | None = None,
     ) -> Outcome:
         """Measure what is left; blocks. `clock` None: real, or scaled for a simulated run.
 
-        Raises NotResumed where nobody resumed it, StorageError where the record cannot even be started; later
-        errors of devices and record are in the outcome.
+        lease: of an owner who beats; when it ends, the run pauses. None: the caller lives as long as this call.
+        Raises RobotInUse, NotResumed where nobody resumed it, StorageError where the record cannot even be
+        started; later errors of devices and record are in the outcome.
         """
         simulated = bool(self._store.campaign["simulated"])
         clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
-        with self._store.listening(on_event or _ignore):
+        with ExitStack() as stack:
+            if not simulated:  # simulated cells are as many as one likes
+                stack.enter_context(only_mover(self.cell.robot.url))
+            stack.enter_context(self._store.listening(on_event or _ignore))
             execution = self._begin(devices, clock)
+            if lease is not None:
+                stack.enter_context(lease.watched(lambda: self._owner_is_silent(lease, execution.control)))
             sequencer = Sequencer(
                 self._store,
                 self.cell,
@@ -160,8 +170,8 @@ class Run:
             try:
                 sequencer.run()
                 ending, reason = self._verdict()
-            except Pausing:
-                reason = "Paused on request."
+            except Pausing as pausing:
+                reason = str(pausing)
             except Stopping:
                 ending, reason = State.STOPPED, "Stopped on request."
             except AcquisitionError as caught:
@@ -187,7 +197,9 @@ class Run:
             control = Control(clock)
             rig = Rig(devices, control, self._met)
             desk = Desk(Attempts(self._store), devices.operator, control)
-            pace = Pace(clock, sum(self._store.counts().get(s, 0) for s in ("measured", "skipped")))
+            done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
+            visits = dict.fromkeys(planned.visit for planned in self._store.plan())
+            pace = Pace(clock, done, Forecast.of(self.cell, self.campaign, list(visits)))
             self._execution = _Execution(control, rig, desk, pace)
             return self._execution
 
@@ -205,11 +217,12 @@ class Run:
         counts = self._store.counts()
         if not counts.get("measured"):
             return State.FAILED, "Not one pose could be measured."
-        skipped = counts.get("skipped", 0)
-        return (
-            State.SUCCEEDED,
-            f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped." if skipped else "",
-        )
+        remarks = []
+        if skipped := counts.get("skipped", 0):
+            remarks.append(f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped.")
+        if (stations := self._store.campaign["station"]) > 1:
+            remarks.append(f"The instrument was moved: its readings come from {stations} stations.")
+        return State.SUCCEEDED, " ".join(remarks)
 
     def _check_disk(self) -> None:
         folder = self._store.database.path.parent
@@ -224,15 +237,26 @@ class Run:
         base = max(last, since * clock.time_scale) - clock.now()
         return lambda: Moment(clock.utc(), base + clock.now())
 
-    def _met(self, role: str, who: Identity, can_stop: bool) -> None:
+    def _met(self, met: Met) -> None:
         """Told before anything moves: a robot that no program can stop needs a hand at its button."""
-        self._store.tell("connected", role=role, **asdict(who), can_stop=can_stop)
+        self._store.tell(
+            "connected", role=met.role, **asdict(met.who), can_stop=met.can_stop, read_deg=met.read_deg
+        )
+
+    def _owner_is_silent(self, lease: Lease, control: Control) -> None:
+        control.pause(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
+        with suppress(StorageError):  # the pause counts; where it cannot be noted the run pauses for that
+            self._store.command("pause", f"watchdog of {lease.owner}")
 
     # -- from any thread ----------------------------------------------------------------------------------
 
     def pause(self, by: str = "", key: str | None = None) -> None:
         """End after the reading in hand. `key`: an idempotency key; the second time nothing happens."""
-        if self._store.command("pause", by, key):
+        try:
+            new = self._store.command("pause", by, key)
+        except StorageError:
+            new = True  # an order to rest is obeyed whether or not it can be noted
+        if new:
             with self._mutex:
                 execution = self._execution
             if execution is not None:
@@ -249,7 +273,10 @@ class Run:
             self._resumed = True
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
-        """Halt the robot now and end the run. Returns what could not be stopped (CannotStop: use the button)."""
+        """Halt the robot now and end the run. Returns what could not be stopped (CannotStop: use the button).
+
+        The robot is told first, before the record. Raises StorageError for a run at rest that cannot be ended.
+        """
         with self._mutex:
             execution = self._execution
         problems: list[AcquisitionError] = []
@@ -257,7 +284,10 @@ class Run:
             moving = execution.rig.moving
             execution.control.stop()
             problems = [e for e in execution.rig.halt() if moving]
-        self._store.command("stop", by, key)
+        try:
+            self._store.command("stop", by, key)
+        except StorageError as error:
+            problems.append(error)
         if execution is None:
             with self._mutex:
                 self._resumed = False
@@ -267,15 +297,16 @@ class Run:
                     State.FAILED,
                 ):
                     self._store.become(State.STOPPED, "Stopped on request.")
+                    self._trouble = None
         return problems
 
-    def answer(self, prompt_id: str, answer: Answer, by: str = "") -> None:
-        """Answer the prompt that is being asked. Raises UnknownPrompt."""
+    def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "") -> None:
+        """Answer the prompt that is being asked; `reason` is kept beside it. Raises UnknownPrompt."""
         with self._mutex:
             execution = self._execution
         if execution is None:
             raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
-        execution.desk.answer(prompt_id, answer, by)
+        execution.desk.answer(prompt_id, answer, by, reason)
 
     def status(self) -> RunStatus:
         """State, progress, prompt, last reading."""

@@ -7,8 +7,12 @@
     command    what people and programs asked of the campaign
     event      what happened, in order; its id is the version of the record
 
-An attempt of kind `arrive` is one approach; each `measure` of a pose names the arrival it relies on. Angles
-deg, lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
+What was planned, asked, ordered, attempted and told never changes and is never deleted: triggers refuse it, so
+that neither a fault of this program nor a careless hand rewrites a measurement. A reading that is not trusted any
+more stays, and its row of `pose` names the one that is measured in its place. An attempt of kind `arrive` is one
+approach; each `measure` of a pose names the arrival it relies on. `campaign.owner` is the program that may write;
+`station` counts the places where the instrument stood. Angles deg, lengths mm, times s: `utc` since 1970, `t_s`
+since the start of the campaign. Joints are JSON lists.
 """
 
 from __future__ import annotations
@@ -114,5 +118,50 @@ CREATE TRIGGER event_fixed BEFORE UPDATE ON event
   BEGIN SELECT RAISE(ABORT, 'an event never changes'); END;
 """
 
-SCRIPTS: tuple[str, ...] = (_FIRST,)
+_SECOND = """
+ALTER TABLE campaign ADD COLUMN owner TEXT;
+ALTER TABLE campaign ADD COLUMN station INTEGER NOT NULL DEFAULT 1;
+ALTER TABLE attempt ADD COLUMN station INTEGER NOT NULL DEFAULT 1;
+ALTER TABLE pose ADD COLUMN replaced_by INTEGER REFERENCES pose (id);
+ALTER TABLE prompt ADD COLUMN reason TEXT NOT NULL DEFAULT '';
+CREATE INDEX poses_left ON pose (kind, status, visit);
+CREATE INDEX poses_of_visit ON pose (visit);
+
+CREATE TRIGGER campaign_fixed BEFORE UPDATE OF id, name, created_utc, simulated, cell, campaign ON campaign
+  BEGIN SELECT RAISE(ABORT, 'a campaign that was begun never changes'); END;
+CREATE TRIGGER plan_fixed BEFORE UPDATE OF id, visit, name, kind, set_name, block, target, joints_deg, sides,
+  approach_deg ON pose
+  BEGIN SELECT RAISE(ABORT, 'a planned reading never changes'); END;
+CREATE TRIGGER plan_kept BEFORE DELETE ON pose
+  BEGIN SELECT RAISE(ABORT, 'a planned reading is never deleted'); END;
+CREATE TRIGGER measured_stays BEFORE UPDATE OF status ON pose
+  WHEN old.status = 'measured' AND new.status <> 'measured'
+  BEGIN SELECT RAISE(ABORT, 'a reading that was measured stays measured'); END;
+CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
+  WHEN new.status = 'measured' AND NOT EXISTS (SELECT 1 FROM attempt WHERE pose = new.id AND kind = 'measure'
+                                               AND status = 'good')
+  BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
+CREATE TRIGGER replaced_once BEFORE UPDATE OF replaced_by ON pose WHEN old.replaced_by IS NOT NULL
+  BEGIN SELECT RAISE(ABORT, 'a reading is replaced once'); END;
+CREATE TRIGGER last_arrival BEFORE INSERT ON attempt
+  WHEN new.arrival IS NOT NULL
+   AND EXISTS (SELECT 1 FROM attempt AS a WHERE a.id > new.arrival AND a.kind = 'arrive')
+  BEGIN SELECT RAISE(ABORT, 'the robot has gone elsewhere since that arrival'); END;
+CREATE TRIGGER running BEFORE INSERT ON attempt WHEN (SELECT state FROM campaign) <> 'running'
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted unless the campaign runs'); END;
+CREATE TRIGGER prompt_answered BEFORE INSERT ON attempt
+  WHEN EXISTS (SELECT 1 FROM prompt WHERE answer IS NULL)
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted before the prompt is answered'); END;
+CREATE INDEX prompts_open ON prompt (id) WHERE answer IS NULL;
+CREATE TRIGGER answer_fixed BEFORE UPDATE ON prompt WHEN old.answer IS NOT NULL
+  BEGIN SELECT RAISE(ABORT, 'an answer never changes'); END;
+CREATE TRIGGER prompt_kept BEFORE DELETE ON prompt
+  BEGIN SELECT RAISE(ABORT, 'a prompt is never deleted'); END;
+CREATE TRIGGER command_fixed BEFORE UPDATE ON command
+  BEGIN SELECT RAISE(ABORT, 'a command never changes'); END;
+CREATE TRIGGER command_kept BEFORE DELETE ON command
+  BEGIN SELECT RAISE(ABORT, 'a command is never deleted'); END;
+"""
+
+SCRIPTS: tuple[str, ...] = (_FIRST, _SECOND)
 """Script n takes a file from version n to n + 1."""

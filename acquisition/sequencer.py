@@ -7,14 +7,16 @@ What it does about an error is a function of its class (`drivers.errors`):
     Refused        ask the operator: confirm tries again, skip leaves the reading out
     SafetyStop, StorageError, NoOperator and all others: pause
 
-Any interruption voids the approach: a reading is only taken after an arrival with nothing in between.
+Any interruption voids the approach, a prompt too, for which people walk up to the robot: a reading is only taken
+after an arrival with nothing in between. A redo puts the last reading aside and measures it again at once. A
+calendar that steps pauses: the times of the record come from the steady clock, which does not count while a
+computer sleeps; on resuming they catch up with the calendar and never go back.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
-from itertools import groupby
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,9 +27,11 @@ from acquisition.cell import Cell
 from acquisition.clock import Clock
 from acquisition.control import Control, Stopping
 from acquisition.desk import Desk
-from acquisition.errors import NestsDisagree
-from acquisition.plan import Visit
+from acquisition.errors import ClockJumped, NestsDisagree
+from acquisition.gates import Gates
 from acquisition.rig import Rig
+from acquisition.settling import until_still
+from acquisition.station import change_of
 from acquisition.store import Planned, Store
 from acquisition.workspace import targets_at
 from acquisition.world_frame import WorldFrame
@@ -37,7 +41,16 @@ from drivers.interfaces import Answer
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-NESTS_STAND_MM = 0.2  # nests measured again within this leave the world frame as it is
+# A clock that is being disciplined slews by 500 ppm at most; what it steps beyond twice that was no discipline.
+CALENDAR_STEP_S, SLEW = 5.0, 1e-3
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    """The robot stands in the pose of a visit; the attempt that brought it there."""
+
+    visit: int
+    attempt: int
 
 
 class Sequencer:
@@ -61,26 +74,29 @@ class Sequencer:
         self._control = control
         self._desk = desk
         self._clock = clock
-        self._seated: str | None = None
-        self._link_faults = 0
-        self._given_up = 0
+        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests_again)
         self._world: WorldFrame | None = None
+        self._arrival: _Arrival | None = None
+        self._seated: str | None = None
+        self._last: int | None = None  # planned reading of a pose that was measured last
+        self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
+        self._link_faults = 0  # in a row, as all of these
+        self._tries = 0
+        self._refusals = 0
+        self._given_up = 0
 
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
+        self._look_at_the_calendar()
         self._warm_up()
-        if self._store.world is not None:
-            self._store.plan_nests_again("resumed: does the instrument still stand where it stood?")
+        # Also when only some of them were measured: three nests seen from two stations would make no frame.
+        self._store.measure_nests_again("resumed: does the instrument still stand where it stood?")
         self._measure_nests()
-        for status, last in (("planned", False), ("deferred", True)):
-            for visit, readings in self._visits(status):
-                self._visit(visit, readings, last=last)
-
-    def _visits(self, status: str) -> Iterator[tuple[Visit, list[Planned]]]:
-        plan = [each for each in self._store.plan() if each.status == status and each.visit.kind == "pose"]
-        for _, group in groupby(plan, key=lambda each: each.visit.number):
-            readings = list(group)
-            yield readings[0].visit, readings
+        # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
+        while left := self._store.left("pose", "planned"):
+            self._next(left[0], last=False)
+        while left := self._store.left("pose", "planned") or self._store.left("pose", "deferred"):
+            self._next(left[0], last=True)
 
     # -- before the first pose ----------------------------------------------------------------------------
 
@@ -93,91 +109,115 @@ class Sequencer:
 
     def _measure_nests(self) -> None:
         while self._world is None:
-            plan = self._store.plan()
-            for planned in [p for p in plan if p.visit.kind == "nest" and p.status == "planned"]:
-                self._visit(planned.visit, [planned], last=True)
+            while left := self._store.left("nest", "planned"):
+                self._try(left[0], last=True)
             try:
                 self._world = self._settled_world()
             except NestsDisagree as error:
-                self._store.plan_nests_again(error.message)
+                self._store.measure_nests_again(error.message)
                 self._consult(error)
 
+    def _measure_nests_again(self, reason: str) -> None:
+        """In mid-campaign, for a gate."""
+        self._store.measure_nests_again(reason)
+        self._world = self._arrival = None
+        self._measure_nests()
+
     def _settled_world(self) -> WorldFrame:
-        """The frame of the record while the nests agree with it; else, or the first time, theirs."""
+        """The frame of the record while the nests have not moved; else, or the first time, theirs."""
         nests = self._store.nests_mm()
         found = world_frame.from_nests(nests, self._cell.nests)
         kept = self._store.world
         if kept is not None:
-            off = max(
-                float(np.linalg.norm(kept.to_world(point) - np.array(self._cell.nests[name])))
-                for name, point in nests.items()
-            )
-            if off <= NESTS_STAND_MM:
+            change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
+            if not change.moved:
                 return kept
-            self._store.tell("instrument_moved", nests_off_mm=off)
-        self._store.set_world(found)
+            self._store.tell("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
+        self._store.set_world(found, nests, moved=kept is not None)
         return found
 
-    # -- one visit ----------------------------------------------------------------------------------------
+    def _nests_of(self, world: WorldFrame) -> Mapping[str, Sequence[float]]:
+        """As they were measured; for a record of version 1, where they ought to have been."""
+        nominal = {
+            name: tuple(world.to_tracker(self._cell.nests[name])) for name in list(self._cell.nests)[:3]
+        }
+        return self._store.world_nests_mm or nominal
 
-    def _visit(self, visit: Visit, readings: list[Planned], *, last: bool) -> None:
-        left = list(readings)
-        unmeasurable: Counter[int] = Counter()
-        refused = 0
-        arrival: int | None = None
-        while left:
-            self._control.check()
-            planned = left[0]
-            try:
-                if not self._seat(planned):
-                    self._store.mark(planned.id, "skipped", "by the operator")
-                    left.pop(0)
-                    continue
-                self._rig.make_ready()
-                if visit.kind == "pose" and arrival is None:
-                    arrival = self._approach(visit)
-                self._measure(planned, arrival)
-                left.pop(0)
-                self._link_faults = self._given_up = 0
-                continue
-            except LinkError as error:
-                self._control.check_stop()
-                self._after_link_error(error)
-            except Unmeasurable as error:
-                unmeasurable[planned.id] += 1
-                if unmeasurable[planned.id] > self._campaign.retries:
-                    self._give_up(planned, error, last=last)
-                    left.pop(0)
-            except Refused as error:
-                self._control.check_stop()  # a stop makes devices refuse
-                refused += 1
-                if refused > self._campaign.retries + 1:
-                    raise
-                if self._consult(error) is Answer.SKIP:
-                    self._give_up(planned, error, last=True)
-                    left.pop(0)
-            arrival = None
+    # -- one reading --------------------------------------------------------------------------------------
 
-    def _approach(self, visit: Visit) -> int:
-        """Go to the pose over its approach point and settle; the arrival's attempt."""
-        attempt = self._attempts.begin_arrival(visit)
+    def _next(self, planned: Planned, *, last: bool) -> None:
+        """One try, unless a gate has planned others before it: what comes next is then asked anew."""
+        self._control.check()
+        if self._gates.open_for(planned):
+            self._try(planned, last=last)
+        else:
+            self._arrival = None
+
+    def _try(self, planned: Planned, *, last: bool) -> None:
+        """One try at a reading. `last`: give it up for good when it cannot be had."""
+        self._control.check()
+        self._look_at_the_calendar()
+        arrival, self._arrival = self._arrival, None  # only what ends well below leaves the approach valid
+        try:
+            if not self._seated_or_left_out(planned):
+                return
+            self._rig.make_ready()
+            if planned.visit.kind == "pose" and (arrival is None or arrival.visit != planned.visit.number):
+                arrival, attempt = self._approach(planned)
+            else:
+                attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
+            self._measure(planned, attempt)
+        except LinkError as error:
+            self._control.check_stop()
+            self._after_link_error(error)
+        except Unmeasurable as error:
+            self._tries += 1
+            if self._tries > self._campaign.retries:
+                self._give_up(planned, error, last=last)
+        except Refused as error:
+            self._control.check_stop()  # a stop makes devices refuse
+            self._refusals += 1
+            if self._refusals > self._campaign.retries + 1:
+                raise
+            if self._consult(error) is Answer.SKIP:
+                self._give_up(planned, error, last=True)
+        else:
+            self._arrival = arrival
+            self._link_faults = self._given_up = self._tries = self._refusals = 0
+
+    def _look_at_the_calendar(self) -> None:
+        """Raises ClockJumped when it stepped since the last look: then the computer slept, or it was set."""
+        calendar, steady = self._clock.utc(), self._clock.now() / self._clock.time_scale
+        before, self._looked = self._looked or (calendar, steady), (calendar, steady)
+        passed = steady - before[1]
+        step = calendar - before[0] - passed
+        if abs(step) > CALENDAR_STEP_S + SLEW * passed:
+            raise ClockJumped(f"the clock of the computer stepped by {step:+.0f} s")
+
+    def _approach(self, planned: Planned) -> tuple[_Arrival, int]:
+        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading."""
+        visit = planned.visit
+        arrival = self._attempts.begin_arrival(visit)
         try:
             self._rig.move(visit.approach_deg)
             reached = self._rig.move(visit.joints_deg)
-            self._control.settle(self._campaign.settle_s)
+            settle = self._campaign.settle_of(visit.block)
+            self._control.settle(settle.seconds)
+            if settle.check:
+                reached = until_still(self._rig.position, self._control.settle)
         except AcquisitionError as error:
-            self._attempts.failed(attempt, error)
+            self._attempts.failed(arrival, error)
             raise
-        self._attempts.arrived(attempt, reached)
-        return attempt
+        with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
+            self._attempts.arrived(arrival, reached)
+            return _Arrival(visit.number, arrival), self._attempts.begin_reading(planned, arrival)
 
-    def _measure(self, planned: Planned, arrival: int | None) -> None:
+    def _measure(self, planned: Planned, attempt: int) -> None:
         near = None
         if self._world is not None and planned.visit.kind == "pose":
             names = list(self._cell.tool.targets)
             at = targets_at(self._cell, np.array([planned.visit.joints_deg]))[0, names.index(planned.target)]
             near = tuple(float(x) for x in self._world.to_tracker(at))
-        attempt = self._attempts.begin_reading(planned, arrival)
         try:
             reading = self._rig.measure(planned.target, self._campaign.samples, near)
         except AcquisitionError as error:
@@ -187,16 +227,21 @@ class Sequencer:
         if self._world is not None:
             world = tuple(float(x) for x in self._world.to_world(reading.xyz_mm))
         self._attempts.measured(attempt, planned, reading, world)
+        if planned.visit.kind == "pose":
+            self._last = planned.id
+            if world is not None:
+                self._gates.measured(planned, world)
 
-    def _seat(self, planned: Planned) -> bool:
-        """Ask for the SMR to be moved, where there is only one; False to leave the reading out."""
+    def _seated_or_left_out(self, planned: Planned) -> bool:
+        """Ask for the SMR to be moved, where there is only one; False when the answer was another."""
         if not self._cell.instrument.one_smr or self._seated == planned.target:
             return True
-        answer = self._desk.ask(f"Seat the SMR in {planned.target} and press confirm.")
-        self._heed(answer)
+        answer, reason = self._ask(f"Seat the SMR in {planned.target} and press confirm.")
         if answer is Answer.CONFIRM:
             self._seated = planned.target
-        return answer is Answer.CONFIRM or planned.visit.kind == "nest"
+        elif answer is Answer.SKIP and planned.visit.kind == "pose":
+            self._done_with(planned, "skipped", reason or "by the operator")
+        return answer is Answer.CONFIRM
 
     # -- reactions ----------------------------------------------------------------------------------------
 
@@ -211,19 +256,28 @@ class Sequencer:
     def _give_up(self, planned: Planned, error: AcquisitionError, *, last: bool) -> None:
         if planned.visit.kind == "nest":
             raise error  # without its nests a campaign has no world frame
-        self._store.mark(planned.id, "skipped" if last else "deferred", error.message)
+        self._done_with(planned, "skipped" if last else "deferred", error.message)
         self._given_up += 1
         if self._given_up >= GIVEN_UP_IN_A_ROW:
             self._given_up = 0
             self._consult(error)
 
+    def _done_with(self, planned: Planned, status: str, reason: str) -> None:
+        self._store.mark(planned.id, status, reason)
+        self._tries = self._refusals = 0
+
     def _consult(self, error: AcquisitionError) -> Answer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
-        answer = self._desk.ask(f"{error.message}. {error.what_to_do}")
-        self._heed(answer)
-        return answer
+        return self._ask(f"{error.message}. {error.what_to_do}")[0]
 
-    def _heed(self, answer: Answer) -> None:
+    def _ask(self, text: str) -> tuple[Answer, str]:
+        """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
+        self._arrival = None
+        answer, reason = self._desk.ask(text, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()
             raise Stopping
+        if answer is Answer.REDO and self._last is not None:
+            self._store.measure_again([self._last], reason or "by the operator")
+            self._last = self._seated = None  # somebody looks before the robot goes back there
+        return answer, reason

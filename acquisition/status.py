@@ -8,13 +8,18 @@ from typing import Any
 
 from acquisition.attempts import Attempts
 from acquisition.clock import Clock
+from acquisition.drift import drift_of
+from acquisition.forecast import Forecast
 from acquisition.states import State
 from acquisition.store import Store
 
 
 @dataclass(frozen=True)
 class RunStatus:
-    """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall."""
+    """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall.
+
+    drift: of the reference pose (`acquisition.drift`); None before its second reading.
+    """
 
     id: str
     name: str
@@ -27,6 +32,7 @@ class RunStatus:
     skipped: int
     prompt: dict[str, Any] | None
     last_reading: dict[str, Any] | None
+    drift: dict[str, Any] | None
     seconds_left: float | None
     simulated: bool
 
@@ -36,17 +42,16 @@ class RunStatus:
 
 
 class Pace:
-    """How fast an execution gets on. `done` at its start."""
+    """How fast an execution gets on, against the forecast of its plan. `done` at its start."""
 
-    def __init__(self, clock: Clock, done: int) -> None:
-        self._clock, self._done, self._since = clock, done, clock.now()
+    def __init__(self, clock: Clock, done: int, forecast: Forecast) -> None:
+        self._clock, self._done, self._forecast = clock, done, forecast
+        self._since = clock.now()
 
-    def seconds_left(self, done: int, total: int) -> float | None:
-        """Seconds on the wall; None before the first reading."""
-        if done <= self._done:
-            return None
-        each = (self._clock.now() - self._since) / (done - self._done)
-        return each * (total - done) / self._clock.time_scale
+    def seconds_left(self, done: int) -> float:
+        """Seconds on the wall."""
+        elapsed = self._clock.now() - self._since
+        return self._forecast.seconds_left(done, self._done, elapsed) / self._clock.time_scale
 
 
 def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
@@ -67,7 +72,8 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
         skipped=skipped,
         prompt=Attempts(store).open_prompt() if state is State.WAITING else None,
         last_reading=store.last_reading(),
-        seconds_left=None if pace is None else pace.seconds_left(done, total),
+        drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
+        seconds_left=None if pace is None else pace.seconds_left(done),
         simulated=bool(row["simulated"]),
     )
 

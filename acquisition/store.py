@@ -15,13 +15,17 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from acquisition.database import Database
+from acquisition.errors import RecordTaken
 from acquisition.plan import Visit
 from acquisition.states import State, check_transition
 from acquisition.world_frame import WorldFrame
+
+Point = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,19 @@ class Planned:
 
 
 class Store:
-    """The one writer of a record. Thread-safe. `moment` tells the time of what is written."""
+    """The one writer of a record. Thread-safe. `moment` tells the time of what is written.
+
+    Every change makes sure that this program still is the record's owner: should the lock fail (a network disk, a
+    deleted lock file), the program that came first is refused from then on instead of mixing its readings in.
+    """
 
     def __init__(self, database: Database) -> None:
         self.database = database
+        self._owner = uuid.uuid4().hex
         self.moment: Callable[[], Moment] = lambda: Moment(time.time())
         self._listeners: list[Callable[[Event], None]] = []
         self._fresh: list[Event] = []
+        self._changes = 0
         self._changed = threading.Condition()
 
     @classmethod
@@ -75,9 +85,9 @@ class Store:
         store = cls(Database(folder, writer=True, new=True))
         with store.changing() as db:
             db.execute(
-                "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state) "
-                "VALUES (?, ?, ?, ?, ?, ?, 'draft')",
-                (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign),
+                "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state, owner) "
+                "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
+                (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
             )
             for visit in visits:
                 columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
@@ -95,7 +105,15 @@ class Store:
     @classmethod
     def open(cls, folder: Path, *, writer: bool = True) -> Store:
         """An existing record. Raises RecordError, RecordInUse, StorageError."""
-        return cls(Database(folder, writer=writer))
+        store = cls(Database(folder, writer=writer))
+        if writer:
+            try:
+                with store.database.transaction() as db:
+                    db.execute("UPDATE campaign SET owner = ?", (store._owner,))
+            except BaseException:
+                store.close()
+                raise
+        return store
 
     def close(self) -> None:
         self.database.close()
@@ -104,16 +122,29 @@ class Store:
 
     @contextmanager
     def changing(self) -> Iterator[sqlite3.Connection]:
-        """One durable change; the events noted in it reach the listeners once it is."""
+        """One durable change; the events noted in it reach the listeners once it is. Changes may be nested."""
         with self.database.transaction() as db:
-            self._fresh = []
-            yield db
+            if not self._changes:
+                self._fresh = []
+                self._check_owner(db)
+            self._changes += 1  # guarded, as `_fresh` is, by the transaction
+            try:
+                yield db
+            finally:
+                self._changes -= 1
+            if self._changes:
+                return
             fresh, self._fresh = self._fresh, []
         with self._changed:
             self._changed.notify_all()
         for event in fresh:
             for listener in tuple(self._listeners):
                 listener(event)
+
+    def _check_owner(self, db: sqlite3.Connection) -> None:
+        owner = db.execute("SELECT owner FROM campaign").fetchone()
+        if owner is not None and owner[0] != self._owner:
+            raise RecordTaken(f"{self.database.path}: another program writes this record now")
 
     def note(self, db: sqlite3.Connection, kind: str, **data: Any) -> None:
         """Write an event within a change."""
@@ -215,34 +246,36 @@ class Store:
     # -- plan ---------------------------------------------------------------------------------------------
 
     def plan(self) -> list[Planned]:
-        """Every planned reading, in the order of the plan."""
-        rows = self.database.query("SELECT * FROM pose ORDER BY kind = 'pose', id")
-        targets: dict[int, list[str]] = {}
-        for row in rows:
-            targets.setdefault(row["visit"], []).append(row["target"])
-        out, visit = [], None
-        for row in rows:
-            if visit is None or visit.number != row["visit"]:
-                joints, sides, approach = (
-                    tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
-                )
-                visit = Visit(
-                    row["visit"],
-                    row["name"],
-                    row["kind"],
-                    row["set_name"],
-                    row["block"],
-                    tuple(targets[row["visit"]]),
-                    joints,
-                    sides,
-                    approach,
-                )
-            out.append(Planned(row["id"], visit, row["target"], row["status"]))
+        """Every planned reading that counts, in the order of the plan."""
+        return self._planned("TRUE ORDER BY kind = 'pose', visit, id", ())
+
+    def left(self, kind: str, status: str) -> list[Planned]:
+        """The readings with this status in the first visit that has one; empty when there is none."""
+        same_visit = (
+            "kind = ? AND visit = (SELECT visit FROM pose WHERE kind = ? AND status = ? AND replaced_by IS NULL "
+            "ORDER BY visit LIMIT 1) ORDER BY id"
+        )
+        return [each for each in self._planned(same_visit, (kind, kind, status)) if each.status == status]
+
+    def _planned(self, where: str, values: Sequence[Any]) -> list[Planned]:
+        rows = self.database.query(f"SELECT * FROM pose WHERE replaced_by IS NULL AND {where}", values)
+        out: list[Planned] = []
+        for _, group in groupby(rows, key=lambda row: row["visit"]):
+            readings = list(group)
+            row, targets = readings[0], tuple(each["target"] for each in readings)
+            joints, sides, approach = (
+                tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
+            )
+            place = (row["visit"], row["name"], row["kind"], row["set_name"], row["block"])
+            visit = Visit(*place, targets, joints, sides, approach)
+            out += [Planned(each["id"], visit, each["target"], each["status"]) for each in readings]
         return out
 
     def counts(self) -> dict[str, int]:
         """Planned readings of robot poses by status."""
-        rows = self.database.query("SELECT status, count(*) FROM pose WHERE kind = 'pose' GROUP BY status")
+        rows = self.database.query(
+            "SELECT status, count(*) FROM pose WHERE kind = 'pose' AND replaced_by IS NULL GROUP BY status"
+        )
         return {row[0]: row[1] for row in rows}
 
     def mark(self, pose: int, status: str, reason: str) -> None:
@@ -251,39 +284,55 @@ class Store:
             db.execute("UPDATE pose SET status = ?, reason = ? WHERE id = ?", (status, reason, pose))
             self.note(db, status, pose=pose, reason=reason)
 
+    def measure_again(self, poses: Sequence[int], reason: str) -> None:
+        """Readings that are not trusted stay in the record, out of use; others are planned in their place."""
+        if not poses:
+            return
+        with self.changing() as db:
+            again = [self._replace(db, pose, reason) for pose in poses]
+            self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
+
+    def _replace(self, db: sqlite3.Connection, pose: int, reason: str) -> int:
+        columns = "visit, name, kind, set_name, block, target, joints_deg, sides, approach_deg"
+        (again,) = db.execute(
+            f"INSERT INTO pose ({columns}) SELECT {columns} FROM pose WHERE id = ? RETURNING id", (pose,)
+        ).fetchone()
+        db.execute("UPDATE pose SET replaced_by = ?, reason = ? WHERE id = ?", (again, reason, pose))
+        return again
+
+    # -- world frame --------------------------------------------------------------------------------------
+
     @property
     def world(self) -> WorldFrame | None:
         """The tracker's place in the world, once the nests were measured."""
         text = self.campaign["world"]
         return None if text is None else WorldFrame.from_json(text)
 
-    def set_world(self, world: WorldFrame) -> None:
-        """Readings from now on are turned into the world by it."""
-        with self.changing() as db:
-            db.execute("UPDATE campaign SET world = ?", (world.as_json(),))
-            self.note(db, "world_frame", **json.loads(world.as_json()))
+    @property
+    def world_nests_mm(self) -> dict[str, Point] | None:
+        """The nests from which the world frame was made, tracker frame, mm."""
+        nests = json.loads(self.campaign["world"] or "{}").get("nests_mm")
+        return None if nests is None else {name: tuple(point) for name, point in nests.items()}
 
-    def nests_mm(self) -> dict[str, tuple[float, float, float]]:
+    def set_world(self, world: WorldFrame, nests_mm: Mapping[str, Point], *, moved: bool) -> None:
+        """Readings from now on are turned into the world by it. `moved`: the instrument has a new station."""
+        table = json.loads(world.as_json()) | {"nests_mm": nests_mm}
+        with self.changing() as db:
+            db.execute(
+                "UPDATE campaign SET world = ?, station = station + ?", (json.dumps(table), int(moved))
+            )
+            self.note(db, "world_frame", **table)
+
+    def nests_mm(self) -> dict[str, Point]:
         """The nests of the world frame as measured last, tracker frame, mm."""
         rows = self.database.query(
             "SELECT target, tracker_x_mm, tracker_y_mm, tracker_z_mm FROM attempt JOIN pose ON "
             "pose.id = attempt.pose WHERE pose.kind = 'nest' AND pose.status = 'measured' "
-            "AND attempt.status = 'good'"
+            "AND pose.replaced_by IS NULL AND attempt.status = 'good'"
         )
         return {row[0]: (row[1], row[2], row[3]) for row in rows}
 
-    def plan_nests_again(self, reason: str) -> None:
-        """Measure the nests once more; what was measured of them stays in the record, out of use."""
-        with self.changing() as db:
-            old = db.execute(
-                "SELECT * FROM pose WHERE kind = 'nest' AND status <> 'skipped' ORDER BY id"
-            ).fetchall()
-            number = db.execute("SELECT max(visit) + 1 FROM pose").fetchone()[0]
-            for i, row in enumerate(old):
-                db.execute("UPDATE pose SET status = 'skipped', reason = ? WHERE id = ?", (reason, row["id"]))
-                db.execute(
-                    "INSERT INTO pose (visit, name, kind, set_name, block, target, joints_deg, sides, "
-                    "approach_deg) VALUES (?, ?, 'nest', 'nest', -1, ?, '[]', '[]', '[]')",
-                    (number + i, row["name"], row["target"]),
-                )
-            self.note(db, "nests_again", reason=reason)
+    def measure_nests_again(self, reason: str) -> None:
+        """Measure every nest once more that was measured."""
+        nests = self._planned("kind = 'nest' AND status = 'measured' ORDER BY id", ())
+        self.measure_again([each.id for each in nests], reason)

@@ -107,6 +107,15 @@ class TomlTable:
             raise self.refuse(key, f"is {value!r}; give a list of rows of {width} numbers.")
         return [tuple(float(x) for x in row) for row in value]
 
+    def numbers(self, key: str) -> tuple[float, ...] | None:
+        """A list of numbers, not empty; absent: None."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, list | tuple) or not value or not _are_numbers(value, len(value)):
+            raise self.refuse(key, f"is {value!r}; give a list of numbers.")
+        return tuple(float(x) for x in value)
+
     def names(self, key: str) -> tuple[str, ...] | None:
         """A list of names, each once, not empty; absent: None."""
         value = self.values.get(key)

@@ -40,7 +40,8 @@ _MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through
 
 _ROWS = """
 SELECT attempt.*, pose.target, pose.joints_deg, pose.sides FROM attempt JOIN pose ON pose.id = attempt.pose
-WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose' ORDER BY attempt.id
+WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose'
+  AND pose.replaced_by IS NULL ORDER BY attempt.id
 """
 
 

@@ -60,6 +60,14 @@ def outside_boxes(cell: Cell, points: Array) -> NDArray[np.bool_]:
     return ~np.any(inside, axis=1)
 
 
+def may_stand(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
+    """(n,) joint angles (n, N) within the limits, arm and tool clear of table and boxes."""
+    low, high = np.array(cell.robot.limits_deg).T
+    points = points_of_arm(cell, joints_deg)
+    within = np.all((joints_deg >= low) & (joints_deg <= high), axis=1)
+    return within & above_table(cell, points) & outside_boxes(cell, points)
+
+
 def cone_deg(cell: Cell) -> float:
     """Largest angle between a target's normal and the direction to the instrument at which the target is seen."""
     return _CONES_DEG.get(cell.instrument.driver, _CONE_DEG)

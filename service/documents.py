@@ -12,15 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.follow_up import campaign_table
+from acquisition.loop import FollowedUp
 from calib.dataset import Dataset
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.diagnose.follow_up import SEPARATES, FollowUp
 from calib.identification import Identification
 from calib.kinematics import Array
 from calib.statistics import ErrorStatistics
 from calib.uncertainty_map import UncertaintyMap, uncertainty_map
-from calib.units import to_display
+from calib.units import DEG, to_display
+from service.advice import check_of
 from service.parameters import high_leverage, rows_of, strong_correlations
+from service.patched import Patched
 
 IDENTIFICATION_FORMAT = "truepose-identification/1"
 DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
@@ -71,9 +76,14 @@ def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
     }
 
 
-def of_diagnosis(diagnosis: Diagnosis, carried: CarryOver | None = None) -> dict[str, Any]:
-    """The document of `diagnose --json`; with `carry_over` where another data set was judged as well."""
-    other = {} if carried is None else {"carry_over": _carried(carried)}
+def of_diagnosis(
+    diagnosis: Diagnosis, carried: CarryOver | None = None, patched: Patched | None = None
+) -> dict[str, Any]:
+    """The document of `diagnose --json`; with `carry_over` where another data set was judged as well, with `patch`
+    where a residual map was asked for."""
+    other: dict[str, Any] = {} if carried is None else {"carry_over": _carried(carried)}
+    if patched is not None:
+        other["patch"] = _patch(patched)
     return {
         "format": DIAGNOSIS_FORMAT,
         "verdict": diagnosis.verdict,
@@ -84,7 +94,7 @@ def of_diagnosis(diagnosis: Diagnosis, carried: CarryOver | None = None) -> dict
         "error_after_mm": _errors(diagnosis.error_after),
         "error_nominal_mm": _errors(diagnosis.error_nominal),
         "holdout": diagnosis.dataset.header.holdout,
-        "follow_up": [],
+        "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
         "structure": [
             {
                 "where": s.where,
@@ -97,6 +107,61 @@ def of_diagnosis(diagnosis: Diagnosis, carried: CarryOver | None = None) -> dict
         "data": data_of(diagnosis.dataset),
         **other,
         "seconds": round(diagnosis.seconds, 3),
+    }
+
+
+def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
+    """What to measure next: one entry of poses, with the campaign that measures them, and one a procedure.
+
+    joints_deg as the controller counts them; sides +1 from below, -1 from above, of every joint of a pose;
+    approach_deg: how far before the pose the last move begins.
+    """
+    joints = follow_up.joints.shape[1]
+    poses = {
+        "kind": "poses",
+        "joints_deg": np.round(follow_up.joints / DEG, 4).tolist(),
+        "sides": [[int(side)] * joints for side in follow_up.sides],
+        "approach_deg": np.round(follow_up.approach / DEG, 4).tolist(),
+        "targets": list(follow_up.targets),
+        "separates": [
+            {"effect": label, "rival": rival, "squared_distance": _number(square)}
+            for (label, rival), square in follow_up.separations.items()
+        ],
+        "settles": SEPARATES,
+        "campaign": campaign_table(follow_up),
+    }
+    return [poses, *({"kind": "procedure", "text": text} for text in follow_up.procedures)]
+
+
+def of_middle_step(step: FollowedUp) -> dict[str, Any]:
+    """The middle step of a closed loop: the classes that were ambiguous, and what was measured to settle them."""
+    return {
+        "verdict_before": step.before.verdict,
+        "effects_before": [
+            {
+                "label": found.effect.label,
+                "candidates": {label: _number(w) for label, w in found.evidence.candidates.items()},
+            }
+            for found in step.before.effects
+        ],
+        "error_before_follow_up_mm": _errors(step.before.error_after),
+        "poses": len(step.poses.joints),
+        "readings": step.readings,
+        "separates": follow_up_of(step.poses)[0]["separates"],
+    }
+
+
+def _patch(patched: Patched) -> dict[str, Any]:
+    return {
+        "meaning": "A smooth map of what no named effect explains; a patch, not a cause.",
+        "block_rms_without_mm": _number(patched.patch.block_rms_without),
+        "block_rms_with_mm": _number(patched.patch.block_rms_with),
+        "worth_it": bool(patched.patch.worth_it),
+        "width": patched.patch.width,
+        "ridge": patched.patch.ridge,
+        "landmarks": len(patched.patch.landmarks),
+        "error_without_mm": _errors(patched.without),
+        "error_with_mm": _errors(patched.with_it),
     }
 
 
@@ -178,6 +243,8 @@ def _effect(found: Found) -> dict[str, Any]:
             "explained_variance": _number(found.evidence.explained_variance),
         },
         "owner": found.effect.owner,
+        "group": found.effect.group,
+        "check": check_of(found),
         "shape": {name: _number(x) for name, x in found.effect.shape.items()},
     }
 

@@ -13,12 +13,16 @@ from rich.text import Text
 
 from calib.diagnose.carry import CarryOver
 from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.diagnose.follow_up import SEPARATES, FollowUp
 from calib.identification import Identification
 from calib.statistics import ErrorStatistics
 from service import wording
+from service.advice import check_of
 from service.parameters import Row, rows_of
+from service.patched import Patched
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
+_CHECKS = 6  # effects for which the terminal says what to check
 
 
 def _table(title: str, *columns: str, left: int = 1) -> Table:
@@ -29,13 +33,18 @@ def _table(title: str, *columns: str, left: int = 1) -> Table:
     return table
 
 
-def diagnosis(result: Diagnosis, carried: CarryOver | None) -> Iterable[RenderableType]:
-    """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen."""
+def diagnosis(
+    result: Diagnosis, carried: CarryOver | None, patched: Patched | None
+) -> Iterable[RenderableType]:
+    """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen, what to do."""
     yield Text.assemble(
         (f"{wording.VERDICT_NAMES[result.verdict]}. ", "bold"), wording.verdict_in_words(result)
     )
     if result.effects:
         yield effects(result.effects)
+        yield checks(result.effects)
+    if result.follow_up is not None:
+        yield follow_up(result.follow_up)
     yield errors(
         {
             "nominal robot, placed": result.error_nominal,
@@ -53,6 +62,8 @@ def diagnosis(result: Diagnosis, carried: CarryOver | None) -> Iterable[Renderab
             },
             f"carried over to {carried.name}, another series",
         )
+    if patched is not None:
+        yield patch(patched)
     yield warnings(
         [
             *(
@@ -67,26 +78,54 @@ def diagnosis(result: Diagnosis, carried: CarryOver | None) -> Iterable[Renderab
 
 
 def effects(found: Sequence[Found]) -> RenderableType:
-    """Every effect with amplitude, uncertainty, share and rivals, strongest first."""
+    """Every effect with amplitude, uncertainty, share and rivals, strongest first, by group where there are many."""
     table = _table("Effects found", "effect", "amplitude ± U (k = 2)", "unit", "explains", "rivals")
     table.columns[2].justify = "left"
     table.columns[4].justify = "left"
-    for effect in found[:_SHOWN]:
-        value, uncertainty, unit = wording.amplitude(effect)
-        rivals = ", ".join(f"{label} {w:.0%}" for label, w in wording.rivals_of(effect)[:3]) or "none"
-        at = "" if effect.index is None else f" (from reading {effect.index})"
-        table.add_row(
-            effect.effect.label + at,
-            f"{value} ± {uncertainty}",
-            unit,
-            f"{effect.evidence.explained_variance:.1%}",
-            rivals,
-        )
+    for group, members in wording.by_group(found[:_SHOWN]):
+        if group:
+            table.add_section()
+            table.add_row(Text(group, "dim"))
+        for effect in members:
+            value, uncertainty, unit = wording.amplitude(effect)
+            rivals = ", ".join(f"{label} {w:.0%}" for label, w in wording.rivals_of(effect)[:3]) or "none"
+            at = "" if effect.index is None else f" (from reading {effect.index})"
+            table.add_row(
+                effect.effect.label + at,
+                f"{value} ± {uncertainty}",
+                unit,
+                f"{effect.evidence.explained_variance:.1%}",
+                rivals,
+            )
     if len(found) <= _SHOWN:
         return table
     return Group(
         table, Text(f"… and {len(found) - _SHOWN} weaker ones; --json and --report list all.", "dim")
     )
+
+
+def checks(found: Sequence[Found]) -> RenderableType:
+    """What a technician should check for the strongest effects."""
+    table = _table("What to check", "effect", "check", left=2)
+    for effect in found[:_CHECKS]:
+        table.add_row(effect.effect.label, check_of(effect))
+    return table
+
+
+def follow_up(planned: FollowUp) -> RenderableType:
+    """What to measure next: for each pair of rivals how far apart the poses bring it, and what no pose can do."""
+    title = f"What {wording.counted(len(planned.joints), 'follow-up pose')} would tell apart"
+    table = _table(title, "effect", "from its rival", "expected squared distance", left=2)
+    for (label, rival), square in planned.separations.items():
+        table.add_row(label, rival, f"{square:.0f}")
+    settles = Text(f"In units of the noise; {SEPARATES:g} settles a pair.", "dim")
+    return Group(table, settles, *(Text(advice) for advice in planned.procedures))
+
+
+def patch(patched: Patched) -> RenderableType:
+    """What a smooth map of the residual would gain, apart from everything that has a cause."""
+    table = errors({"without the patch": patched.without, "with the patch": patched.with_it}, "as above")
+    return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
 
 
 def errors(rows: Mapping[str, ErrorStatistics | None], holdout: str) -> RenderableType:

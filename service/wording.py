@@ -6,8 +6,12 @@ import math
 from collections.abc import Sequence
 
 from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.diagnose.patch import Patch
 from calib.statistics import ErrorStatistics
 
+GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
+MANY = 6  # effects above which lists are ordered by group
+_STRETCHED = 1.5
 COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
 
 HOLDOUTS = {
@@ -79,6 +83,25 @@ def rivals_of(found: Found) -> list[tuple[str, float]]:
     ]
 
 
+def by_group(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
+    """The effects by group, in the order of GROUPS; one group without a name where they are few."""
+    if len(found) <= MANY:
+        return [("", list(found))]
+    groups = {group: [f for f in found if f.effect.group == group] for group in GROUPS}
+    return [(group, members) for group, members in groups.items() if members]
+
+
+def patch_in_words(patch: Patch) -> str:
+    """What a residual map gains on stretches of time that it was not fitted to."""
+    change = patch.block_rms_with / patch.block_rms_without - 1.0 if patch.block_rms_without > 0.0 else 0.0
+    text = (
+        "A smooth map of what no named effect explains: a patch, not a cause, and nothing beyond the measured poses. "
+        f"On stretches of time left out of it, what is left changes by {change:+.0%}, from "
+        f"{millimetres(patch.block_rms_without)} to {millimetres(patch.block_rms_with)} mm RMS."
+    )
+    return text + ("" if patch.worth_it else " That is not worth having: leave it out.")
+
+
 def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None) -> str:
     """How the held-out error changed, as a sentence; empty where nothing was held out."""
     if before is None or after is None:
@@ -113,7 +136,17 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     }[diagnosis.verdict]
     if lost:
         head += f" {'The effects do' if len(names) > 1 else 'The effect does'} not carry over to the held-out readings."
-    return f"{head} {gain_in_words(before, after)}".strip()
+    return f"{head} {gain_in_words(before, after)} {_stretched(diagnosis.stretch)}".strip()
+
+
+def _stretched(stretch: float | None) -> str:
+    """What a held-out error far above that of the fit means; empty where it is not."""
+    if stretch is None or stretch < _STRETCHED:
+        return ""
+    return (
+        f"It is {stretch:.1f} times what the fit leaves on its own readings: there the model extrapolates. "
+        "Measure poses like those that were held out."
+    )
 
 
 def grouped(warnings: Sequence[str], most: int | None = None) -> list[str]:

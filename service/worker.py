@@ -27,7 +27,7 @@ def main(folder: Path) -> int:
     job = json.loads((folder / JOB).read_text(encoding="utf-8"))
     try:
         if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, simulated=job["simulated"])
+            diagnosis(Path(job["data"]), folder, simulated=job["simulated"], cell=job.get("cell"))
         else:
             identification(Path(job["data"]), folder)
     except DataError as error:
@@ -36,8 +36,12 @@ def main(folder: Path) -> int:
     return 0
 
 
-def diagnosis(data: Path, folder: Path, *, simulated: bool) -> None:
-    """Diagnose, save the model, draw the report. Raises DataError."""
+def diagnosis(data: Path, folder: Path, *, simulated: bool, cell: str | None = None) -> None:
+    """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
+    from dataclasses import replace
+
+    from acquisition.cell import cell_of_record
+    from acquisition.follow_up import fits, in_cell
     from calib.dataset import read_dataset
     from calib.diagnose.diagnosis import diagnose
     from calib.files import replace_file
@@ -47,6 +51,9 @@ def diagnosis(data: Path, folder: Path, *, simulated: bool) -> None:
     from service.report import diagnosis_report
 
     found = diagnose(read_dataset(data))
+    here = None if cell is None else cell_of_record(cell, str(folder / JOB))
+    if here is not None and found.follow_up is not None and fits(here, found.final):
+        found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
     document = documents.of_diagnosis(found) | {"simulated": simulated}
     save_model(folder / MODEL, found.final, found)
     replace_file(folder / REPORT, diagnosis_report(found, document, simulated=simulated))

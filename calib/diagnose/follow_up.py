@@ -204,7 +204,7 @@ def _advice(rival: Rival, found: Identification) -> list[str]:
     out = []
     if labels & _OF_SIDE:
         out.append("visit the same poses from the other side, after moves of other lengths.")
-    if labels & _OF_WARMTH:
+    if labels & _OF_WARMTH and not labels <= _OF_DRIFT:
         out.append(
             "pause until the air has another temperature, or measure in another order, "
             "so that temperature no longer follows the clock."
@@ -220,6 +220,7 @@ def _advice(rival: Rival, found: Identification) -> list[str]:
 
 _OF_SIDE = {"backlash", "settling", "dead_zone"}
 _OF_WARMTH = {"thermal_growth", "thermal_joint", "warm_up", "drift_translation", "drift_rotation"}
+_OF_DRIFT = {"drift_translation", "drift_rotation"}
 _OF_LOAD = {
     "payload_mass",
     "payload_cog",

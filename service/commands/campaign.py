@@ -11,6 +11,7 @@ import typer
 import acquisition
 from acquisition import Outcome, Run, RunStatus, pausing_on_interrupt, read_campaign, read_cell, read_status
 from acquisition.database import FILE as RECORD_FILE
+from acquisition.merge import export_together
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
@@ -79,6 +80,14 @@ def export_command(
     out: Annotated[
         Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
     ],
+    later: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with",
+            metavar="DIR",
+            help="Records measured later in the same cell, a follow-up for instance: one data set of all.",
+        ),
+    ] = None,
     json: options.Json = None,
 ) -> None:
     """Write the readings of a record as a data set, finished or not."""
@@ -86,10 +95,13 @@ def export_command(
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     data, header = options.files_of(out)
     options.check_outputs(
-        {"OUT.csv": data, "header of OUT.csv": header, "--json": json}, inputs=(record / RECORD_FILE,)
+        {"OUT.csv": data, "header of OUT.csv": header, "--json": json},
+        inputs=tuple(each / RECORD_FILE for each in (record, *(later or ()))),
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
-        dataset = read_dataset(acquisition.export(record, out))
+        dataset = read_dataset(
+            export_together([record, *later], out) if later else acquisition.export(record, out)
+        )
         terminal.rest()
         terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}.")
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)

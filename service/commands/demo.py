@@ -1,9 +1,10 @@
 """`truepose demo`: the whole loop on a simulated cell with an effect hidden in it, over real sockets.
 
 The cell runs in a process of its own and speaks the devices' wire protocols: nothing of the hidden robot can leak
-into the program. The robot is measured, diagnosed, sent corrected targets, and measured again; what was hidden is
-asked from the simulator's back door afterwards, to be shown beside what was found. `--in-memory` leaves devices
-and correction out: a simulated campaign as files, and its diagnosis.
+into the program. The robot is measured and diagnosed; where something is ambiguous, poses that settle it are measured
+as well; then it is sent corrected targets, and measured again. What was hidden is asked from the simulator's back
+door afterwards, to be shown beside what was found. `--narrow` makes a start that leaves effects ambiguous;
+`--in-memory` leaves devices and correction out: a simulated campaign as files, and its diagnosis.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ FILES = (
     "campaign.toml",
     "data.csv",
     "data.toml",
+    "data1.csv",
+    "data1.toml",
+    "data_follow_up.csv",
+    "data_follow_up.toml",
     "diagnosis.json",
     "model.json",
     "predictions.csv",
@@ -66,6 +71,14 @@ def demo(
             metavar="LABEL", help="Hide this effect, e.g. backlash:j4, instead of one from the seed."
         ),
     ] = None,
+    narrow: Annotated[
+        bool,
+        typer.Option(
+            "--narrow",
+            help="Measure the middle of the joint ranges first, where effects look alike, e.g. with "
+            "--effect periodic:j5:n2: the loop then measures poses that tell them apart.",
+        ),
+    ] = False,
     in_memory: Annotated[
         bool, typer.Option("--in-memory", help="No devices, no correction: diagnose a simulated data set.")
     ] = False,
@@ -79,19 +92,23 @@ def demo(
         raise DataError(
             "cannot be made: the folder above it does not exist.", do="Make it first.", file=f"--out {out}"
         )
+    if narrow and in_memory:
+        raise DataError(
+            "needs the devices, --in-memory leaves them out.", do="Leave out one of the two.", file="--narrow"
+        )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         if in_memory:
             document, hidden = _in_memory(seed, out, effect, terminal)
         else:
-            document, hidden = _on_the_cell(seed, out, effect, time_scale, terminal)
+            document, hidden = _on_the_cell(seed, out, effect, time_scale, narrow, terminal)
     write_json({**document, "hidden": [each["label"] for each in hidden]}, json)
 
 
 def _on_the_cell(
-    seed: int, out: Path, effect: str | None, time_scale: float, terminal: Terminal
+    seed: int, out: Path, effect: str | None, time_scale: float, narrow: bool, terminal: Terminal
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     _clear(out)
-    cell, campaign = rehearsal.write_files(out, seed, effect, time_scale)
+    cell, campaign = rehearsal.write_files(out, seed, effect, time_scale, narrow=narrow)
     terminal.say("starting the simulated cell: an ABB IRB 120 and a FARO ION")
     with simulated_cell(cell) as simulated, rehearsal.wire_logs(out) as wire:
         equipment = Equipment(
@@ -129,6 +146,8 @@ def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
         "simulated": True,
         "verification": verification.document_of(result.verification),
     }
+    if result.followed_up is not None:
+        document["followed_up"] = documents.of_middle_step(result.followed_up)
     write_json(document, str(out / "diagnosis.json"))
     replace_file(out / "predictions.csv", predictions_csv(diagnosis))
     replace_file(out / "targets.csv", rehearsal.targets_csv(result.targets))
@@ -137,15 +156,24 @@ def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
     terminal.say("drawing the report")
     replace_file(
         out / "report.html",
-        diagnosis_report(diagnosis, document, simulated=True, verified=result.verification),
+        diagnosis_report(
+            diagnosis,
+            document,
+            simulated=True,
+            verified=result.verification,
+            followed_up=result.followed_up,
+        ),
     )
     return document
 
 
 def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
     from service.report import verification
+    from service.report.follow_up import middle_step_in_words
 
     diagnosis, verified = result.diagnosis, result.verification
+    if result.followed_up is not None:
+        terminal.out.print(middle_step_in_words(result.followed_up, diagnosis))
     terminal.out.print(f"{wording.VERDICT_NAMES[diagnosis.verdict]}. {wording.verdict_in_words(diagnosis)}")
     if diagnosis.effects:
         terminal.out.print(tables.effects(diagnosis.effects))

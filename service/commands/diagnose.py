@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from acquisition import read_cell
+from acquisition.follow_up import campaign_text, in_cell
 from calib.dataset import Dataset, read_dataset
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, diagnose
@@ -19,6 +22,7 @@ from calib.model_file import save_model
 from service import documents, exit_codes, tables
 from service.commands import options
 from service.files import STANDARD_OUTPUT
+from service.patched import Patched
 from service.predictions import predictions_csv
 from service.terminal import Terminal
 
@@ -41,6 +45,19 @@ def diagnose_command(
             metavar="B.csv", help="Judge the effects on another data set of the same robot as well."
         ),
     ] = None,
+    follow_up: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CAMPAIGN.toml", help="Where something is ambiguous, write poses that tell it apart."
+        ),
+    ] = None,
+    cell: Annotated[
+        Path | None,
+        typer.Option(metavar="CELL.toml", help="Keep those poses within this cell: limits, table, boxes."),
+    ] = None,
+    patch: Annotated[
+        bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
+    ] = False,
     accept_rms: Annotated[
         float | None,
         typer.Option(metavar="MM", help="RMS error on validation rows asked for; not met: exit code 3."),
@@ -48,8 +65,14 @@ def diagnose_command(
 ) -> None:
     """Identify, find what the model lacks, correct it, and judge the gain on held-out readings."""
     options.check_outputs(
-        {"--json": json, "--predictions": predictions, "--model": model, "--report": report},
-        inputs=(*options.files_of(data), *options.files_of(carry_to)),
+        {
+            "--json": json,
+            "--predictions": predictions,
+            "--model": model,
+            "--report": report,
+            "--follow-up": follow_up,
+        },
+        inputs=(*options.files_of(data), *options.files_of(carry_to), cell),
     )
     if accept_rms is not None and not (math.isfinite(accept_rms) and accept_rms > 0.0):
         raise DataError(f"is {accept_rms:g}.", do="Give an error above 0 mm.", file="--accept-rms")
@@ -57,14 +80,23 @@ def diagnose_command(
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
         other = None if carry_to is None else read_dataset(carry_to)
+        the_cell = None if cell is None else read_cell(cell)
         if accept_rms is not None:
             _refuse_unjudged(dataset, data)
         diagnosis = diagnose(dataset, most=most, progress=terminal.say)
+        if the_cell is not None and diagnosis.follow_up is not None:
+            terminal.say("seeking poses of the cell that tell rivals apart")
+            chosen = in_cell(the_cell, diagnosis.final, diagnosis.follow_up.rivals)
+            diagnosis = replace(diagnosis, follow_up=chosen)
         carried = None
         if other is not None:
             terminal.say(f"judging the effects on {carry_to}")
             carried = carry_over(diagnosis, other)
-        document = documents.of_diagnosis(diagnosis, carried)
+        patched = None
+        if patch:
+            terminal.say("mapping what is left")
+            patched = Patched.of(diagnosis)
+        document = documents.of_diagnosis(diagnosis, carried, patched)
         options.write_result(document, json, terminal)
         write_results(
             diagnosis,
@@ -74,9 +106,18 @@ def diagnose_command(
             model=model,
             report=report,
             carried=carried,
+            patched=patched,
         )
+        if follow_up is not None and diagnosis.follow_up is not None:
+            replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()
-        show(diagnosis, terminal, carried)
+        show(diagnosis, terminal, carried, patched)
+        if follow_up is not None:
+            terminal.note(
+                "follow-up: nothing is ambiguous, no file was written"
+                if diagnosis.follow_up is None
+                else f"follow-up: {follow_up}"
+            )
         for what, path in (("predictions", predictions), ("model", model), ("report", report)):
             if path is not None:
                 terminal.note(f"{what}: {path}")
@@ -95,6 +136,7 @@ def write_results(
     report: Path | None,
     model: Path | None = None,
     carried: CarryOver | None = None,
+    patched: Patched | None = None,
     simulated: bool = False,
 ) -> None:
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
@@ -107,12 +149,17 @@ def write_results(
         from service.report import diagnosis_report
 
         terminal.say("drawing the report")
-        replace_file(report, diagnosis_report(diagnosis, document, carried, simulated=simulated))
+        replace_file(report, diagnosis_report(diagnosis, document, carried, patched, simulated=simulated))
 
 
-def show(diagnosis: Diagnosis, terminal: Terminal, carried: CarryOver | None = None) -> None:
+def show(
+    diagnosis: Diagnosis,
+    terminal: Terminal,
+    carried: CarryOver | None = None,
+    patched: Patched | None = None,
+) -> None:
     """Print the result for people."""
-    for table in tables.diagnosis(diagnosis, carried):
+    for table in tables.diagnosis(diagnosis, carried, patched):
         terminal.out.print(table)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi.responses import HTMLResponse, JSONResponse
 
+from calib.robot import built_in_robots
 from service.http.bodies import JobShown, OfDataset
 from service.http.datasets import CSV
 from service.http.headers import After, IdempotencyKey, Wait
@@ -24,7 +25,10 @@ REPORT_HEADERS = {
 def _add(here: Service, kind: str, collection: str, body: OfDataset, key: str) -> JSONResponse:
     def work() -> JSONResponse:
         dataset = here.datasets.get(body.dataset_id)
-        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV)
+        cell = here.settings.cell
+        if cell is not None and cell.robot.model.name not in built_in_robots():
+            cell = None  # its robot stands in a file of its own, which a job does not have
+        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell)
         return reply(202, job, location=f"/api/v1/{collection}/{job['id']}", retry_after=1)
 
     return here.keys.once(key, fingerprint(collection, body.model_dump()), work)
@@ -54,7 +58,11 @@ async def get_identification(here: Here, job_id: str, wait: Wait = 0, after: Aft
 
 @router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=JobShown)
 def create_diagnosis(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """Identify the robot of a data set and find what its model lacks."""
+    """Identify the robot of a data set and find what its model lacks.
+
+    Where something is ambiguous, `result.follow_up` holds a campaign that tells it apart, within the cell of this
+    service: POST it to /runs.
+    """
     return _add(here, "diagnosis", "diagnoses", body, idempotency_key)
 
 

@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from acquisition import State
+from acquisition import Cell, State
 from calib.files import replace_file
 from service.files import as_json
 from service.http import problems
@@ -47,8 +47,11 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name="jobs")
         self._thread.start()
 
-    def add(self, kind: str, dataset: dict[str, Any], data: Path) -> dict[str, Any]:
-        """Put a job in the queue; its document. Raises Problem 503 when too many wait."""
+    def add(self, kind: str, dataset: dict[str, Any], data: Path, cell: Cell | None = None) -> dict[str, Any]:
+        """Put a job in the queue; its document. Raises Problem 503 when too many wait.
+
+        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it.
+        """
         own = new_id()
         folder = self._record / _FOLDERS[kind] / own
         job = {
@@ -58,6 +61,7 @@ class Jobs:
             "created_utc": utc_text(time.time()),
             "data": str(data),
             "simulated": dataset["simulated"],
+            "cell": None if cell is None else cell.source,
         }
         with self._changed:
             if len(self._waiting) >= MOST_WAITING:

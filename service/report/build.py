@@ -7,39 +7,50 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from acquisition.loop import FollowedUp
 from acquisition.verification import Verification
 from calib.dataset import Dataset
 from calib.diagnose.carry import CarryOver
-from calib.diagnose.diagnosis import Diagnosis, Found
+from calib.diagnose.diagnosis import Diagnosis
 from calib.held_out import errors_on
 from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import RobotModel
 from calib.statistics import ErrorStatistics, statistics_of
-from calib.units import to_display
 from service import wording
 from service.parameters import Row, rows_of
-from service.report import drawing, errors, panels, scatter, scope, trust, verification
+from service.patched import Patched
+from service.report import (
+    drawing,
+    errors,
+    follow_up,
+    panels,
+    scatter,
+    scope,
+    trust,
+    verification,
+)
+from service.report.findings import DRAWN, effect_of, structure_of
 from service.report.residuals import Sample
-
-DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
 
 
 def diagnosis_report(
     diagnosis: Diagnosis,
     document: Mapping[str, Any],
     carried: CarryOver | None = None,
+    patched: Patched | None = None,
     *,
     simulated: bool = False,
     verified: Verification | None = None,
+    followed_up: FollowedUp | None = None,
 ) -> str:
     """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
 
-    verified: what the robot did with corrected targets, where they were driven.
+    patched: a residual map, where one was asked for; verified: what the robot did with corrected targets, where they
+    were driven; followed_up: how what was ambiguous at first was settled.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
@@ -74,6 +85,7 @@ def diagnosis_report(
                 },
             )
         )
+    effects = [effect_of(f, sample, dataset, number) for number, f in enumerate(diagnosis.effects)]
     joints = [panels.of_joint(sample, k, found) for k in range(1, final.model.robot.joints + 1)]
     return _render(
         dataset,
@@ -88,8 +100,16 @@ def diagnosis_report(
         error_tables=[table for table in tables if table["rows"]],
         figures=_error_figures(measured),
         joints=Markup(scatter.joints_figure(joints)),
-        effects=[_effect(f, sample, number) for number, f in enumerate(diagnosis.effects)],
-        structure=diagnosis.structure,
+        effects=effects,
+        error_after=diagnosis.error_after,
+        groups=[
+            (group, [effects[diagnosis.effects.index(f)] for f in members])
+            for group, members in wording.by_group(diagnosis.effects)
+        ],
+        follow_up=follow_up.section_of(diagnosis.follow_up),
+        middle=follow_up.middle_step_of(followed_up, diagnosis),
+        patch=None if patched is None else _patch(patched),
+        structure=[structure_of(s, i, dataset, sample) for i, s in enumerate(diagnosis.structure)],
         p_lack_of_fit=wording.chance(diagnosis.p_lack_of_fit),
         notes=diagnosis.notes,
         verification=verification.section_of(diagnosis, verified),
@@ -134,7 +154,12 @@ def identification_report(
         figures=_error_figures(measured),
         joints=Markup(scatter.joints_figure(joints)),
         effects=[],
-        structure=(),
+        error_after=None,
+        groups=[],
+        follow_up=None,
+        middle=None,
+        patch=None,
+        structure=[],
         p_lack_of_fit=None,
         notes=(),
         verification=None,
@@ -215,40 +240,13 @@ def _headline(
     return [first, (wording.millimetres(after.rms), "mm", "RMS after"), last]
 
 
-def _effect(found: Found, sample: Sample, number: int) -> dict[str, Any]:
-    value, uncertainty, unit = wording.amplitude(found)
-    picture = None
-    if number < DRAWN:
-        picture = Markup(scatter.effect_figure(panels.of_effect(sample, found.effect), f"effect{number + 1}"))
-    return {
-        "label": found.effect.label,
-        "sentence": wording.sentence_of(found),
-        "amplitude": value,
-        "uncertainty": uncertainty,
-        "unit": unit,
-        "number": number + 1,
-        "parts": _parts(found),
-        "owner": wording.OWNERS[found.effect.owner],
-        "share": found.evidence.explained_variance,
-        "evidence": found.evidence,
-        "rivals": wording.rivals_of(found),
-        "weight": found.evidence.candidates.get(found.effect.label, 1.0),
-        "displacement": sample.displacement(found.effect),
-        "picture": picture,
-    }
-
-
-def _parts(found: Found) -> str:
-    """Every parameter of an effect that has more of them than its amplitude tells; else empty."""
-    if len(found.effect.parameters) < 3:
-        return ""
-    texts = []
-    for i, parameter in enumerate(found.effect.parameters):
-        value = to_display(float(found.values[i]), parameter.unit)
-        spread = to_display(float(np.sqrt(found.covariance[i, i])), parameter.unit)
-        value_text, uncertainty = wording.with_uncertainty(value, wording.COVERAGE * spread)
-        texts.append(f"{parameter.short} {value_text} ± {uncertainty} {parameter.unit}".replace("-", "−"))
-    return "; ".join(texts)
+def _patch(patched: Patched) -> dict[str, Any]:
+    table = _error_table(
+        "Without and with the patch",
+        "validation readings of this data set",
+        {"With the effects found": patched.without, "The same with the patch": patched.with_it},
+    )
+    return {"told": wording.patch_in_words(patched.patch), "table": table if table["rows"] else None}
 
 
 def _parameter(row: Row) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 Which abscissa convinces depends on the driver: the joint angle for gears, the phase of the gear error where it
 repeats too often to follow, the side of approach for backlash, the order of the readings for steps, the time for
-drifts, the temperature for growth. An effect with a driver this file does not know is drawn over its own law.
+drifts, the temperature for growth, torque and moment for what bends. An effect that several things drive at once is
+drawn over the displacement that it should cause: readings that follow it lie on the diagonal.
 """
 
 from __future__ import annotations
@@ -14,7 +15,24 @@ from numpy.typing import NDArray
 
 from calib.effects.effect import Effect
 from calib.kinematics import Array
-from calib.regressors import Cosine, JointAngle, Side, Sine, StepAt, Temperature, Time, Torque
+from calib.regressors import (
+    Bump,
+    Constant,
+    Cosine,
+    JointAngle,
+    LastMove,
+    Moment,
+    MomentBehind,
+    Side,
+    Sine,
+    StepAt,
+    Temperature,
+    Time,
+    Torque,
+    TorqueCubed,
+    TorqueSign,
+    WarmUp,
+)
 from calib.units import DEG
 from service.report.residuals import MDEG, Sample, Seen
 
@@ -28,9 +46,12 @@ _PER = {
     "1e-6/K": ("1e-6", 1e-6),
     "mm": ("mm", 1.0),
     "deg": ("deg", DEG),
+    "ppm": ("ppm", 1e-6),
 }
-_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle)
-
+_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle, Bump)
+_ANGLES = ("theta", "alpha", "beta")
+_UNTOUCHED = 1e-6  # of the largest displacement: such a reading says nothing of the effect
+_ALIKE = 0.2  # spread of the displacements, of the largest, below which they are no abscissa
 
 Mask = NDArray[np.bool_]
 Curve = tuple[Array, Array, float]  # x, y, side (0 where none is told apart)
@@ -70,12 +91,28 @@ def of_effect(sample: Sample, effect: Effect) -> Panel:
     slots = {term.slot for term in effect.terms}
     if len(slots) == 1 and next(iter(slots)).startswith("theta"):
         return _on_joint(sample, effect, int(next(iter(slots)).removeprefix("theta")))
-    if len(drivers) == 1:
+    if len(drivers) == 1 and _abscissa(sample, effect) is not None:
         return _by_driver(sample, effect)
+    return _by_displacement(sample, effect)
+
+
+def _by_displacement(sample: Sample, effect: Effect) -> Panel:
+    """Over the displacement that the law causes; in order of time where it is the same for all that it moves."""
     seen = sample.of_share(effect)
-    order = sample.column("order") + 1.0
-    return _panel(
-        sample, effect.label, order, "reading, in order of time", seen, 1.0, "share of the fitted effect"
+    moved = np.linalg.norm(sample.moved(effect), axis=1)
+    touched = moved > _UNTOUCHED * np.max(moved)
+    if np.ptp(moved[touched]) < _ALIKE * np.max(moved):
+        x, x_label, y_label = (
+            sample.column("order") + 1.0,
+            "reading, in order of time",
+            "share of the fitted effect",
+        )
+    else:
+        seen = Seen(seen.y * moved, seen.sd * moved, moved)
+        x, x_label, y_label = moved, "displacement by the fitted law, mm", "displacement seen, mm"
+    panel = _panel(sample, effect.label, x, x_label, seen, 1.0, y_label)
+    return replace(
+        panel, x=panel.x[touched], y=panel.y[touched], sd=panel.sd[touched], held=panel.held[touched]
     )
 
 
@@ -94,10 +131,10 @@ def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
             )
     elif kinds == {Side}:
         side = sample.side(joint)
-    else:
+    elif not kinds <= {Bump, Constant}:
         x, x_label = _abscissa(sample, effect) or (seen.law / MDEG, "fitted law, mdeg")
     panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
-    if kinds <= {Cosine, Sine} and x_label.startswith("θ"):
+    if kinds <= {Cosine, Sine, Bump} and x_label.startswith("θ"):
         # readings may leave gaps that a line through them would cut short
         return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
     return panel
@@ -107,7 +144,10 @@ def _by_driver(sample: Sample, effect: Effect) -> Panel:
     seen = sample.of_driver(effect)
     x, name = _abscissa(sample, effect) or (seen.law, "fitted law")
     model, estimate = sample.fitted.model, sample.fitted.estimate
-    unit = effect.parameters[0].unit
+    unit, slot = effect.parameters[0].unit, effect.terms[0].slot
+    if len(effect.terms) == 1 and slot.startswith(_ANGLES):
+        amount = effect.terms[0].weight * float(estimate[model.index[effect.terms[0].parameter]])
+        return _panel(sample, effect.label, x, name, seen, MDEG / (amount or 1.0), f"error of {slot}, mdeg")
     shown, factor = _PER.get(unit, ("", 0.0))
     if not shown:
         largest = max(float(np.max(np.abs(seen.law))), 1e-300)
@@ -129,13 +169,16 @@ def _abscissa(sample: Sample, effect: Effect) -> tuple[Array, str] | None:
         return sample.angle(driver.joint) / DEG, f"θ{driver.joint}, deg"
     if isinstance(driver, StepAt):
         return sample.column("order") + 1.0, "reading, in order of time"
-    if isinstance(driver, Time):
+    if isinstance(driver, Time | WarmUp):
         return sample.column("time") / 3600.0, "time, h"
     if isinstance(driver, Temperature):
         return sample.column("temperature"), "air temperature, °C"
-    if isinstance(driver, Torque):
-        torque = np.concatenate([p.conditions.torque[:, driver.joint - 1] for p in sample.parts])
-        return torque / 1000.0, f"gravity torque of joint {driver.joint}, N·m"
+    if isinstance(driver, LastMove):
+        return sample.driver(driver) / DEG, f"last move of joint {driver.joint}, deg"
+    if isinstance(driver, Torque | TorqueCubed | TorqueSign):
+        return sample.driver(Torque(driver.joint)) / 1000.0, f"gravity torque of joint {driver.joint}, N·m"
+    if isinstance(driver, Moment | MomentBehind):
+        return sample.driver(driver) / 1000.0, f"gravity moment at joint {driver.joint}, N·m"
     return None
 
 
@@ -226,7 +269,7 @@ def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: b
         for effect in effects:
             for term in effect.terms:
                 amount = term.weight * estimate[model.index[term.parameter]]
-                if isinstance(term.regressor, _DRAWN_OVER_ANGLE):
+                if isinstance(term.regressor, _DRAWN_OVER_ANGLE) and term.regressor.joint == joint:
                     total += amount * term.regressor.evaluate(conditions)
                 elif isinstance(term.regressor, Side):
                     total += amount * s

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.conditions import Conditions
 from calib.dataset import Dataset
 from calib.effects.effect import Effect
 from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import Design
 from calib.readings import Readings, readings_of
+from calib.regressors import Regressor
 from calib.units import DEG
 
 MDEG = DEG * 1e-3
@@ -69,6 +71,12 @@ class Sample:
         """(n,) any of the conditions that is one number a reading."""
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
+    def driver(self, regressor: Regressor) -> Array:
+        """(n,) what drives an effect, internal units."""
+        return np.concatenate(
+            [np.broadcast_to(regressor.evaluate(p.conditions), (len(p.rows),)) for p in self.parts]
+        )
+
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
         """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
         return self._seen(effects, lambda _: {f"theta{joint}": 1.0}, lambda part: self._law(part, effects))
@@ -98,15 +106,27 @@ class Sample:
 
         return self._seen([effect], amounts, lambda part: np.ones(len(part.rows)))
 
+    def moved(self, effect: Effect) -> Array:
+        """(n, 3) how the effect moves the tool point, mm."""
+        return np.concatenate([self._moved(effect, part.conditions) for part in self.parts])
+
     def displacement(self, effect: Effect) -> float:
         """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, mm."""
         part = self.parts[0]
         few = np.unique(np.linspace(0, len(part.rows) - 1, 400).astype(int))
-        design = Design(self.fitted.model, part.conditions.take(few))
+        moved = self._moved(effect, part.conditions.take(few))
+        return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+
+    def _moved(self, effect: Effect, conditions: Conditions) -> Array:
+        design = Design(self.fitted.model, conditions)
         without = self.fitted.estimate.copy()
         without[self.fitted.model.positions(effect)] = 0.0
-        moved = design.predict(self.fitted.estimate) - design.predict(without)
-        return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+        return design.predict(self.fitted.estimate) - design.predict(without)
+
+    def left(self, dataset: Dataset) -> Array:
+        """(n, 3) measured less predicted point of every reading, mm; NaN where no point was measured."""
+        predicted = np.concatenate([self.fitted.predict(part.conditions) for part in self.parts])
+        return dataset.points[np.concatenate([part.rows for part in self.parts])] - predicted
 
     def _estimate(self, parameter: str) -> float:
         return float(self.fitted.estimate[self.fitted.model.index[parameter]])

@@ -12,6 +12,7 @@ from service.report.panels import Panel
 from service.report.residuals import binned
 
 MOST_DOTS = 1200  # a panel: enough to see the cloud, few enough for a file that opens at once
+_SIDE_ROOM = 0.02  # of the width: dots at the edge are seen whole
 _UNSEEN_MDEG = 500.0  # standard error of one reading
 _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
 _SIDE_NAMES = {1.0: "arrived from below", -1.0: "from above"}
@@ -56,7 +57,7 @@ def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
     for s in sides:
         mine = clear if panel.side is None else clear & (panel.side == s)
         colour = _SIDE_COLOURS[s]
-        shown = _thinned(np.flatnonzero(mine), MOST_DOTS // len(sides))
+        shown = thinned(np.flatnonzero(mine), MOST_DOTS // len(sides))
         for held in (False, True):
             dots = shown[panel.held[shown] == held]
             axes.plot(
@@ -81,9 +82,10 @@ def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
             zorder=1.5 if fast else 4.0,
         )
     axes.set_ylim(*_heights(panel))
-    if float(np.min(panel.x)) < float(np.max(panel.x)):
-        axes.set_xlim(float(np.min(panel.x)), float(np.max(panel.x)))
-    axes.margins(x=0.02)
+    low, high = float(np.min(panel.x)), float(np.max(panel.x))
+    if low < high:
+        room = _SIDE_ROOM * (high - low)
+        axes.set_xlim(low - room, high + room)
     axes.axhline(0.0, color=drawing.QUIET, linewidth=0.7, zorder=1)
 
 
@@ -118,7 +120,7 @@ def _heights(panel: Panel) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _thinned(rows: np.ndarray, most: int) -> np.ndarray:
+def thinned(rows: np.ndarray, most: int) -> np.ndarray:
     """At most so many of the rows, drawn once and for all."""
     if len(rows) <= most:
         return rows

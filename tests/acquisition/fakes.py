@@ -133,7 +133,10 @@ class Bench:
     where: tuple[float, ...] = (0.0,) * 6
     came_from: tuple[float, ...] = (0.0,) * 6
     seated: str | None = None
-    quiet_moves: int = 0  # made since anything disturbed the cell: a fault, connecting, arming, a stop
+    quiet_moves: int = (
+        0  # made since anything disturbed the cell: a fault, connecting, arming, a stop, a person
+    )
+    asking: bool = False  # a person has a question before them
     shots: dict[float, Shot] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
     shift_mm: dict[str, float] = field(default_factory=dict)  # along x, of nests
@@ -144,6 +147,7 @@ class Bench:
     )
 
     def call(self, name: str) -> None:
+        assert not self.asking, f"{name} before the answer"
         self.calls += 1
         self.log.append(name)
         fault = self.faults.pop(self.calls, None)
@@ -278,10 +282,14 @@ class SeatingOperator:
         self.asked: list[str] = []
 
     def ask(self, prompt: Prompt) -> Answer:
+        self.bench.asking, self.bench.quiet_moves = True, 0
         self.asked.append(prompt.text)
         answer = self.answers.pop(0) if self.answers else Answer.CONFIRM
+        if answer not in prompt.expects:
+            answer = Answer.CONFIRM
         if prompt.text.startswith("Seat the SMR in ") and answer is Answer.CONFIRM:
             self.bench.seated = prompt.text.split()[4]
+        self.bench.asking = False
         return answer
 
 

@@ -12,18 +12,29 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from acquisition.database import FILE
+from acquisition.errors import NotResumed
 from acquisition.run import Run
 from acquisition.store import Event
-from drivers.errors import BeamBroken, EmergencyStop, LinkLost, WrongMode
-from drivers.interfaces import Answer
+from drivers.errors import (
+    BeamBroken,
+    EmergencyStop,
+    LinkLost,
+    LinkTimeout,
+    NoOperator,
+    StorageError,
+    WrongMode,
+)
+from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import (
     Bench,
     Crash,
@@ -35,8 +46,36 @@ from tests.acquisition.fakes import (
 )
 
 BLOCKS = [{"set": "calibration", "count": 2, "targets": ["T1", "T2"]}, {"set": "validation", "count": 1}]
+READINGS = 2 * 2 + 3
 MEMORY = Path("/dev/shm")  # no power is cut here, so the disk need not be waited for
-HAPPENINGS = ("crash", "pause", "stop", "link", "beam", "manual", "estop", "stop then crash")
+ERRORS: dict[str, BaseException] = {
+    "link": LinkLost("lost"),
+    "silence": LinkTimeout("late"),
+    "beam": BeamBroken("broken"),
+    "manual": WrongMode("manual"),
+    "estop": EmergencyStop("pressed"),
+    "nobody": NoOperator("gone"),
+    "bug": ZeroDivisionError(),
+}
+ORDERS = ("crash", "pause", "stop", "stop then crash", "clock", "full disk", "browser", "tracker moved")
+HAPPENINGS = (*ERRORS, *ORDERS)
+ANSWERS = (*Answer, "pause", "stop", "crash", "nobody")
+
+
+class Person(SeatingOperator):
+    """May do something else before the answer is given; whether it still counts then is the desk's affair."""
+
+    def __init__(self, bench: Bench, answers: list[Answer | str], do: Callable[[str], None]) -> None:
+        super().__init__(bench)
+        self.mixed, self.do = list(answers), do
+
+    def ask(self, prompt: Prompt) -> Answer:
+        given = self.mixed.pop(0) if self.mixed else Answer.CONFIRM
+        self.answers = [given] if isinstance(given, Answer) else []
+        answer = super().ask(prompt)
+        if isinstance(given, str):
+            self.do(given)  # last: the campaign may be over when this thread goes on
+        return answer
 
 
 class CampaignMachine(RuleBasedStateMachine):
@@ -57,67 +96,111 @@ class CampaignMachine(RuleBasedStateMachine):
         self.clock = JumpingClock()
         self.told: list[dict[str, Any]] = []
         self.asked_to_move = True  # a new record may run
+        self.crashed = False
+        self.browser: sqlite3.Connection | None = None
+        self.last_t_s = 0.0
 
     def teardown(self) -> None:
         if hasattr(self, "run"):
-            self.run.close()
-            shutil.rmtree(self.folder)
+            try:
+                self._comes_to_its_end()
+            finally:
+                self.run.close()
+                shutil.rmtree(self.folder)
+
+    def _comes_to_its_end(self) -> None:
+        """Whatever happened, a person who only confirms brings it to its end."""
+        while self.run.status().state not in ("succeeded", "failed"):
+            self.execute([], [])
+            self.the_record_is_true()
+        status = self.run.status()
+        assert status.done == status.total == READINGS
+        assert (status.state == "succeeded") == (status.skipped < READINGS)
 
     def _heard(self, event: Event) -> None:
+        assert event.t_s is not None
+        assert event.t_s >= self.last_t_s
+        self.last_t_s = event.t_s
         if event.kind == "reading" and event.data["set"] != "nest":
             assert event.data["pose"] not in {row["pose"] for row in self.told}
             self.told.append(dict(event.data))
 
-    def _crash(self) -> None:
-        self.run._store.database._connection.close()
-        raise Crash
+    def _happen(self, what: str) -> None:
+        database = self.run._store.database
+        if what in ERRORS:
+            raise ERRORS[what]
+        if what.startswith("stop"):
+            self.run.stop()
+        if what.endswith("crash"):
+            self.crashed = True
+            database._connection.close()
+            raise Crash
+        if what == "pause":
+            self.run.pause()
+        elif what == "clock":
+            self.clock.calendar += 3600.0
+        elif what == "full disk":
+            database.query(f"PRAGMA max_page_count = {database.query('PRAGMA page_count')[0][0]}")
+            while True:
+                try:
+                    self.run._store.tell("filler", text="x" * 2000)
+                except StorageError:
+                    break
+        elif what == "browser":
+            database.query("PRAGMA busy_timeout = 1")
+            self.browser = sqlite3.connect(self.folder / FILE, isolation_level=None, check_same_thread=False)
+            self.browser.execute("BEGIN IMMEDIATE")
+        elif what == "tracker moved":
+            self.bench.tracker.origin[:] += 0.2
 
     def _happening(self, what: str) -> Callable[[], None]:
-        def throw(error: BaseException) -> Callable[[], None]:
-            def happen() -> None:
-                raise error
+        return lambda: self._happen(what)
 
-            return happen
-
-        def stop_and_crash() -> None:
-            self.run.stop()
-            self._crash()
-
-        table: dict[str, Callable[[], object]] = {
-            "crash": self._crash,
-            "pause": lambda: self.run.pause(),
-            "stop": lambda: self.run.stop(),
-            "link": throw(LinkLost("lost")),
-            "beam": throw(BeamBroken("broken")),
-            "manual": throw(WrongMode("manual")),
-            "estop": throw(EmergencyStop("pressed")),
-            "stop then crash": stop_and_crash,
-        }
-        return lambda: void(table[what]())
+    def _answering(self, what: str) -> None:
+        with suppress(Crash):  # whoever waits for the answer finds the record gone
+            self._happen(what)
 
     @rule(
         happenings=st.lists(st.tuples(st.integers(1, 25), st.sampled_from(HAPPENINGS)), max_size=4),
-        answers=st.lists(st.sampled_from((Answer.CONFIRM, Answer.SKIP, Answer.ABORT)), max_size=3),
+        answers=st.lists(st.sampled_from(ANSWERS), max_size=4),
     )
     @precondition(lambda self: self.run.status().state in ("ready", "paused", "stopped"))
-    def execute(self, happenings: list[tuple[int, str]], answers: list[Answer]) -> None:
+    def execute(self, happenings: list[tuple[int, str]], answers: list[Answer | str]) -> None:
         if not self.asked_to_move:
             self.run.resume(by="somebody")
         self.bench.faults = {self.bench.calls + n: self._happening(what) for n, what in happenings}
         self.bench.seated = None
-        operator = SeatingOperator(self.bench, answers)
+        operator = Person(self.bench, answers, self._answering)
         self.asked_to_move = False
         try:
             outcome = self.run.execute(devices_of(self.bench, operator), self.clock, self._heard)
-        except Crash:
+        except (Crash, ZeroDivisionError):
+            outcome = None
+        calls = self.bench.calls
+        if self.browser is not None:
+            self.browser.close()
+            self.browser = None
+        if self.crashed:
+            self.crashed = False
             self.run.close()
-            moves = self.bench.calls
             self.run = Run.open(self.folder)
             assert self.run.status().state in ("paused", "stopped")
-            assert self.bench.calls == moves
+        elif outcome is None:
+            assert self.run.status().state == "paused"
         else:
             assert outcome.state.value == self.run.status().state
             assert outcome.state.value in ("succeeded", "failed", "paused", "stopped")
+            assert self.run.status().reason == outcome.reason
+        self.run._store.database.query("PRAGMA max_page_count = 1000000")
+        assert self.bench.calls == calls
+
+    @rule()
+    @precondition(lambda self: self.run.status().state in ("paused", "stopped") and not self.asked_to_move)
+    def nothing_moves_unless_resumed(self) -> None:
+        calls = self.bench.calls
+        with pytest.raises(NotResumed):
+            self.run.execute(devices_of(self.bench), self.clock, self._heard)
+        assert self.bench.calls == calls
 
     @rule()
     @precondition(lambda self: self.run.status().state in ("ready", "paused"))
@@ -172,10 +255,6 @@ class CampaignMachine(RuleBasedStateMachine):
         if self.run.status().state == "succeeded":
             assert left == 0
             assert opened == 0
-
-
-def void(_: object) -> None:
-    """A happening answers nothing."""
 
 
 TestCampaign = CampaignMachine.TestCase

@@ -333,8 +333,9 @@ def test_prompt_is_answered_from_another_thread_whoever_shows_it(tmp_path: Path)
             assert (status.state, status.state_code) == ("waiting_for_operator", 3)
             with pytest.raises(UnknownPrompt):
                 stage.run.answer("nonesuch", Answer.CONFIRM)
-            with pytest.raises(UnknownPrompt):
-                stage.run.answer(status.prompt["id"], Answer.REDO)
+            if "redo" not in status.prompt["expects"]:
+                with pytest.raises(UnknownPrompt):
+                    stage.run.answer(status.prompt["id"], Answer.REDO)
             stage.run.answer(status.prompt["id"], Answer.CONFIRM, by="anna")
             identity = status.prompt["id"]
             until(
@@ -435,3 +436,110 @@ def test_pause_from_an_event(stage: Stage) -> None:
     assert set(caller) == {threading.get_ident()}
     assert stage.bench.log == ALL[:5]
     assert (stage.folder / FILE).exists()
+
+
+# -- answers, and what they leave valid -------------------------------------------------------------------
+
+
+def test_redo_measures_the_last_reading_again_after_a_new_approach(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, cell={"instrument__one_smr": True})
+    stage.operator.answers = [Answer.CONFIRM] * 4 + [Answer.REDO]
+    assert stage.execute().state.value == "succeeded"
+    # T1 twice, then "Seat T2" is answered by redo: T1 is seated anew, and measured before T2 is asked for.
+    seats = [text.split()[4] for text in stage.operator.asked]
+    assert seats == ["N1", "N2", "N3", "T1", "T2", "T1", "T2", "T3"]
+    once = ["move", "move", "measure T1"]
+    assert stage.bench.log[7:16] == once * 3
+    status = stage.run.status()
+    assert (status.done, status.total, status.skipped) == (5, 5, 0)
+    (again,) = [event for event in stage.run.events() if event.kind == "measure_again"]
+    readings = [event.data["pose"] for event in stage.run.events() if event.kind == "reading"]
+    assert set(again.data["poses"] + again.data["replaced_by"]) <= set(readings)
+    assert len(readings) == len(set(readings)) == 3 + 5 + 1
+    stage.run.close()
+
+
+def test_redo_is_offered_once_there_is_something_to_redo(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, cell={"instrument__one_smr": True})
+    assert stage.execute().state.value == "succeeded"
+    offered = ["redo" in event.data["expects"] for event in stage.run.events() if event.kind == "prompt"]
+    assert offered == [False, False, False, False, True, True]
+    stage.run.close()
+
+
+def test_skip_with_a_reason(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, cell={"instrument__one_smr": True})
+    stage.operator = None
+    done = in_thread(stage.execute)
+    answered = ""
+    while not done.done():
+        prompt = stage.run.status().prompt
+        if prompt is None or prompt["id"] == answered:
+            threading.Event().wait(0.005)
+            continue
+        answered = prompt["id"]
+        third = "T3" in prompt["text"]
+        stage.run.answer(answered, Answer.SKIP if third else Answer.CONFIRM, by="anna", reason="worn nest")
+    assert done.result().state.value == "succeeded"
+    skipped = [event.data["reason"] for event in stage.run.events() if event.kind == "skipped"]
+    assert skipped == ["worn nest"]
+    answers = [event.data for event in stage.run.events() if event.kind == "answer"]
+    assert (answers[-1]["by"], answers[-1]["answer"], answers[-1]["reason"]) == ("anna", "skip", "worn nest")
+    stage.run.close()
+
+
+def test_a_prompt_voids_the_approach(stage: Stage) -> None:
+    """The second target of a visit is refused; whoever put it in order stood beside the robot."""
+    stage.fail(11, WrongMode("not ready"))
+    assert stage.execute().state.value == "succeeded"
+    assert stage.bench.log[10:15] == ["measure T2", "arm meter", "move", "move", "measure T2"]
+
+
+def test_where_the_robot_stands_is_read_back_before_it_moves(stage: Stage) -> None:
+    stage.bench.where = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    stage.fail(9, LinkLost("gone"))
+    stage.execute()
+    met = [
+        e.data["read_deg"] for e in stage.run.events() if e.kind == "connected" and e.data["role"] == "robot"
+    ]
+    assert met[0] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert len(met) == 2  # and again after the link was lost
+
+
+def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    before = stage.run._store.world
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [0.02, -0.02, 0.01]
+    outcome = stage.execute()
+    after = stage.run._store.world
+    assert (outcome.state.value, outcome.reason) == ("succeeded", "")
+    assert before is not None
+    assert after is not None
+    assert after.as_json() == before.as_json()
+
+
+def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
+    """0.15 mm: five times the noise of a nest, and less than the 0.2 mm that were once let pass."""
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [0.15, 0.0, 0.0]
+    outcome = stage.execute()
+    assert outcome.reason == "The instrument was moved: its readings come from 2 stations."
+    (moved,) = [event for event in stage.run.events() if event.kind == "instrument_moved"]
+    assert moved.data["nests_off_mm"] == pytest.approx(0.15, abs=1e-6)
+
+
+def test_nests_are_all_seen_from_one_station(stage: Stage) -> None:
+    """Paused after the first nest; the tracker is pushed by less than the distances between nests would tell."""
+    stage.bench.faults[5] = stage.run.pause
+    assert stage.execute().state.value == "paused"
+    stage.bench.tracker.origin[:] += [0.6, 0.6, 0.0]
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+    assert stage.bench.log[5:12] == [*CONNECT, *NESTS]
+    world = stage.run._store.world
+    assert world is not None
+    assert world.origin == pytest.approx(stage.bench.tracker.origin, abs=1e-9)

@@ -7,6 +7,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,11 +18,12 @@ from acquisition.attempts import Attempts
 from acquisition.database import FILE
 from acquisition.errors import IllegalTransition, RecordError, RecordInUse
 from acquisition.plan import make_plan
+from acquisition.schema import SCRIPTS
 from acquisition.states import TRANSITIONS, State, check_transition
 from acquisition.status import read_status, status_of
 from acquisition.store import Moment, Planned, Store
 from drivers.errors import LinkLost, StorageError
-from drivers.interfaces import JointReading, PointReading
+from drivers.interfaces import JointReading, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell
 
 READING = PointReading("T1", (1.0, 2.0, 3.0), (0.1, 0.1, 0.1), 10, 5.0, 0.0, 22.5, raw=b"\x00raw")
@@ -39,7 +41,7 @@ def new_store(folder: Path) -> Store:
 
 def half_a_change(store: Store) -> None:
     with store.changing() as db:
-        store.note(db, "never")
+        store.tell("never")
         store.change_state(db, State.SUCCEEDED, "")
 
 
@@ -82,6 +84,7 @@ def test_plan_comes_back_as_it_was_planned(tmp_path: Path) -> None:
 
 def test_reading_needs_its_own_arrival_and_is_kept_once(tmp_path: Path) -> None:
     store = new_store(tmp_path)
+    store.start()
     attempts = Attempts(store)
     first, second, other = poses(store)[0], poses(store)[1], poses(store)[2]
     assert first.visit.number == second.visit.number != other.visit.number
@@ -117,6 +120,132 @@ def test_reading_needs_its_own_arrival_and_is_kept_once(tmp_path: Path) -> None:
             with pytest.raises(sqlite3.IntegrityError):
                 db.execute(statement)
     db.close()
+
+
+@pytest.mark.parametrize(
+    ("statement", "why"),
+    [
+        ("UPDATE campaign SET campaign = ''", "a campaign that was begun never changes"),
+        ("UPDATE campaign SET cell = ''", "a campaign that was begun never changes"),
+        ("UPDATE pose SET joints_deg = '[]'", "a planned reading never changes"),
+        ("DELETE FROM pose", "a planned reading is never deleted"),
+        ("UPDATE pose SET status = 'measured'", "only a good reading"),
+        ("DELETE FROM command", "a command is never deleted"),
+        ("UPDATE command SET by = 'nobody'", "a command never changes"),
+        ("DELETE FROM prompt", "a prompt is never deleted"),
+        ("UPDATE prompt SET answer = 'skip'", "an answer never changes"),
+        (
+            "INSERT INTO attempt (kind, visit, began_utc, began_t_s) VALUES ('arrive', 3, 0, 0)",
+            "unless the camp",
+        ),
+    ],
+)
+def test_what_was_planned_asked_and_told_is_never_rewritten(tmp_path: Path, statement: str, why: str) -> None:
+    store = new_store(tmp_path)
+    store.start()
+    store.command("pause", "anna")
+    attempts = Attempts(store)
+    attempts.ask(Prompt("p", "well?"))
+    attempts.answered("p", "confirm", "anna")
+    store.become(State.PAUSED)
+    store.close()
+    with closing(sqlite3.connect(tmp_path / FILE)) as db, pytest.raises(sqlite3.IntegrityError, match=why):
+        db.execute(statement)
+
+
+def test_nothing_is_attempted_before_the_prompt_is_answered(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    store.start()
+    with store.changing() as db:
+        db.execute("INSERT INTO prompt (id, text, expects, asked_utc) VALUES ('p', 'well?', '[]', 0)")
+    attempts, visit = Attempts(store), poses(store)[0].visit
+    with pytest.raises(StorageError, match="before the prompt is answered"):
+        attempts.begin_arrival(visit)
+    attempts.answered("p", "void", "program")
+    attempts.begin_arrival(visit)
+    store.close()
+
+
+def test_a_reading_relies_on_the_last_arrival(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    store.start()
+    attempts, planned = Attempts(store), poses(store)[0]
+    arrivals = []
+    for _ in range(2):
+        arrivals.append(attempts.begin_arrival(planned.visit))
+        attempts.arrived(arrivals[-1], JointReading((1.0,) * 6, 1e-5))
+    with pytest.raises(StorageError, match="elsewhere since"):
+        attempts.begin_reading(planned, arrivals[0])
+    attempts.begin_reading(planned, arrivals[1])
+    store.close()
+
+
+def test_a_reading_that_is_not_trusted_is_planned_once_more(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    store.start()
+    attempts, planned = Attempts(store), poses(store)[0]
+    arrival = attempts.begin_arrival(planned.visit)
+    attempts.arrived(arrival, JointReading((1.0,) * 6, 1e-5))
+    attempts.measured(attempts.begin_reading(planned, arrival), planned, READING, None)
+    assert [each.target for each in store.left("pose", "planned")] == ["T2"]
+    store.measure_again([planned.id], "bumped")
+    assert [each.target for each in store.left("pose", "planned")] == ["T2", "T1"]
+    assert store.counts() == {"planned": 5}
+    again = store.left("pose", "planned")[1]
+    assert (again.visit.joints_deg, again.visit.number) == (planned.visit.joints_deg, planned.visit.number)
+    with pytest.raises(StorageError, match="replaced once"):
+        store.measure_again([planned.id], "twice")
+    store.close()
+
+
+def test_a_record_of_version_1_is_carried_over(tmp_path: Path) -> None:
+    """Made by the first script alone, in mid-campaign; its readings, plan and open attempt stay what they were."""
+    cell, campaign = a_cell(), a_campaign()
+    with closing(sqlite3.connect(tmp_path / FILE, isolation_level=None)) as db:
+        db.executescript(f"PRAGMA journal_mode = WAL; BEGIN; {SCRIPTS[0]} PRAGMA user_version = 1; COMMIT;")
+        db.execute(
+            "INSERT INTO campaign (id, name, created_utc, started_utc, simulated, cell, campaign, state) "
+            "VALUES ('x', 'old', 1e9, 1e9, 1, ?, ?, 'running')",
+            (cell.source, campaign.source),
+        )
+        for visit in make_plan(cell, campaign):
+            shared = (visit.number, visit.name, visit.kind, visit.set, visit.block)
+            lists = [json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg)]
+            for target in visit.targets:
+                db.execute(
+                    "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, "
+                    f"target) VALUES ({', '.join('?' * 9)})",
+                    (*shared, *lists, target),
+                )
+        db.execute("INSERT INTO attempt (kind, visit, began_utc, began_t_s) VALUES ('arrive', 3, 1e9, 5.0)")
+        db.execute("INSERT INTO event (utc, t_s, kind, data) VALUES (1e9, 5.0, 'state', '{}')")
+    assert read_status(tmp_path).total == 5  # a reader finds it carried over as well
+    with closing(Store.open(tmp_path)) as store:
+        store.moment = lambda: Moment(2e9, 6.0)
+        assert store.database.query("PRAGMA user_version")[0][0] == len(SCRIPTS)
+        assert store.counts() == {"planned": 5}
+        store.recover()
+        assert store.state is State.PAUSED
+        assert [e.kind for e in store.events()] == ["state", "attempt_died", "state"]
+        store.start()
+        Attempts(store).begin_arrival(store.left("pose", "planned")[0].visit)
+
+
+def test_changes_within_a_change_are_one(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    told: list[str] = []
+    with store.listening(lambda event: told.append(event.kind)):
+        with store.changing():
+            store.tell("first")
+            store.tell("second")
+            assert told == []  # not durable yet
+        assert told == ["first", "second"]
+        with pytest.raises(IllegalTransition):
+            half_a_change(store)
+        store.tell("fourth")
+    assert told == ["first", "second", "fourth"]  # nothing of the half
+    assert [event.kind for event in store.events()][-3:] == told
+    store.close()
 
 
 def test_events_reach_listeners_after_they_are_durable(tmp_path: Path) -> None:
@@ -181,10 +310,21 @@ def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
     for writer in (True, False):
         with pytest.raises(RecordError, match="newer version"):
             Store.open(tmp_path, writer=writer)
+    (tmp_path / "half").mkdir()  # the program ended while it made the record
+    with closing(sqlite3.connect(tmp_path / "half" / FILE)) as half:
+        half.executescript(f"{SCRIPTS[0]} PRAGMA user_version = 1;")
+    with pytest.raises(RecordError, match="start it anew in this folder"):
+        Store.open(tmp_path / "half")
+    new_store(tmp_path / "half").close()
     (tmp_path / "junk").mkdir()
     (tmp_path / "junk" / FILE).write_bytes(b"this is not a database at all" * 100)
     with pytest.raises(StorageError):
         Store.open(tmp_path / "junk")
+    with pytest.raises(RecordError, match="already"):
+        new_store(tmp_path / "junk")
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="cannot be written"):
+        new_store(tmp_path / "file" / "record")
 
 
 def test_a_full_disk_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
-"""`python -m tests.benchmarks [kinematics | identification | diagnosis [N] | demo [N]]`: figures we are held to.
+"""`python -m tests.benchmarks [NAME [COUNT]]`: the figures we are held to.
 
-Without a name all but the demos run (twenty take some four minutes). Every figure is a ratio within one run, or a
-count over seeded campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
+Without a name all but the demos and the peers run. Every figure is a ratio within one run, or a count over seeded
+campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
 """
 
 from __future__ import annotations
@@ -9,29 +9,54 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread against one thread
 
-from tests.benchmarks import demo, diagnosis, identification, kinematics
+from tests.benchmarks import (
+    campaign,
+    coverage,
+    demo,
+    diagnosis,
+    floor,
+    identification,
+    inverse,
+    kinematics,
+    pairs,
+    peers,
+    selection,
+)
+
+BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
+    "kinematics": (kinematics.run, None),
+    "identification": (identification.run, None),
+    "selection": (selection.run, None),
+    "pairs": (pairs.run, None),
+    "inverse": (inverse.run, None),
+    "floor": (floor.run, 50),
+    "coverage": (coverage.run, 300),
+    "diagnosis": (diagnosis.run, 100),
+    "campaign": (campaign.run, 200),
+    "demo": (demo.run, 20),
+    "peers": (peers.run, None),
+}
+"""Name -> function, and the number of campaigns that it takes, where it takes one."""
+
+APART = ("campaign", "demo", "peers")
+"""Run by name only: kills and demos take minutes, the peers are installed first."""
 
 
 def main() -> int:
     """Run what was asked for; 0 when every figure is reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
-    parser.add_argument("name", nargs="?", choices=("kinematics", "identification", "diagnosis", "demo"))
-    parser.add_argument(
-        "count", nargs="?", type=int, help="campaigns (diagnosis: 100 of each kind; demo: 20)"
-    )
+    parser.add_argument("name", nargs="?", choices=tuple(BENCHMARKS))
+    parser.add_argument("count", nargs="?", type=int, help="campaigns; each benchmark has its own default")
     options = parser.parse_args()
+    names = [n for n in BENCHMARKS if n not in APART] if options.name is None else [options.name]
     reached = True
-    if options.name in (None, "kinematics"):
-        reached &= kinematics.run()
-    if options.name in (None, "identification"):
-        reached &= identification.run()
-    if options.name in (None, "diagnosis"):
-        reached &= diagnosis.run(options.count or 100)
-    if options.name == "demo":
-        reached &= demo.run(options.count or 20)
+    for name in names:
+        run, usual = BENCHMARKS[name]
+        reached &= run() if usual is None else run(options.count or usual)
     return 0 if reached else 1
 
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from calib.dataset import Dataset, read_dataset
 from calib.identify import identify
-from calib.placing import base_model_of
-from calib.readings import readings_of
 from calib.kinematics import Array
 from calib.least_squares import jacobian
 from calib.model import Design
+from calib.placing import base_model_of
+from calib.readings import readings_of
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.clock import line, seconds
 

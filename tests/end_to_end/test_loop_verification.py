@@ -15,8 +15,8 @@ import pytest
 from acquisition import read_cell
 from acquisition.attempts import Attempts
 from acquisition.campaign import campaign_from
+from acquisition.corrected import APPROACH_DEG, campaign_of, clear
 from acquisition.errors import RecordError
-from acquisition.loop import APPROACH_DEG, campaign_of, clear
 from acquisition.plan import make_plan
 from acquisition.rehearsal import campaign_table
 from acquisition.store import Moment, Store
@@ -53,6 +53,7 @@ def record_of(folder: Path, air: list[float]) -> Path:
         return Moment(1000.0 + now, now)
 
     store.moment = moment
+    store.start()
     plan = [planned for planned in store.plan() if planned.visit.kind == "pose"]
     for planned, celsius in zip(plan, air, strict=False):
         arrival = attempts.begin_arrival(planned.visit)

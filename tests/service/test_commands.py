@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition import checked_plan, read_campaign, read_cell
 from calib.dataset import read_dataset
 from service.cli import main
-from tests.service.campaigns import edit_rows, read_rows, write_data
+from tests.end_to_end.simulated import EXAMPLE
+from tests.service.campaigns import edit_rows, read_rows, write_data, write_narrow_data
 
 EFFECT_KEYS = {"label", "meaning", "index", "candidates", "parameters", "evidence"}
 DIAGNOSIS_KEYS = {
@@ -60,6 +62,9 @@ def test_diagnose_writes_the_document_of_the_contract(data: Path, tmp_path: Path
     assert effect.keys() >= EFFECT_KEYS
     assert effect["label"] == "backlash:j4"
     assert effect["index"] is None
+    assert effect["group"] == "transmission"
+    assert "preload of the gear of joint 4" in effect["check"]
+    assert document["follow_up"] == []
     assert effect["parameters"]["gap"].keys() == {"value", "std", "unit"}
     assert effect["evidence"].keys() == {"delta_bic", "p_value", "explained_variance"}
     assert 0.0 < sum(effect["candidates"].values()) <= 1.0 + 1e-9
@@ -142,6 +147,88 @@ def test_identify_names_values_errors_and_what_was_dropped(
     assert "[1]" in shown
     assert document["error_identified_mm"]["rms"] < document["error_nominal_mm"]["rms"]
     assert json.loads(model.read_text("utf-8"))["format"] == "truepose-model/1"
+
+
+def test_what_is_ambiguous_becomes_a_campaign_of_the_cell(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, cell = write_narrow_data(tmp_path), EXAMPLE / "cell.toml"
+    campaign, result, report = (tmp_path / name for name in ("follow_up.toml", "r.json", "report.html"))
+    words = [
+        "--follow-up",
+        str(campaign),
+        "--cell",
+        str(cell),
+        "--json",
+        str(result),
+        "--report",
+        str(report),
+    ]
+    assert main(["diagnose", str(data), *words]) == 0
+    document = json.loads(result.read_text("utf-8"))
+    assert document["verdict"] == "ambiguous"
+    poses, *procedures = document["follow_up"]
+    assert poses["kind"] == "poses"
+    assert all(each.keys() == {"kind", "text"} for each in procedures)
+    assert len(poses["joints_deg"]) == len(poses["sides"]) == len(poses["targets"]) == 12
+    assert {len(row) for row in (*poses["joints_deg"], *poses["sides"])} == {6}
+    (effect,) = document["effects"]
+    pairs = [(pair["effect"], pair["rival"]) for pair in poses["separates"]]
+    assert pairs == [(effect["label"], label) for label in effect["candidates"] if label != effect["label"]]
+    assert all(pair["squared_distance"] > poses["settles"] for pair in poses["separates"])
+    visits = [v for v in checked_plan(read_cell(cell), read_campaign(campaign)) if v.kind == "pose"]
+    assert sorted(list(v.joints_deg) for v in visits) == sorted(poses["joints_deg"])
+    shown = capsys.readouterr()
+    for piece in ("What 12 follow-up poses would tell apart", *pairs[0]):
+        assert piece in shown.out
+    assert str(campaign) in shown.err
+    page = report.read_text("utf-8")
+    assert "What to measure next" in page
+    assert page.count(f"<code>{pairs[0][1]}</code>") >= 2
+
+
+def test_nothing_ambiguous_writes_no_campaign(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    campaign = tmp_path / "follow_up.toml"
+    assert main(["diagnose", str(data), "--follow-up", str(campaign)]) == 0
+    assert not campaign.exists()
+    assert "nothing is ambiguous, no file was written" in capsys.readouterr().err
+
+
+def test_a_follow_up_needs_the_cell_of_the_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = tmp_path / "cell.toml"
+    text = (EXAMPLE / "cell.toml").read_text("utf-8")
+    cell.write_text(text.replace("T1 =", "A1 =").replace("T2 =", "A2 =").replace("T3 =", "A3 ="), "utf-8")
+    campaign = tmp_path / "follow_up.toml"
+    data = write_narrow_data(tmp_path)
+    assert main(["diagnose", str(data), "--follow-up", str(campaign), "--cell", str(cell)]) == 2
+    assert "has the targets A1, A2, A3, the data have T1, T2, T3" in capsys.readouterr().err
+    assert not campaign.exists()
+
+
+def test_a_patch_is_told_apart_and_applied_to_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = write_data(tmp_path, effects=("outside:workspace_field",), n=400)
+    plain, patched, report = (tmp_path / name for name in ("plain.json", "patched.json", "report.html"))
+    assert main(["diagnose", str(data), "--json", str(plain)]) == 0
+    assert "patch" not in json.loads(plain.read_text("utf-8"))
+    capsys.readouterr()
+    assert main(["diagnose", str(data), "--patch", "--json", str(patched), "--report", str(report)]) == 0
+    without, with_it = (json.loads(path.read_text("utf-8")) for path in (plain, patched))
+    patch = with_it.pop("patch")
+    del without["seconds"], with_it["seconds"]
+    assert with_it == without
+    assert "not a cause" in patch["meaning"]
+    assert patch["error_without_mm"] == without["error_after_mm"]
+    assert patch["block_rms_with_mm"] < patch["block_rms_without_mm"]
+    assert patch["error_with_mm"]["rms"] < patch["error_without_mm"]["rms"]
+    assert patch["worth_it"] == (patch["block_rms_with_mm"] < 0.97 * patch["block_rms_without_mm"])
+    assert "with the patch" in capsys.readouterr().out
+    page = report.read_text("utf-8")
+    assert "With a patch" in page
+    assert "no correction uses it" in page
 
 
 def test_effects_are_carried_over_to_another_data_set(data: Path, tmp_path: Path) -> None:

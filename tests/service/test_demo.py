@@ -10,7 +10,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from acquisition import read_status
+from service.cli import main
 
 FILES = "report.html diagnosis.json predictions.csv data.csv data.toml model.json targets.csv cell.toml campaign.toml"
 
@@ -52,6 +55,32 @@ def test_the_whole_loop(tmp_path: Path) -> None:
         assert any(words in line["data"] or words == line["dir"] for line in lines)
     with (out / "targets.csv").open(encoding="utf-8") as lines:
         assert len(list(csv.DictReader(lines))) == 20
+
+
+def test_an_ambiguous_start_is_followed_up(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ("--narrow", "--effect", "periodic:j5:n2", "--seed", "2", "--out", str(out))
+    with start(*words) as demo:
+        shown, progress = demo.communicate(timeout=110)
+    assert demo.returncode == 0, progress
+    document = json.loads((out / "diagnosis.json").read_text("utf-8"))
+    assert document["verdict"] == "attributed"
+    assert [e["label"] for e in document["effects"]] == ["periodic:j5:n2"]
+    step = document["followed_up"]
+    assert (step["verdict_before"], step["poses"], step["readings"]) == ("ambiguous", 12, 12)
+    assert "periodic:j5:n2" in step["effects_before"][0]["candidates"]
+    assert document["error_after_mm"]["rms"] < 0.6 * step["error_before_follow_up_mm"]["rms"]
+    assert document["verification"]["ratio"] < 1.4
+    for words_shown in ("The first readings could not tell", "name periodic:j5:n2", "found."):
+        assert words_shown in shown
+    assert "how it was settled" in (out / "report.html").read_text("utf-8")
+    assert all((out / name).is_file() for name in ("data1.csv", "data_follow_up.csv", "data.csv"))
+
+
+def test_a_narrow_start_needs_the_devices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--narrow", "--in-memory", "--out", str(tmp_path / "out")]) == 2
+    assert "--narrow: needs the devices" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) -> None:

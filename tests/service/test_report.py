@@ -7,19 +7,24 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from acquisition.loop import FollowedUp
 from calib.dataset import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from service import documents, wording
+from service.advice import check_of
 from service.cli import main
 from service.report import diagnosis_report
 from service.report.errors import Errors, common_bins
+from service.report.follow_up import middle_step_in_words
 from service.report.panels import of_effect
 from service.report.residuals import MDEG, Sample
-from tests.service.campaigns import edit_rows, edit_text, write_data
+from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
 HOSTILE = "<script>alert(1)</script>"
 
@@ -104,6 +109,55 @@ def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis
     ):
         assert piece in text
     assert "SIMULATED" not in text
+
+
+def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: Diagnosis) -> None:
+    (found,) = diagnosis.effects
+    text = html.unescape(page)
+    assert check_of(found) in text
+    after = diagnosis.error_after
+    assert after is not None
+    assert re.search(rf"\d\.\d\d\d mm without it, {wording.millimetres(after.rms)} mm with it", text)
+    assert "What to measure next" not in text
+    assert "patch" not in text
+
+
+def test_many_effects_are_listed_by_group() -> None:
+    found = [
+        SimpleNamespace(effect=SimpleNamespace(label=str(i), group=group))
+        for i, group in enumerate(["thermal", "transmission", "instrument", "transmission"] * 2)
+    ]
+    few: Any = found[:4]
+    assert wording.by_group(few) == [("", few)]
+    many: Any = found
+    groups = wording.by_group(many)
+    assert [name for name, _ in groups] == ["transmission", "instrument", "thermal"]
+    assert [each.effect.label for each in groups[0][1]] == ["1", "3", "5", "7"]
+
+
+def test_the_middle_step_is_told(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    narrow = diagnose(read_dataset(write_narrow_data(tmp_path)))
+    assert narrow.follow_up is not None
+    step = FollowedUp(narrow, narrow.follow_up, 12)
+    text = html.unescape(
+        diagnosis_report(
+            diagnosis, documents.of_diagnosis(diagnosis) | documents.of_middle_step(step), followed_up=step
+        )
+    )
+    assert "What was ambiguous, and how it was settled" in text
+    classes = " or ".join(narrow.effects[0].evidence.candidates)
+    assert f"could not tell: {classes}. 12 poses were chosen" in text
+    assert "(12 readings); with them the readings name backlash:j4." in text
+    assert narrow.error_after is not None
+    assert f"{narrow.error_after.rms:.3f}</td>" in text
+    assert Elements(text).open == []
+
+
+def test_what_stays_ambiguous_is_said(tmp_path: Path) -> None:
+    narrow = diagnose(read_dataset(write_narrow_data(tmp_path)))
+    assert narrow.follow_up is not None
+    told = middle_step_in_words(FollowedUp(narrow, narrow.follow_up, 12), narrow)
+    assert f"the readings still cannot tell {narrow.effects[0].effect.label} from its rivals" in told
 
 
 def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) -> None:

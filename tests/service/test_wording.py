@@ -74,6 +74,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
         final=SimpleNamespace(noise_scale=1.0),
         error_before=errors(0.1),
         error_after=errors(0.2),
+        stretch=1.1,
     )
     text = verdict_in_words(diagnosis)
     assert "Nothing else" not in text
@@ -81,6 +82,9 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     diagnosis.error_before = errors(0.3)
     assert "carry over" not in verdict_in_words(diagnosis)
     assert ("Nothing else" in verdict_in_words(diagnosis)) == (verdict == "attributed")
+    assert "extrapolates" not in verdict_in_words(diagnosis)
+    diagnosis.stretch = 2.4
+    assert "2.4 times what the fit leaves" in verdict_in_words(diagnosis)
 
 
 def test_one_is_not_many() -> None:

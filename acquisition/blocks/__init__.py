@@ -1,0 +1,59 @@
+"""The blocks of a campaign, one recipe a kind. `read_block` is the door; `KINDS` says what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.blocks import poses, repeat, sphere, sweep
+from acquisition.blocks.block import Approach, Block, Recipe, Settle, read_approach, read_settle
+from acquisition.toml_table import TomlTable
+
+SHARED = ("kind", "set", "targets", "approach", "settle_s", "settle_check", "new_station")
+_NEEDS_BALLBAR = ("hexapod",)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a block of one kind is read; the first of its sets is what it has unless the file says."""
+
+    keys: tuple[str, ...]
+    sets: tuple[str, ...]
+    read: Callable[[TomlTable, Path | None], Recipe]
+    settle_s: float | None = None
+
+
+_FITTED = ("calibration", "validation")
+KINDS: Mapping[str, Kind] = {
+    "poses": Kind(poses.KEYS, _FITTED, poses.read),
+    "sweep": Kind(sweep.KEYS, _FITTED, sweep.read_sweep),
+    "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
+    "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
+    "sphere": Kind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),
+}
+
+
+def read_block(table: TomlTable, approach: Approach, settle: Settle, folder: Path | None) -> Block:
+    """One [[block]]; `approach` and `settle` as the campaign has them. Raises ConfigError naming the key.
+
+    folder: where pose files are; None: they are not read again.
+    """
+    name = table.text("kind", "poses", (*KINDS, *_NEEDS_BALLBAR))
+    if name in _NEEDS_BALLBAR:
+        raise table.refuse(
+            "kind", f"is {name!r}, which is measured by a ballbar; there is no driver for one."
+        )
+    kind = KINDS[name]
+    table.only((*SHARED, *kind.keys))
+    if kind.settle_s is not None:
+        settle = Settle(kind.settle_s, settle.check)
+    return Block(
+        kind=name,
+        set=table.text("set", kind.sets[0], kind.sets),
+        targets=table.names("targets"),
+        approach=read_approach(table.table("approach"), approach),
+        settle=read_settle(table, settle),
+        new_station=table.flag("new_station", False),
+        recipe=kind.read(table, folder),
+    )

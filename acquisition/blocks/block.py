@@ -1,0 +1,150 @@
+"""What every block of a campaign has, whatever its kind: its set, targets, approach and settling, and its recipe.
+
+A recipe turns a block into stands of the robot for one cell. A stand is reached over its approach point
+q - side x |offset| (Nubiola, thesis 2.5), or over a point that the recipe names. Angles deg, rounded to what every
+controller takes; the rounded values are the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, Protocol
+
+import numpy as np
+
+from acquisition.cell import Cell
+from acquisition.toml_table import TomlTable
+from drivers.errors import ConfigError
+
+DECIMALS = 4  # a stock open_abb request carries four
+
+Joints = tuple[float, ...]
+Sides = Literal["one", "both"]
+
+
+class Stream(IntEnum):
+    """What is drawn from the seed of a campaign, each from a stream of its own."""
+
+    POSE, SIDE, ORDER, REFERENCE, POSTURE = range(5)
+
+
+@dataclass(frozen=True)
+class Approach:
+    """From where the last move starts: `offset_deg` on every joint; `both`: its sign drawn for each joint."""
+
+    offset_deg: float = -5.0
+    sides: Sides = "one"
+
+    @property
+    def side(self) -> int:
+        """+1 from below, -1 from above, where it is one and the same."""
+        return 1 if self.offset_deg < 0 else -1
+
+    def point(self, joints_deg: Joints, sides: Iterable[int]) -> Joints:
+        """Where the last move starts, deg: from below (side +1) it lies below the pose."""
+        reach = abs(self.offset_deg)
+        return rounded(q - side * reach for q, side in zip(joints_deg, sides, strict=True))
+
+
+@dataclass(frozen=True)
+class Settle:
+    """How long the robot stands before a reading, s; `check`: until two read-backs in a row agree as well."""
+
+    seconds: float
+    check: bool
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A pose to be visited, before it has its place in the order. `what` names it within its block."""
+
+    what: str
+    joints_deg: Joints
+    sides: tuple[int, ...]
+    approach_deg: Joints
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a block is planned: its cell, its number (from 0), its targets and its approach."""
+
+    cell: Cell
+    seed: int
+    number: int
+    targets: tuple[str, ...]
+    approach: Approach
+
+    def rng(self, stream: Stream) -> np.random.Generator:
+        """Of this block alone."""
+        return np.random.default_rng([self.seed, stream, self.number])
+
+    def stand(self, what: str, joints_deg: Joints, sides: tuple[int, ...]) -> Stand:
+        """A stand with the approach of its block."""
+        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides))
+
+    def sides(self) -> tuple[int, ...]:
+        """The usual side on every joint, or one drawn for each."""
+        joints = self.cell.robot.model.joints
+        if self.approach.sides == "one":
+            return (self.approach.side,) * joints
+        return tuple(int(s) for s in self.rng(Stream.SIDE).choice((-1, 1), size=joints))
+
+    def posture(self, key: str, joints_deg: Joints) -> Joints:
+        """A pose of a file, rounded. Raises ConfigError when it is not one of this robot."""
+        if len(joints_deg) != self.cell.robot.model.joints:
+            raise ConfigError(
+                f"block {self.number + 1}, {key} has {len(joints_deg)} joints, "
+                f"the robot {self.cell.robot.model.joints}"
+            )
+        return rounded(joints_deg)
+
+
+class Recipe(Protocol):
+    """Of one kind. `ordered`: its stands stay together and in order when a campaign is shuffled."""
+
+    @property
+    def ordered(self) -> bool: ...
+
+    def stands(self, site: Site) -> list[Stand]:
+        """Raises ConfigError for what this cell cannot do."""
+        ...
+
+
+@dataclass(frozen=True)
+class Block:
+    """One block. `targets` None: all of the cell. `new_station`: the instrument is set up anew before it."""
+
+    kind: str
+    set: str
+    targets: tuple[str, ...] | None
+    approach: Approach
+    settle: Settle
+    new_station: bool
+    recipe: Recipe
+
+
+def rounded(joints_deg: Iterable[float]) -> Joints:
+    """As it is sent and recorded."""
+    return tuple(round(float(q), DECIMALS) for q in joints_deg)
+
+
+def read_approach(table: TomlTable, default: Approach) -> Approach:
+    """The `approach` table of a campaign or a block. Raises ConfigError."""
+    table.only(("offset_deg", "sides"))
+    offset = table.number("offset_deg", default.offset_deg, low=-30.0, high=30.0)
+    if abs(offset) < 0.1:
+        raise table.refuse(
+            "offset_deg", f"is {offset:g}; without an approach, backlash spoils every reading."
+        )
+    both = table.text("sides", default.sides, ("one", "both")) == "both"
+    return Approach(offset, "both" if both else "one")
+
+
+def read_settle(table: TomlTable, default: Settle) -> Settle:
+    """`settle_s` and `settle_check` of a campaign or a block. Raises ConfigError."""
+    return Settle(
+        table.number("settle_s", default.seconds, low=0.0, high=3600.0),
+        table.flag("settle_check", default.check),
+    )

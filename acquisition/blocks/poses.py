@@ -1,0 +1,118 @@
+"""`kind = "poses"`: poses of one set, drawn at random, chosen by observability, or given in the file or beside it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, cast
+
+from acquisition.blocks.block import DECIMALS, Joints, Site, Stand, Stream
+from acquisition.observability import select_poses
+from acquisition.poses import Pose, draw_poses
+from acquisition.toml_table import TomlTable
+from calib.errors import DataError
+from drivers.errors import ConfigError
+
+Select = Literal["random", "file", "list", "observability"]
+DRAWN = ("random", "observability")
+KEYS = ("count", "select", "file", "joints_deg")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where poses come from. `joints_deg`: the poses themselves where they are given, else drawn."""
+
+    select: Select
+    count: int
+    joints_deg: tuple[Joints, ...] = ()
+
+    def poses(self, site: Site) -> list[Pose]:
+        """Pairs of joint angles, deg, and sides. Raises ConfigError."""
+        if self.select not in DRAWN:
+            return self._given(site)
+        draw = draw_poses if self.select == "random" else select_poses
+        approach = site.approach
+        try:
+            return draw(
+                site.cell,
+                self.count,
+                site.rng(Stream.POSE),
+                approach.offset_deg,
+                both=approach.sides == "both",
+                decimals=DECIMALS,
+                targets=site.targets,
+            )
+        except DataError as error:
+            raise ConfigError(f"block {site.number + 1}: {error}") from error
+
+    def _given(self, site: Site) -> list[Pose]:
+        poses = [site.posture(f"pose {i}", pose) for i, pose in enumerate(self.joints_deg, start=1)]
+        shape = (len(poses), site.cell.robot.model.joints)
+        sides = [(site.approach.side,) * shape[1]] * shape[0]
+        if site.approach.sides == "both":
+            drawn = site.rng(Stream.SIDE).choice((-1, 1), size=shape)
+            sides = [tuple(int(side) for side in row) for row in drawn]
+        return list(zip(poses, sides, strict=True))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Each pose once."""
+
+    source: Source
+    ordered = False
+
+    def stands(self, site: Site) -> list[Stand]:
+        poses = self.source.poses(site)
+        return [site.stand(f"pose {i}", pose, sides) for i, (pose, sides) in enumerate(poses, start=1)]
+
+
+def read(table: TomlTable, folder: Path | None) -> Poses:
+    """Raises ConfigError. `folder`: where pose files are; None: they are not read again."""
+    return Poses(read_source(table, folder))
+
+
+def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> Source:
+    """`select`, `count`, `file` and `joints_deg`; `count`: how many unless the file says. Raises ConfigError."""
+    select = table.text("select", "random", (*DRAWN, "file", "list"))
+    poses: tuple[Joints, ...] = ()
+    if select == "list":
+        poses = _listed(table)
+    elif select == "file" and folder is not None:
+        poses = read_poses(folder / table.text("file"))
+    number = table.whole("count", count, low=1) if select in DRAWN else len(poses)
+    return Source(cast(Select, select), number, poses)
+
+
+def _listed(table: TomlTable) -> tuple[Joints, ...]:
+    rows = table.values.get("joints_deg")
+    if not isinstance(rows, Sequence) or not rows:
+        raise table.refuse("joints_deg", "is missing or empty: select = 'list' needs the poses.")
+    width = len(rows[0]) if isinstance(rows[0], Sequence) else 0
+    return tuple(table.rows("joints_deg", width))
+
+
+def read_poses(path: Path) -> tuple[Joints, ...]:
+    """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ... Raises ConfigError naming the line."""
+    try:
+        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error}).") from error
+    names = [name.strip() for name in lines[0]] if lines else []
+    columns = []
+    while f"j{len(columns) + 1}_deg" in names:
+        columns.append(names.index(f"j{len(columns) + 1}_deg"))
+    if not columns:
+        raise ConfigError(f"{path}, line 1: has no columns j1_deg, j2_deg, ...")
+    poses = []
+    for number, line in enumerate(lines[1:], start=2):
+        if any(cell.strip() for cell in line):
+            try:
+                poses.append(tuple(float(line[column]) for column in columns))
+            except (ValueError, IndexError) as error:
+                raise ConfigError(f"{path}, line {number}: a joint angle is not a number.") from error
+    if not poses:
+        raise ConfigError(f"{path}: has no poses.")
+    return tuple(poses)

@@ -1,0 +1,126 @@
+"""`kind = "sphere"`: points on a sphere about a taught centre, the ballbar check of a calibrated robot.
+
+The target stands in the centre at `centre_deg`; the points lie on the sphere above it, the tool turned as taught.
+Source: Nubiola 2.6.3, a ballbar of 300 mm in some hundred places, 2 s pause and no suppression of backlash: unless
+the block has an `approach` of its own, every point is reached from the one before it, also after an interruption.
+Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into rings so that moves are short. Lengths mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.blocks.block import DECIMALS, Joints, Site, Stand, rounded
+from acquisition.toml_table import TomlTable
+from acquisition.workspace import facing, may_stand
+from calib.errors import DataError
+from calib.inverse_kinematics import inverse_kinematics
+from calib.kinematics import Array, forward
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+RADIUS_MM, COUNT = 300.0, 100
+SETTLE_S = 2.0
+KEYS = ("centre_deg", "radius_mm", "count", "above_deg")
+_GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+_MOST = 20  # points tried for each that is wanted
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """`above_deg`: lowest elevation of a point, seen from the centre. `suppress`: every point has its approach."""
+
+    centre_deg: Joints
+    radius_mm: float
+    count: int
+    above_deg: float
+    suppress: bool
+    ordered = True
+
+    def stands(self, site: Site) -> list[Stand]:
+        if len(site.targets) != 1:
+            raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
+        poses = self._poses(site)
+        sides = site.sides()
+        stands = [site.stand(f"point {i}", pose, sides) for i, pose in enumerate(poses, start=1)]
+        if self.suppress:
+            return stands
+        return stands[:1] + [
+            Stand(stand.what, stand.joints_deg, _moved(before, stand.joints_deg, sides), before)
+            for before, stand in ((a.joints_deg, b) for a, b in pairwise(stands))
+        ]
+
+    def _poses(self, site: Site) -> list[Joints]:
+        """Evenly among those that arm and limits allow. Raises ConfigError."""
+        taught = np.array([site.posture("centre_deg", self.centre_deg)])
+        found = np.zeros((0, taught.shape[1]))
+        tried = self.count
+        while len(found) < self.count and tried <= _MOST * self.count:
+            found = self._reached(site, taught, cap(tried, self.above_deg))
+            tried *= 2
+        if len(found) < self.count:
+            raise ConfigError(
+                f"block {site.number + 1}: the arm reaches too few points of the sphere, {len(found)} of "
+                f"{self.count}; teach another centre, raise above_deg, or turn {site.targets[0]} to the instrument"
+            )
+        chosen = np.round(np.linspace(0, len(found) - 1, self.count)).astype(int)
+        return [rounded(row) for row in found[chosen]]
+
+    def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
+        """(k, N) deg, in the branch of the taught pose."""
+        robot = site.cell.robot.model
+        low, high = np.array(site.cell.robot.limits_deg).T * DEG
+        flange = forward(robot, taught * DEG)
+        goals = np.repeat(flange, len(directions), axis=0)
+        goals[:, :3, 3] += self.radius_mm * directions
+        try:
+            _, (branch,) = inverse_kinematics(robot, flange).nearest(taught * DEG, low, high)
+            solutions = inverse_kinematics(robot, goals).within(low, high, taught * DEG)
+        except DataError as error:
+            raise ConfigError(f"block {site.number + 1}: {error}") from error
+        if branch < 0:
+            raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
+        joints = solutions[:, branch] / DEG
+        joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
+        clear = may_stand(site.cell, joints) & facing(site.cell, joints, site.targets)
+        if self.suppress:
+            offset = abs(site.approach.offset_deg) * np.array(site.sides())
+            clear &= may_stand(site.cell, joints - offset)
+        return joints[clear]
+
+
+def cap(count: int, above_deg: float) -> Array:
+    """(count, 3) directions evenly over the part of the unit sphere above an elevation, deg, ring by ring."""
+    least = np.sin(above_deg * DEG)
+    k = np.arange(count)
+    height = 1.0 - (k + 0.5) / count * (1.0 - least)
+    turn = (k * _GOLDEN) % (2.0 * np.pi)
+    rings = max(1, round(float(np.sqrt(count / np.pi))))
+    ring = np.minimum((k * rings) // count, rings - 1)
+    order = np.lexsort((np.where(ring % 2, -turn, turn), ring))
+    across = np.sqrt(1.0 - height**2)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])[order]
+
+
+def _moved(before: Joints, after: Joints, usual: tuple[int, ...]) -> tuple[int, ...]:
+    """The sides from which the joints came; one that stood still keeps the usual side."""
+    turned = np.sign(np.array(after) - np.array(before)).astype(int)
+    return tuple(int(way) or side for way, side in zip(turned, usual, strict=True))
+
+
+def read(table: TomlTable, folder: Path | None) -> Sphere:
+    """Raises ConfigError."""
+    centre = table.numbers("centre_deg")
+    if centre is None:
+        raise table.refuse("centre_deg", "is missing: teach the pose at which the target is in the centre.")
+    return Sphere(
+        centre_deg=centre,
+        radius_mm=table.number("radius_mm", RADIUS_MM, low=1.0, high=10_000.0),
+        count=table.whole("count", COUNT, low=2, high=10_000),
+        above_deg=table.number("above_deg", 0.0, low=-89.0, high=89.0),
+        suppress="approach" in table.values,
+    )

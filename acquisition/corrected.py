@@ -1,0 +1,79 @@
+"""Corrected targets for one cell: what a diagnosis says to command, where the cell can take it, and as a campaign.
+
+Corrections hold for an approach from one side, and for the time and the air temperature at which they are measured.
+Angles deg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign import FORMAT, Campaign, campaign_from
+from acquisition.cell import Cell
+from acquisition.plan import DECIMALS
+from acquisition.workspace import above_table, outside_boxes, points_of_arm
+from calib.compensate import Correction, StatedConditions, correct
+from calib.dataset import Dataset
+from calib.diagnose.diagnosis import Diagnosis
+from calib.kinematics import Array
+from calib.units import DEG
+
+APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
+_FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
+
+
+def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
+    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach."""
+    limits = np.array(cell.robot.limits_deg)
+    room = 10.0**-DECIMALS  # what rounding may add
+    limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
+    final = diagnosis.final
+    return correct(final.model, final.estimate, goals_deg * DEG, stated, limits=limits)
+
+
+def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
+    """(n,) whether arm and tool are clear of table and boxes, at the targets and at their approach points."""
+    good = np.ones(len(joints_deg), dtype=bool)
+    for stand in (joints_deg, joints_deg + APPROACH_DEG):
+        points = points_of_arm(cell, np.nan_to_num(stand))
+        good &= above_table(cell, points) & outside_boxes(cell, points)
+    return good
+
+
+def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
+    """Whether the corrected joints depend on time or temperature more than a little."""
+    stated = StatedConditions(temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
+    final, joints = diagnosis.final, goals_deg * DEG
+    at = correct(final.model, final.estimate, joints, stated).joints
+    for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
+        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at)
+        # An arm of half a metre turns an angle into a length.
+        if 500.0 * float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
+            return True
+    return False
+
+
+def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Campaign:
+    """Corrected targets first, then the same uncorrected; settle time, samples and retries as in `like`."""
+    return campaign_from(
+        {
+            "format": FORMAT,
+            "seed": like.seed,
+            "approach": {"offset_deg": APPROACH_DEG, "sides": "one"},
+            "settle_s": like.settle_s,
+            "samples": like.samples,
+            "retries": like.retries,
+            "block": [_block(corrected_deg), _block(wanted_deg)],
+        },
+        "verification campaign",
+    )
+
+
+def _block(joints_deg: Array) -> dict[str, Any]:
+    rows: Sequence[Sequence[float]] = joints_deg.tolist()
+    return {"kind": "poses", "set": "validation", "select": "list", "joints_deg": rows}

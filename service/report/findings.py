@@ -1,0 +1,68 @@
+"""What the template needs of every effect, and of every place where structure is left: words, figures, pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from calib.dataset import Dataset
+from calib.diagnose.diagnosis import Found
+from calib.diagnose.structure import Structure
+from calib.units import to_display
+from service import wording
+from service.advice import check_of
+from service.report import gains, panels, scatter, structure
+from service.report.residuals import Sample
+
+DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
+
+
+def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
+    picture = structure.picture_of(left.where, number + 1, dataset, sample) if number < DRAWN else None
+    return {
+        "where": left.where,
+        "share": left.explained_variance,
+        "p_value": left.p_value,
+        "picture": None if picture is None else Markup(picture),
+    }
+
+
+def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> dict[str, Any]:
+    value, uncertainty, unit = wording.amplitude(found)
+    picture = None
+    if number < DRAWN:
+        picture = Markup(scatter.effect_figure(panels.of_effect(sample, found.effect), f"effect{number + 1}"))
+    return {
+        "label": found.effect.label,
+        "sentence": wording.sentence_of(found),
+        "amplitude": value,
+        "uncertainty": uncertainty,
+        "unit": unit,
+        "number": number + 1,
+        "parts": _parts(found),
+        "owner": wording.OWNERS[found.effect.owner],
+        "group": found.effect.group,
+        "check": check_of(found),
+        "without": gains.error_without(dataset, sample.fitted, found.effect),
+        "share": found.evidence.explained_variance,
+        "evidence": found.evidence,
+        "rivals": wording.rivals_of(found),
+        "weight": found.evidence.candidates.get(found.effect.label, 1.0),
+        "displacement": sample.displacement(found.effect),
+        "picture": picture,
+    }
+
+
+def _parts(found: Found) -> str:
+    """Every parameter of an effect that has more of them than its amplitude tells; else empty."""
+    if len(found.effect.parameters) < 3:
+        return ""
+    texts = []
+    for i, parameter in enumerate(found.effect.parameters):
+        value = to_display(float(found.values[i]), parameter.unit)
+        spread = to_display(float(np.sqrt(found.covariance[i, i])), parameter.unit)
+        value_text, uncertainty = wording.with_uncertainty(value, wording.COVERAGE * spread)
+        texts.append(f"{parameter.short} {value_text} ± {uncertainty} {parameter.unit}".replace("-", "−"))
+    return "; ".join(texts)

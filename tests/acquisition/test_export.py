@@ -1,0 +1,64 @@
+"""What leaves a record: readings that count, those that do not and why, where the instrument stood, what happened."""
+
+from __future__ import annotations
+
+import csv
+import json
+from contextlib import closing
+from pathlib import Path
+
+from acquisition.export import export, export_events
+from acquisition.run import Run
+from calib.dataset import read_dataset
+from drivers.interfaces import Answer
+from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
+
+BLOCKS = [{"set": "calibration", "count": 12, "targets": ["T1", "T2"]}]
+
+
+def measured(folder: Path, *, redo: bool = False, move: bool = False) -> Path:
+    """A finished record; with `redo` the reading before T2 was measured again, with `move` the tracker moved."""
+    bench, clock = Bench(a_cell(instrument__one_smr=redo)), JumpingClock()
+    answers = [Answer.CONFIRM] * 4 + [Answer.REDO] if redo else []
+    with closing(Run.create(folder, bench.cell, a_campaign(block=BLOCKS), simulated=True)) as run:
+        if move:
+            bench.faults[12] = run.pause
+            run.execute(devices_of(bench), clock)
+            bench.tracker.origin[:] += [40.0, -30.0, 5.0]
+            run.resume()
+        outcome = run.execute(devices_of(bench, SeatingOperator(bench, answers)), clock)
+    assert outcome.state.value == "succeeded"
+    assert ("moved" in outcome.reason) == move
+    return folder
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_reading_that_was_done_again_stays_but_does_not_count(tmp_path: Path) -> None:
+    out = export(measured(tmp_path / "r", redo=True), tmp_path / "out.csv")
+    again = [row for row in rows(out) if row["status"] != "ok"]
+    assert [(row["status"], row["tool_target"]) for row in again] == [("rejected:by the operator", "T1")]
+    assert again[0]["x_mm"] != ""
+    assert len(rows(out)) == 2 * 12 + 1
+    assert "station" not in rows(out)[0]
+    assert int(read_dataset(out).usable.sum()) == 2 * 12
+
+
+def test_stations_are_told_apart(tmp_path: Path) -> None:
+    found = rows(export(measured(tmp_path / "r", move=True), tmp_path / "out.csv"))
+    stations = [row["station"] for row in found]
+    assert stations == sorted(stations)
+    assert set(stations) == {"1", "2"}
+
+
+def test_events_as_json_lines(tmp_path: Path) -> None:
+    record = measured(tmp_path / "r", redo=True)
+    count = export_events(record, tmp_path / "events.jsonl")
+    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text("utf-8").splitlines()]
+    assert [event["id"] for event in events] == list(range(1, count + 1))
+    assert [event["kind"] for event in events[:2]] == ["created", "state"]
+    assert events[-1]["data"]["state"] == "succeeded"
+    assert sum(event["kind"] == "measure_again" for event in events) == 1

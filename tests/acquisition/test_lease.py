@@ -1,0 +1,101 @@
+"""Who moves the robot: one campaign at a time, and only while its owner is heard of."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from acquisition.errors import RobotInUse
+from acquisition.lease import Lease, only_mover
+from acquisition.run import Run
+from drivers.operator import RemoteOperator
+from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
+from tests.drivers.waiting import until
+
+ROOT = Path(__file__).parents[2]
+HOLD = """
+import sys
+from acquisition.lease import only_mover
+with only_mover(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_a_robot_is_moved_by_one_program(tmp_path: Path) -> None:
+    """The other program is killed: then the robot is free again, without anybody's help."""
+    url = f"tcp://{tmp_path.name}:5000"
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLD, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
+    )
+    with other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(RobotInUse, match="another campaign moves the robot"), only_mover(url):
+            pass
+        with only_mover(url + "1"):
+            pass
+        other.kill()
+    with only_mover(url):
+        pass
+
+
+def test_a_lease_lapses_once_and_not_while_it_beats() -> None:
+    lapses: list[float] = []
+    lease = Lease("page", 0.2)
+    begin = time.monotonic()
+    with lease.watched(lambda: lapses.append(time.monotonic())):
+        while time.monotonic() < begin + 0.5:
+            lease.beat()
+            threading.Event().wait(0.01)
+        assert lapses == []
+        until(lambda: lapses)
+        assert lapses[0] - begin > 0.65
+        assert lease.left_s <= 0.0
+    assert len(lapses) == 1
+
+
+def test_a_lease_that_is_given_up_in_time_says_nothing() -> None:
+    lapses: list[int] = []
+    with Lease("page", 3600.0).watched(lambda: lapses.append(1)):
+        pass
+    with Lease("page", -1.0).watched(lambda: lapses.append(2)):
+        assert lapses == [2]  # at once, before anything moves
+    assert lapses == [2]
+
+
+def test_a_run_whose_owner_falls_silent_is_paused_with_the_reading_in_hand(tmp_path: Path) -> None:
+    bench = Bench(a_cell())
+    with closing(Run.create(tmp_path, bench.cell, a_campaign(), simulated=True)) as run:
+        devices = devices_of(bench, SeatingOperator(bench))
+        lease = Lease("cell PC", 1.0)
+
+        def fall_silent() -> None:
+            until(lambda: any(event.data.get("by") == "watchdog of cell PC" for event in run.events()))
+
+        bench.faults = dict.fromkeys(range(1, 10), lease.beat) | {10: fall_silent}
+        lease.beat()
+        outcome = run.execute(devices, JumpingClock(), lease=lease)
+        assert outcome.state.value == "paused"
+        assert outcome.reason == "cell PC was not heard of for 1 s."
+        assert bench.calls == 10
+        assert run.status().done == 1
+        run.resume(by="anna")
+        again = Lease("cell PC", 3600.0)
+        assert run.execute(devices, JumpingClock(), lease=again).state.value == "succeeded"
+
+
+def test_a_lease_that_ended_before_moves_nothing_and_stop_needs_none(tmp_path: Path) -> None:
+    bench = Bench(a_cell(instrument__one_smr=True))
+    with closing(Run.create(tmp_path, bench.cell, a_campaign(), simulated=True)) as run:
+        outcome = run.execute(devices_of(bench, RemoteOperator()), JumpingClock(), lease=Lease("page", -1.0))
+        assert outcome.state.value == "paused"
+        assert bench.log == []
+        run.stop(by="anybody")
+        assert run.status().state == "stopped"

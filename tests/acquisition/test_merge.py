@@ -1,0 +1,63 @@
+"""Several campaigns as one data set. These would catch: ids that meet, a clock that starts anew, points left in the
+frame of nests measured again, rows that change their set, and campaigns of two cells poured together.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from acquisition.errors import RecordError
+from acquisition.merge import Part, merge
+from acquisition.world_frame import WorldFrame
+from calib.dataset import read_dataset
+from tests.service.campaigns import edit_text, read_rows, write_data
+
+WORLD = WorldFrame(np.eye(3), np.array([100.0, 0.0, 0.0]))
+AGAIN = WorldFrame(Rotation.from_rotvec([0.0, 1e-4, 0.0]).as_matrix(), np.array([100.1, -0.05, 0.02]))
+
+
+@pytest.fixture
+def campaigns(tmp_path: Path) -> tuple[Path, Path]:
+    return write_data(tmp_path / "first", n=20), write_data(tmp_path / "later", seed=5, n=10)
+
+
+def test_ids_clock_and_sets(campaigns: tuple[Path, Path], tmp_path: Path) -> None:
+    first, later = campaigns
+    out = merge(first, WORLD, [Part(later, 5000.0, None), Part(later, 9000.0, None)], tmp_path / "all.csv")
+    rows, one, two = read_rows(out), read_rows(first), read_rows(later)
+    assert rows[: len(one)] == one
+    assert [row["reading_id"] for row in rows[len(one) :]] == [
+        f"{k}-{row['reading_id']}" for k in (2, 3) for row in two
+    ]
+    for row, was in zip(rows[len(one) :], two, strict=False):
+        assert float(row["t_s"]) == pytest.approx(float(was["t_s"]) + 5000.0)
+        assert {k: v for k, v in row.items() if k not in ("reading_id", "t_s")} == {
+            k: v for k, v in was.items() if k not in ("reading_id", "t_s")
+        }
+    assert len(read_dataset(out)) == len(rows)
+    assert read_dataset(out).validation_rows.sum() == sum(row["set"] == "validation" for row in one + 2 * two)
+
+
+def test_points_come_into_the_first_frame(campaigns: tuple[Path, Path], tmp_path: Path) -> None:
+    first, later = campaigns
+    out = merge(first, WORLD, [Part(later, 0.0, AGAIN)], tmp_path / "all.csv")
+    exported, joined = read_dataset(later).points, read_dataset(out).points[-len(read_rows(later)) :]
+    seen = AGAIN.to_tracker(exported)
+    np.testing.assert_allclose(joined, seen + WORLD.origin, atol=2e-6)
+    assert np.max(np.abs(joined - exported)) > 0.05
+
+
+def test_another_station_is_no_other_cell_but_another_tool_is(
+    campaigns: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, later = campaigns
+    header = later.with_suffix(".toml")
+    edit_text(header, "2400.0", "2400.02")
+    merge(first, WORLD, [Part(later, 0.0, AGAIN)], tmp_path / "all.csv")
+    edit_text(header, "93.675", "93.775")
+    with pytest.raises(RecordError, match="not measured in the cell"):
+        merge(first, WORLD, [Part(later, 0.0, AGAIN)], tmp_path / "all.csv")

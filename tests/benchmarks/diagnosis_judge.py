@@ -1,0 +1,186 @@
+"""One data set diagnosed and judged against its truth: which names are right, which are wrong, how good the fit is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from unittest import mock
+
+from calib.diagnose import diagnosis as end_to_end
+from calib.diagnose import select
+from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.effects import Survey, offers
+from calib.effects.effect import Offer
+from tests.benchmarks.diagnosis_sets import Draw, load
+from tests.benchmarks.diagnosis_truth import Shown, Truth, truth_of
+
+SHOWN, APART = 60.0, 30.0
+"""lambda and gap from which the data can show an effect, and tell it from any other."""
+CERTAIN = 0.95
+
+MECHANISMS: dict[str, str] = {
+    "periodic": "angle of gear",
+    "encoder_scale": "angle of gear",
+    "joint_offset": "angle of gear",
+    "coupling": "angle of gear",
+    "joint_compliance": "load on gear",
+    "dead_zone": "load on gear",
+    "cubic_stiffness": "load on gear",
+    "backlash": "arrival of gear",
+    "settling": "arrival of gear",
+    "parallel_twist": "structure",
+    "link_torsion": "structure",
+    "bearing_tilt": "structure",
+    "pedestal": "structure",
+    "payload_mass": "payload",
+    "payload_cog": "payload",
+    "tool_offset": "tool",
+    "tool_tilt": "tool",
+    "target_offset": "tool",
+    "tool_shift": "tool",
+    "base_shift": "place of robot and instrument",
+    "drift_translation": "place of robot and instrument",
+    "drift_rotation": "place of robot and instrument",
+    "tracker_scale": "scale",
+    "thermal_growth": "warmth",
+    "thermal_joint": "warmth",
+    "warm_up": "warmth",
+}
+"""Mechanism by name of the label, for gears of the joint too. Near-exact surrogates of one another, by projection of
+noise-free displacements, stand together: whoever is sent to look at one finds the other. Written before any run."""
+
+
+def mechanism(label: str) -> str:
+    """What a technician would look at: 'angle of gear 4', 'tool'."""
+    name, _, rest = label.partition(":")
+    group = MECHANISMS.get(name, name)
+    joint = rest.partition(":")[0].rpartition("j")[2]
+    return f"{group} {joint}" if group.endswith("gear") else group
+
+
+def same(label: str, truth: str) -> bool:
+    """Whether two labels name one effect; harmonic orders off the whole numbers may differ by a tenth."""
+    if label == truth:
+        return True
+    one, other = label.rpartition(":n"), truth.rpartition(":n")
+    if not truth.startswith("periodic") or one[0] != other[0]:
+        return False
+    order = float(other[2])
+    return not order.is_integer() and abs(float(one[2]) - order) <= 0.1
+
+
+@dataclass(frozen=True)
+class Case:
+    """What was hidden and what was told. classes: label -> weight of every effect found, heaviest first;
+    errors: RMS on validation rows, mm, of the base model and of the final one."""
+
+    draw: Draw
+    truth: Truth
+    verdict: str
+    classes: tuple[dict[str, float], ...]
+    before: float
+    after: float
+    seconds: float
+
+    @property
+    def shown(self) -> list[Shown]:
+        """The effects that the data can show and tell apart."""
+        return [s for s in self.truth.effects if s.size > SHOWN and s.gap > APART]
+
+    def in_class(self, label: str) -> bool:
+        """Whether some class holds the label."""
+        return any(same(c, label) for candidates in self.classes for c in candidates)
+
+    def unique(self, label: str) -> bool:
+        """Whether it is the one name of some class."""
+        return any(same(top, label) for top, _ in self.certain)
+
+    def right_mechanism(self, label: str) -> bool:
+        """Whether some class holds a label of its mechanism."""
+        return any(mechanism(c) == mechanism(label) for candidates in self.classes for c in candidates)
+
+    @property
+    def certain(self) -> list[tuple[str, dict[str, float]]]:
+        """The names told as certain, each with its class."""
+        tops = [(next(iter(candidates)), candidates) for candidates in self.classes]
+        return [(top, candidates) for top, candidates in tops if candidates[top] >= CERTAIN]
+
+    @property
+    def wrong(self) -> list[str]:
+        """Names told as certain that are not there, in classes that hold nothing which is."""
+        hidden = [s.label for s in self.truth.effects]
+        return [
+            top for top, candidates in self.certain if not any(same(c, h) for c in candidates for h in hidden)
+        ]
+
+    @property
+    def wrong_mechanism(self) -> list[str]:
+        """Names told as certain whose mechanism is none of the hidden ones."""
+        hidden = {mechanism(s.label) for s in self.truth.effects}
+        return [top for top, _ in self.certain if mechanism(top) not in hidden]
+
+    def __str__(self) -> str:
+        hidden = ", ".join(
+            f"{s.label} (lambda {s.size:.0f}, gap {s.gap:.0f} to {s.rival})" for s in self.truth.effects
+        )
+        told = " + ".join(
+            " | ".join(f"{label} {weight:.2f}" for label, weight in candidates.items())
+            for candidates in self.classes
+        )
+        d = self.draw
+        return (
+            f"{d.kind}, seed {d.seed}: {d.robot} n {d.n} size {d.size:.2f} {d.departure or ''} {d.approach}: "
+            f"{hidden or 'nothing'}; {self.verdict}: {told or 'nothing'}; "
+            f"error {self.before:.4f} -> {self.after:.4f}, ideal {self.truth.ideal:.4f}"
+        )
+
+
+def case_of(draw: Draw, truth: Truth, result: Diagnosis) -> Case:
+    """What was told, beside what was hidden."""
+    before, after = result.error_before, result.error_after
+    return Case(
+        draw,
+        truth,
+        result.verdict,
+        tuple(dict(f.evidence.candidates) for f in result.effects),
+        float("nan") if before is None else before.rms,
+        float("nan") if after is None else after.rms,
+        result.seconds,
+    )
+
+
+def examine(draw: Draw, missing: bool = False) -> Case | None:
+    """Simulate and diagnose one set; None where it cannot show any effect that it hides.
+
+    missing: with the families of its effects taken out of the library.
+    """
+    try:
+        campaign = draw.campaign()
+    except ValueError:
+        return None  # the effect moves nothing, such as a dead zone of a joint that gravity never loads
+    data = load(campaign)
+    truth = truth_of(campaign, data)
+    if truth.effects and not any(s.size > SHOWN for s in truth.effects):
+        return None
+    if missing:
+        with without(*(s.label for s in truth.effects)):
+            result = diagnose(data)
+    else:
+        result = diagnose(data)
+    return case_of(draw, truth, result)
+
+
+@contextmanager
+def without(*labels: str) -> Iterator[None]:
+    """The library without the families of these labels; of a periodic error all orders of its joint are gone."""
+
+    def fewer(survey: Survey) -> list[Offer]:
+        return [
+            offer
+            for offer in offers(survey)
+            if not any(label == offer.label or label.startswith(offer.label + ":") for label in labels)
+        ]
+
+    with mock.patch.object(select, "offers", fewer), mock.patch.object(end_to_end, "offers", fewer):
+        yield

@@ -1,0 +1,195 @@
+"""Simulated data sets for the judgement of the diagnosis: what is drawn, from which seeds, and how it is read back.
+
+Every set follows from its kind and its number. Robots: IRB 120 in three of five, LR Mate 200iC, UR10. Readings 50, 200
+or 1000, sizes spread evenly in their logarithm from 0.5 to 5 times the noise. First the name of an effect is drawn,
+then its joint, order, target or partner, so that no kind is drowned by the many orders of the periodic errors.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calib.dataset import Dataset, read_dataset
+from calib.effects.coupling import pairs
+from mocks.campaign import DEFAULT_FIT, Campaign, make_campaign, plan, write_campaign
+from mocks.world import DEPARTURES, OUTSIDE, Session, World, stream
+from mocks.world.dataset import header_of, row_of
+from mocks.world.scaling import Reading
+from mocks.world.world import POSE_STREAM
+
+ROBOTS = ("abb-irb120", "abb-irb120", "abb-irb120", "fanuc-lrmate200ic", "ur10")
+READINGS = (50, 200, 200, 1000, 50, 200)
+VALIDATION = 60
+SMALLEST, LARGEST = 0.5, 5.0
+TOOL: dict[str, tuple[float, tuple[float, float, float]]] = {"ur10": (2.7, (50.0, 25.0, 100.0))}
+"""Mass in kg and centre in mm of a tool for the robot whose own loads have none: without one gravity never loads
+joint 6, and a centre would have to be metres off to show."""
+
+PER_JOINT = (
+    "encoder_scale",
+    "backlash",
+    "dead_zone",
+    "cubic_stiffness",
+    "thermal_joint",
+    "link_torsion",
+    "bearing_tilt",
+)
+ALONE = (
+    "thermal_growth",
+    "warm_up",
+    "pedestal",
+    "payload_mass",
+    "payload_cog",
+    "tool_offset",
+    "tool_tilt",
+    "tool_shift",
+    "base_shift",
+    "drift_translation",
+    "drift_rotation",
+    "tracker_scale",
+)
+NAMES = ("periodic", "periodic", "periodic", *PER_JOINT, "settling", "coupling", "target_offset", *ALONE)
+"""Every name of the library that the default base model does not hold already; settling only after moves of many
+lengths, since after moves of one length it is backlash."""
+GEAR = (50, 51, 80, 81, 100, 101, 120, 121, 160, 200, 242, 320)
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One data set: everything `make_campaign` needs."""
+
+    kind: str
+    robot: str
+    seed: int
+    labels: tuple[str, ...]
+    n: int = 200
+    size: float = 3.0
+    departure: str | None = None
+    approach: str = "offset"
+    declared: float = 1.0
+    fit: tuple[str, ...] = tuple(DEFAULT_FIT)
+
+    def campaign(self) -> Campaign:
+        """The campaign. Raises ValueError where an effect moves nothing."""
+        mass_kg, cog_mm = TOOL.get(self.robot, (None, None))
+        return make_campaign(
+            self.robot,
+            self.seed,
+            self.n,
+            VALIDATION,
+            list(self.labels),
+            self.size,
+            departure=self.departure,
+            approach=self.approach,
+            noise_declared_factor=self.declared,
+            tool_mass_kg=mass_kg,
+            tool_cog_mm=cog_mm,
+            fit=self.fit,
+        )
+
+
+def load(campaign: Campaign) -> Dataset:
+    """The data set of a campaign, through its files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return read_dataset(write_campaign(campaign, Path(folder))["csv"])
+
+
+def a_label(name: str, rng: np.random.Generator) -> str:
+    """A label of this name, its parts drawn."""
+    joint = int(rng.integers(1, 7))
+    if name == "periodic":
+        orders = (int(rng.integers(1, 7)), int(rng.integers(7, 50)), int(rng.choice(GEAR)))
+        return f"periodic:j{joint}:n{orders[int(rng.integers(3))]}"
+    if name == "coupling":
+        able = pairs(6)
+        a, b = able[int(rng.integers(len(able)))]
+        return f"coupling:j{a}-j{b}"
+    if name == "target_offset":
+        return f"target_offset:T{rng.integers(1, 4)}"
+    return f"{name}:j{joint}" if name in (*PER_JOINT, "settling") else name
+
+
+def some_labels(count: int, rng: np.random.Generator, approach: str) -> tuple[str, ...]:
+    """So many different labels."""
+    names = [name for name in NAMES if name != "settling" or approach == "direct"]
+    chosen: list[str] = []
+    while len(chosen) < count:
+        label = a_label(names[int(rng.integers(len(names)))], rng)
+        if label not in chosen:
+            chosen.append(label)
+    return tuple(chosen)
+
+
+def _draw(kind: str, seed: int, labels: Callable[[np.random.Generator, str], tuple[str, ...]]) -> Draw:
+    rng = np.random.default_rng(seed)
+    approach = "direct" if rng.random() < 0.25 else "offset"
+    return Draw(
+        kind=kind,
+        robot=str(rng.choice(ROBOTS)),
+        seed=seed,
+        n=int(rng.choice(READINGS)),
+        size=float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST)))),
+        approach=approach,
+        labels=labels(rng, approach),
+    )
+
+
+def several(kind: str, count: int, seed: int) -> Draw:
+    """`count` effects of the library at once."""
+    return _draw(kind, seed, lambda rng, approach: some_labels(count, rng, approach))
+
+
+def lean(seed: int) -> Draw:
+    """A base model that lacks the twist of the parallel axes, or the compliances, of an arm that has them."""
+    drawn = _draw("lean base model", seed, lambda rng, approach: ())
+    lacking = ("parallel_twist", "compliance")[seed % 2]
+    return replace(drawn, fit=tuple(group for group in DEFAULT_FIT if group != lacking))
+
+
+def complete(seed: int, declared: float = 1.0) -> Draw:
+    """A set that lacks nothing; declared: declared noise over true noise."""
+    return replace(_draw("complete", seed, lambda rng, approach: ()), declared=declared)
+
+
+def departing(seed: int, beside: int = 0) -> Draw:
+    """An effect whose law departs from the textbook, with `beside` textbook effects."""
+    departure = sorted(DEPARTURES)[seed % len(DEPARTURES)]
+    replaced = DEPARTURES[departure][0]
+
+    def labels(rng: np.random.Generator, approach: str) -> tuple[str, ...]:
+        first = a_label(str(rng.choice(replaced)), rng)
+        others = [x for x in some_labels(4 * beside, rng, approach) if x.partition(":")[0] not in replaced]
+        return (first, *others[:beside])
+
+    kind = f"departure and {beside} beside" if beside else "departure"
+    return replace(_draw(kind, seed, labels), departure=departure)
+
+
+def outside(seed: int) -> Draw:
+    """Structure that no law of the library describes."""
+    name = sorted(OUTSIDE)[seed % len(OUTSIDE)]
+    return _draw("outside", seed, lambda rng, approach: (f"outside:{name}",))
+
+
+def narrow(seed: int) -> Draw:
+    """A single effect for a start within a part of the joint ranges; from 5 deg before every pose."""
+    drawn = _draw("narrow start", seed, lambda rng, approach: some_labels(1, rng, "offset"))
+    return replace(drawn, n=200, approach="offset")
+
+
+def measured(world: World, readings: Sequence[Reading]) -> Campaign:
+    """A campaign of these readings, all of them calibration, in a world that exists already."""
+    rows = [row_of(world, i, "calibration", reading) for i, reading in enumerate(readings)]
+    return Campaign(rows, header_of(world, 1.0, DEFAULT_FIT), {}, world, list(readings))
+
+
+def crowded(readings: int, labels: Sequence[str], seed: int = 7) -> Campaign:
+    """A campaign of many readings with many effects, each scaled on a hundred poses: scaling on all takes minutes."""
+    world = World("abb-irb120", seed, labels, session=Session(readings))
+    rng = stream(seed, POSE_STREAM)
+    return measured(world, plan(world, ["calibration"] * readings, True, "offset", rng))

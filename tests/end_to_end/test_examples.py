@@ -1,0 +1,170 @@
+"""The examples: every plan can be driven, and every campaign whose devices there are runs on its simulated cell."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.campaign import Campaign, campaign_from, read_campaign
+from acquisition.cell import Cell, cell_from, read_cell
+from acquisition.drift import drift_of
+from acquisition.export import export
+from acquisition.forecast import Forecast
+from acquisition.run import Run, checked_plan
+from acquisition.store import Store
+from acquisition.toml_table import parse_toml
+from calib.circle_points import find_sweeps, starts
+from calib.dataset import Dataset, read_dataset
+from calib.validation.iso9283 import pose_repeatability, repeated_poses
+from drivers import INSTRUMENTS, ROBOTS
+from drivers.operator import RehearsalOperator
+from service.simulated_cell import simulated_cell
+from tests.end_to_end.simulated import ROOT
+
+EXAMPLES = ROOT / "examples"
+SCALE = 500.0
+
+
+def files_of(example: str, campaign: str = "campaign") -> tuple[Cell, Campaign]:
+    return read_cell(EXAMPLES / example / "cell.toml"), read_campaign(EXAMPLES / example / f"{campaign}.toml")
+
+
+@pytest.mark.parametrize(
+    ("example", "campaign", "poses"),
+    [
+        ("irb120_faro", "campaign", {"calibration": (60, 3), "validation": (40, 3), "reference": (12, 1)}),
+        ("irb120_faro", "thesis", {"calibration": (38, 3), "validation": (1000, 3), "reference": (62, 1)}),
+        ("irb120_ctrack", "campaign", {"calibration": (36, 3), "validation": (10, 3), "reference": (6, 1)}),
+        (
+            "ur5_leica",
+            "campaign",
+            {"calibration": (38, 1), "repeat": (20, 1), "validation": (20, 1), "reference": (4, 1)},
+        ),
+    ],
+)
+def test_the_plan_is_that_of_the_source(
+    example: str, campaign: str, poses: dict[str, tuple[int, int]]
+) -> None:
+    cell, the_campaign = files_of(example, campaign)
+    visits = checked_plan(cell, the_campaign)
+    standing = [visit for visit in visits if visit.kind == "pose"]
+    assert Counter((visit.set, len(visit.targets)) for visit in standing) == {
+        (name, targets): count for name, (count, targets) in poses.items()
+    }
+    assert 0.3 < Forecast.of(cell, the_campaign, visits).total_s / 3600.0 < 8.0
+
+
+def faster(example: str, campaign: str, **changes: Any) -> tuple[Cell, Campaign]:
+    """The two files with the clock of the simulation sped up and keys of the campaign replaced."""
+    file = EXAMPLES / example / "cell.toml"
+    table = parse_toml(file)[1]
+    table["simulation"] |= {"time_scale": SCALE, "effects": ["none"]}
+    wanted = parse_toml(EXAMPLES / example / f"{campaign}.toml")[1] | changes
+    return cell_from(table, str(file)), campaign_from(wanted, campaign)
+
+
+def run_simulated(folder: Path, cell: Cell, campaign: Campaign) -> Run:
+    """The finished run."""
+    run = Run.create(folder / "record", cell, campaign, simulated=True)
+    with simulated_cell(cell) as simulated:
+        outcome = run.execute(simulated.open(cell, RehearsalOperator()))
+    assert (outcome.state.value, outcome.error) == ("succeeded", None)
+    return run
+
+
+@pytest.mark.parametrize(
+    ("example", "hidden"),
+    [("irb120_ctrack", 0.15), ("ur5_leica", 0.0)],  # the arm may come between cameras and base
+)
+def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Path) -> None:
+    cell, campaign = faster(example, "campaign", warm_up_s=0.0)
+    wanted = {cell.robot.driver, cell.instrument.driver}
+    if missing := wanted - {*ROBOTS, *INSTRUMENTS}:
+        pytest.skip(f"there is no driver {' and '.join(sorted(missing))} yet")
+    with run_simulated(tmp_path, cell, campaign) as run:
+        status = run.status()
+        dataset = read_dataset(export(tmp_path / "record", tmp_path / "data.csv"))
+    planned = sum(len(visit.targets) for visit in checked_plan(cell, campaign) if visit.kind == "pose")
+    assert status.total == planned
+    assert status.skipped <= hidden * planned
+    assert int(dataset.usable.sum()) == planned - status.skipped
+
+
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Dataset, Path]:
+    """One small campaign with a block of every kind, measured over the sockets of the simulated cell."""
+    folder = tmp_path_factory.mktemp("kinds")
+    cell, campaign = faster("irb120_faro", "kinds")
+    with run_simulated(folder, cell, campaign) as run:
+        assert run.status().skipped == 0
+        return cell, read_dataset(export(folder / "record", folder / "data.csv")), folder / "record"
+
+
+def test_sweeps_are_found_and_start_the_fit(kinds: tuple[Cell, Dataset, Path]) -> None:
+    cell, dataset, _ = kinds
+    found = Counter(
+        (sweep.joint, dataset.conditions.target_names[sweep.target]) for sweep in find_sweeps(dataset)
+    )
+    assert found == {(joint, name): 1 for joint in (1, 2, 5, 6) for name in ("T2", "T3")} | {(4, "T2"): 1}
+    start = starts(dataset)[0]
+    assert start.base is not None
+    assert np.linalg.norm(start.base[:3, 3]) < 20.0  # the simulated base is off by millimetres
+    for number, place in start.targets.items():
+        name = dataset.conditions.target_names[number]
+        assert place == pytest.approx(np.array(cell.tool.targets[name]), abs=15.0)
+
+
+def test_a_sweep_was_read_from_both_sides(kinds: tuple[Cell, Dataset, Path]) -> None:
+    _, dataset, _ = kinds
+    (sweep,) = (sweep for sweep in find_sweeps(dataset) if sweep.joint == 4)
+    at = dataset.conditions
+    angles = np.round(np.degrees(at.joints[sweep.rows, 3])).astype(int)
+    assert Counter(zip(angles.tolist(), at.side[sweep.rows, 3].tolist(), strict=True)) == {
+        (angle, side): 1 for angle in range(-60, 61, 10) for side in (1.0, -1.0)
+    }
+    assert np.degrees(at.joints - at.previous)[sweep.rows, 3] == pytest.approx(
+        5.0 * at.side[sweep.rows, 3], abs=1e-6
+    )
+
+
+def test_repeats_have_the_repeatability_of_the_cell(kinds: tuple[Cell, Dataset, Path]) -> None:
+    _, dataset, _ = kinds
+    rows = np.flatnonzero(dataset.sets == "repeat")
+    at = dataset.conditions.take(rows)
+    poses = repeated_poses(at.joints, at.series, at.target)
+    assert [len(visits) for visits in poses] == [6] * 5
+    figures = np.array([pose_repeatability(dataset.points[rows[visits]]) for visits in poses])
+    # Some 0.02 mm of noise per axis at 2.5 m: RP = 1.6 s + 3 x 0.7 s of three axes.
+    assert np.all((figures > 0.01) & (figures < 0.25))
+
+
+def test_the_sphere_is_one_within_the_errors_of_the_robot(kinds: tuple[Cell, Dataset, Path]) -> None:
+    _, dataset, _ = kinds
+    rows = dataset.sets == "validation"
+    points = dataset.points[rows]
+    assert len(points) == 20
+    # |p|^2 = 2 c . p + (R^2 - |c|^2), linear in c and the rest
+    system = np.column_stack([2.0 * points, np.ones(len(points))])
+    centre = np.linalg.lstsq(system, np.sum(points**2, axis=1), rcond=None)[0][:3]
+    radius = np.linalg.norm(points - centre, axis=1)
+    assert radius.mean() == pytest.approx(300.0, abs=3.0)
+    assert radius.std() < 1.0
+    at = dataset.conditions.take(rows)
+    inside = np.abs(at.joints - at.previous)[1:].max(axis=1)
+    assert np.degrees(inside).max() > 6.0  # straight from the point before, not over an approach point
+
+
+def test_gates_and_drift_were_told(kinds: tuple[Cell, Dataset, Path]) -> None:
+    _, dataset, record = kinds
+    store = Store.open(record, writer=False)
+    events, drift = [event.kind for event in store.events()], drift_of(store)
+    store.close()
+    assert events.count("warm") == 1
+    assert events.count("nests_checked") == 1
+    assert drift is not None
+    assert drift.readings == int(np.sum((dataset.sets == "reference") & dataset.usable))
+    assert 0.0 < drift.off_mm <= drift.most_mm < 0.3
