@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike, NDArray
 
 from acquisition.toml_table import TomlTable, Vector, parse_toml
 from calib.errors import DataError
@@ -38,9 +39,10 @@ class NoiseFigures:
 
 @dataclass(frozen=True)
 class RobotSection:
-    """The robot of the cell and how fast and how far it may go."""
+    """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`."""
 
     model: Robot
+    coupling: str
     driver: str
     url: str
     speed_mm_s: float
@@ -49,6 +51,10 @@ class RobotSection:
     table_z_mm: float
     keep_out_mm: tuple[tuple[Vector, Vector], ...]
     repeatability_deg: float
+
+    def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
+        """(n, N) rad: angles of the kinematic model where the controller counts (n, N) deg."""
+        return self.model.model_angles(np.asarray(joints_deg, dtype=np.float64) * DEG, self.coupling)
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def cell_of_record(source: str, where: str) -> Cell:
 
 
 def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
-    known = "model driver url speed_mm_s speed_deg_s limits_deg table_z_mm keep_out repeatability_deg"
+    known = "model joint_coupling driver url speed_mm_s speed_deg_s limits_deg table_z_mm keep_out repeatability_deg"
     table.only(known.split())
     try:
         robot = load_robot(table.text("model"), beside)
@@ -151,8 +157,11 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         if len(corners) != 2 or not all(a < b for a, b in zip(*corners, strict=True)):
             raise table.refuse("keep_out", f"box {i} needs two corners, the lower one first.")
         boxes.append(((*corners[0],), (*corners[1],)))
+    # A robot file with one joint matrix says how its controller counts.
+    usual = next(iter(robot.joint_matrices)) if len(robot.joint_matrices) == 1 else "none"
     return RobotSection(
         model=robot,
+        coupling=table.text("joint_coupling", usual, allowed=("none", *robot.joint_matrices)),
         driver=table.text("driver"),
         url=table.text("url"),
         speed_mm_s=table.number("speed_mm_s", SPEED_CAP_MM_S, low=1.0, high=SPEED_CAP_MM_S),

@@ -115,7 +115,7 @@ def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
         "robot": cell.robot.model.name,
         "instrument": cell.instrument.name,
         "world": "nominal",
-        "joint_coupling": "none",
+        "joint_coupling": cell.robot.coupling,
         "gravity_base": [0.0, 0.0, -9.81],
         "model": {"fit": list(DEFAULT_GROUPS)},
         "noise": {

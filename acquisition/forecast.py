@@ -15,7 +15,6 @@ from acquisition.campaign import Campaign
 from acquisition.cell import Cell
 from acquisition.plan import Visit
 from calib.kinematics import Array, forward
-from calib.units import DEG
 
 START_AND_STOP_S = 0.3  # of a move
 READING_S = 1.0  # beam and reply, beside the samples
@@ -67,7 +66,7 @@ class Forecast:
 def _moves_s(cell: Cell, path: Array) -> Array:
     """(n - 1,) s along joint angles (n, N)."""
     joints = np.abs(np.diff(path, axis=0)).max(axis=1) / cell.robot.speed_deg_s
-    flange = forward(cell.robot.model, path * DEG)[:, :3, 3]
+    flange = forward(cell.robot.model, cell.robot.model_angles(path))[:, :3, 3]
     straight = np.linalg.norm(np.diff(flange, axis=0), axis=1) / cell.robot.speed_mm_s
     slowest = np.maximum(joints, straight)
     return np.where(slowest > 0.0, slowest + START_AND_STOP_S, 0.0)

@@ -50,6 +50,7 @@ from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.follow_up import FollowUp
 from calib.kinematics import Array
 from calib.units import DEG
+from drivers.errors import ConfigError
 
 FEW = 1  # poses that are corrected at once where the model follows time or temperature
 _NEW_POSES = 77  # random stream, beside those of the plan
@@ -125,6 +126,11 @@ def close_loop(
     poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
     the readings cannot be used, ConfigError or UnsafePlan before anything moves.
     """
+    if equipment.cell.robot.coupling != "none":
+        raise ConfigError(
+            f"the loop cannot correct a robot whose joints are coupled ({equipment.cell.robot.coupling}) yet: "
+            "measure, diagnose, and correct its programs with 'truepose compensate'"
+        )
     say("campaign 1: calibration and validation poses")
     first = measure(equipment, campaign, folder / "campaign1")
     data = export(first.record, folder / "data.csv")

@@ -62,6 +62,6 @@ def select_poses(
     if len(drawn) < count:
         raise too_few(cell, len(drawn), count, targets)
     setup = setup_of(cell, targets)
-    candidates = candidates_of(setup, np.array([joints for joints, _ in drawn]) * DEG)
+    candidates = candidates_of(setup, cell.robot.model_angles([joints for joints, _ in drawn]))
     choice = choose(setup, candidates, count, starts=STARTS, seed=int(rng.integers(2**32)))
     return [drawn[i] for i in choice.selection]

@@ -26,15 +26,15 @@ _CONES_DEG = {"ctrack": 15.0}  # flat reflectors seen by cameras
 
 
 def targets_at(cell: Cell, joints_deg: Array) -> Array:
-    """(n, m, 3) mm: where the m targets are in the world for joint angles (n, N) of the nominal robot."""
-    poses = forward(cell.robot.model, np.asarray(joints_deg, dtype=np.float64) * DEG)
+    """(n, m, 3) mm: where the m targets are in the world for joint angles (n, N) of the controller, nominal robot."""
+    poses = forward(cell.robot.model, cell.robot.model_angles(joints_deg))
     targets = np.array(list(cell.tool.targets.values()))
     return np.einsum("nij,mj->nmi", poses[:, :3, :3], targets) + poses[:, None, :3, 3]
 
 
 def points_of_arm(cell: Cell, joints_deg: Array) -> Array:
     """(n, k, 3) mm: points along arm and tool that must stay clear."""
-    joints = np.asarray(joints_deg, dtype=np.float64) * DEG
+    joints = cell.robot.model_angles(joints_deg)
     robot = cell.robot.model
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
     origins = [np.broadcast_to(frame[3], (3, len(joints))).T for frame in frames.link_frames[_ELBOW:]]
@@ -75,7 +75,7 @@ def cone_deg(cell: Cell) -> float:
 
 def facing(cell: Cell, joints_deg: Array, targets: Sequence[str]) -> NDArray[np.bool_]:
     """(n,) whether those of `targets` that have a normal look at the instrument, within its cone."""
-    poses = forward(cell.robot.model, np.asarray(joints_deg, dtype=np.float64) * DEG)
+    poses = forward(cell.robot.model, cell.robot.model_angles(joints_deg))
     seen = np.ones(len(poses), dtype=bool)
     for name in targets:
         if name not in cell.tool.normals:

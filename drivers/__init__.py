@@ -7,6 +7,9 @@ from typing import Any, TypeVar
 
 from drivers.abb import AbbArm
 from drivers.abb_conversation import AbbDeadlines
+from drivers.b5r import BallbarTest, read_b5r
+from drivers.ctrack import CTrack
+from drivers.emscon import EmsconDeadlines, EmsconTracker
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -36,6 +39,8 @@ from drivers.errors import (
     Unmeasurable,
     WrongMode,
 )
+from drivers.fanuc import FanucArm
+from drivers.fanuc_controller import FanucDeadlines
 from drivers.faro import FaroDeadlines, FaroTracker
 from drivers.interfaces import (
     Answer,
@@ -43,20 +48,36 @@ from drivers.interfaces import (
     Identity,
     InstrumentStatus,
     JointReading,
+    LengthMeter,
+    LengthReading,
     Operator,
     PointMeter,
     PointReading,
+    PoseMeter,
+    PoseReading,
     Prompt,
     RobotArm,
     RobotStatus,
 )
+from drivers.leica import LeicaTracker
 from drivers.link import WireLog, WireSink
+from drivers.mbp_session import MbpDeadlines
 from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt
+from drivers.qc20w import Qc20w
+from drivers.ur import UrArm
+from drivers.ur_deadlines import UrDeadlines
+from drivers.ur_secondary import DhNumbers, Factory
 
 _T = TypeVar("_T")
 
-ROBOTS: Mapping[str, Callable[..., RobotArm]] = {"abb": AbbArm}
-INSTRUMENTS: Mapping[str, Callable[..., PointMeter]] = {"faro": FaroTracker}
+ROBOTS: Mapping[str, Callable[..., RobotArm]] = {"abb": AbbArm, "fanuc": FanucArm, "ur": UrArm}
+INSTRUMENTS: Mapping[str, Callable[..., PointMeter]] = {
+    "ctrack": CTrack,
+    "emscon": EmsconTracker,
+    "faro": FaroTracker,
+    "leica": LeicaTracker,
+}
+LENGTH_METERS: Mapping[str, Callable[..., LengthMeter]] = {"qc20w": Qc20w}
 
 
 def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
@@ -67,6 +88,11 @@ def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
 def open_instrument(driver: str, url: str, **options: Any) -> PointMeter:
     """An instrument by the name of its driver, not yet connected. Raises ConfigError."""
     return _make("instrument", INSTRUMENTS, driver, url, options)
+
+
+def open_length_meter(driver: str, url: str, **options: Any) -> LengthMeter:
+    """A ballbar by the name of its driver, not yet connected. Raises ConfigError."""
+    return _make("length meter", LENGTH_METERS, driver, url, options)
 
 
 def _make(
@@ -82,28 +108,41 @@ def _make(
 
 __all__ = [
     "INSTRUMENTS",
+    "LENGTH_METERS",
     "ROBOTS",
     "AbbArm",
     "AbbDeadlines",
     "AcquisitionError",
     "Answer",
+    "BallbarTest",
     "BeamBroken",
     "Busy",
+    "CTrack",
     "CannotStop",
     "CommandRefused",
     "ConfigError",
     "Device",
+    "DhNumbers",
     "EmergencyStop",
+    "EmsconDeadlines",
+    "EmsconTracker",
     "EnableLost",
+    "Factory",
+    "FanucArm",
+    "FanucDeadlines",
     "FaroDeadlines",
     "FaroTracker",
     "Identity",
     "InstrumentStatus",
     "JointLimit",
     "JointReading",
+    "LeicaTracker",
+    "LengthMeter",
+    "LengthReading",
     "LinkError",
     "LinkLost",
     "LinkTimeout",
+    "MbpDeadlines",
     "MotionStopped",
     "NoOperator",
     "NoisyMeasurement",
@@ -114,9 +153,12 @@ __all__ = [
     "OutOfRange",
     "PointMeter",
     "PointReading",
+    "PoseMeter",
+    "PoseReading",
     "Prompt",
     "ProtectiveStop",
     "ProtocolError",
+    "Qc20w",
     "Refused",
     "RehearsalOperator",
     "RemoteOperator",
@@ -128,9 +170,13 @@ __all__ = [
     "TerminalOperator",
     "UnknownPrompt",
     "Unmeasurable",
+    "UrArm",
+    "UrDeadlines",
     "WireLog",
     "WireSink",
     "WrongMode",
     "open_instrument",
+    "open_length_meter",
     "open_robot",
+    "read_b5r",
 ]

@@ -80,6 +80,43 @@ class PointReading:
     raw: bytes = b""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseReading(PointReading):
+    """One averaged pose: its point, and the turn of the target's own frame.
+
+    `rot_wxyz`: unit quaternion, scalar first and not negative, that turns vectors of the target's frame into
+    the instrument's (or the reference's) frame; `rot_std_mrad`: scatter of single frames about any axis;
+    `visible_tool` and `visible_base`: reflective targets seen on the target's body and on the reference.
+    """
+
+    rot_wxyz: tuple[float, float, float, float]
+    rot_std_mrad: float
+    visible_tool: int
+    visible_base: int
+
+
+@dataclass(frozen=True, slots=True)
+class LengthReading:
+    """One averaged length between the centres of two balls (mm).
+
+    `length_mm` is the bar's calibrated length at the temperature of the reading plus the deviation that the
+    sensor shows, less its zero: `deviation_mm` and `zero_mm` are what went into it.
+    """
+
+    target: str
+    base_target: str
+    length_mm: float
+    std_mm: float
+    deviation_mm: float
+    zero_mm: float
+    samples: int
+    t_s: float
+    age_s: float
+    t_air_c: float | None = None
+    battery_percent: float | None = None
+    raw: bytes = b""
+
+
 class Answer(Enum):
     """What the operator can say to a prompt."""
 
@@ -132,6 +169,26 @@ class PointMeter(Device, Protocol):
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading: ...
+    def stop(self) -> None: ...
+    def status(self) -> InstrumentStatus: ...
+
+
+@runtime_checkable
+class PoseMeter(Device, Protocol):
+    """Measures point and orientation of a target by its name. Every PoseMeter is a PointMeter as well."""
+
+    def measure(
+        self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
+    ) -> PoseReading: ...
+    def stop(self) -> None: ...
+    def status(self) -> InstrumentStatus: ...
+
+
+@runtime_checkable
+class LengthMeter(Device, Protocol):
+    """Measures the length between a ball on the tool and a ball on the base, both by name."""
+
+    def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading: ...
     def stop(self) -> None: ...
     def status(self) -> InstrumentStatus: ...
 

@@ -193,6 +193,22 @@ class TcpLink:
             )
         return line
 
+    def read_exactly(
+        self,
+        count: int,
+        *,
+        command: str,
+        deadline: str,
+        seconds: float,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> bytes:
+        """The next `count` bytes, for protocols that count; the rest stays. Raises LinkTimeout, LinkLost."""
+        end = self._clock() + seconds
+        while len(self._buffer) < count:
+            self._fill(command, deadline, seconds, end, meanwhile)
+        data, self._buffer = self._buffer[:count], self._buffer[count:]
+        return data
+
     def read_reply(
         self,
         complete: re.Pattern[bytes],

@@ -15,6 +15,7 @@ import binascii
 import itertools
 import math
 import re
+import secrets
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -35,6 +36,7 @@ from drivers.errors import (
     TargetNotSeen,
 )
 from drivers.link import Address, TcpLink, WireSink
+from drivers.serial_link import SerialLink
 
 LIMIT = 512
 _FIELD = re.compile(r'([A-Za-z][A-Za-z0-9_]*)=(?:"([^"]*)"|([^\s"]+))')
@@ -161,23 +163,26 @@ class MbpClient:
     clock: Callable[[], float] = time.monotonic
     strangers: int = 0  # answers to other questions, discarded
     events: list[Message] = field(default_factory=list)
-    link: TcpLink = field(init=False)
+    serial: SerialLink | None = None  # instead of TCP: sums are mandatory, and no number ever comes twice
+    link: TcpLink | SerialLink = field(init=False)
     _numbers: itertools.count[int] = field(init=False)
     _checksum_needed: bool = False
     _send_lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
-        self.link = TcpLink(self.address, self.device, wire=self.wire, clock=self.clock)
-        self._numbers = itertools.count(1)
+        self.link = self.serial or TcpLink(self.address, self.device, wire=self.wire, clock=self.clock)
+        # A serial line has no connections: an answer of the last conversation must not fit this one.
+        self._numbers = itertools.count(1 + secrets.randbelow(2**30) if self.serial else 1)
 
     def open(self, *, connect_s: float, reply_s: float) -> Message:
         """Connect and greet. Raises LinkError, ProtocolError (other protocol), Busy (bridge in use)."""
-        self._numbers = itertools.count(1)
-        self._checksum_needed = False
+        if self.serial is None:
+            self._numbers = itertools.count(1)
+        self._checksum_needed = self.serial is not None
         self.events.clear()
         self.link.open(connect_s=connect_s)
         hello = self.ask("HELLO", {"proto": 1, "client": "truepose"}, "reply_s", reply_s)
-        self._checksum_needed = hello.fields.get("crc") == "1"
+        self._checksum_needed = self.serial is not None or hello.fields.get("crc") == "1"
         return hello
 
     def shout(self, command: str) -> None:

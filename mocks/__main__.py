@@ -1,4 +1,4 @@
-"""`python -m mocks cell CELL.toml | abb | faro`: serve simulated devices until SIGTERM or SIGINT.
+"""`python -m mocks cell CELL.toml | abb | fanuc | faro | ur`: serve simulated devices until SIGTERM or SIGINT.
 
 Prints one JSON line per endpoint on standard output. Ends with 0; 2 for a wrong file; 1 for a taken port.
 """
@@ -18,17 +18,19 @@ from pathlib import Path
 from mocks.cell import Cell
 from mocks.cell_file import CellFile, read_cell
 
-DEVICES = {"cell": ("abb", "faro"), "abb": ("abb",), "faro": ("faro",)}
+_ALONE = ("abb", "ctrack", "emscon", "fanuc", "faro", "leica", "ur")
+DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial")}
+ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device, if not the usual arm
 
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="mocks", description="simulated devices on their real wire protocols"
     )
-    parser.add_argument("name", choices=sorted(DEVICES))
+    parser.add_argument("name", choices=["cell", *sorted(DEVICES)])
     parser.add_argument("file", nargs="?", type=Path, help="CELL.toml, needed for `cell`")
     parser.add_argument("--port", type=int, default=0, help="of the first device; 0: a free one")
-    parser.add_argument("--stock", action="store_true", help="ABB: open_abb without our superset")
+    parser.add_argument("--stock", action="store_true", help="ABB, Fanuc: without our programs on the robot")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--time-scale", type=float)
     parsed = parser.parse_args(argv)
@@ -42,6 +44,8 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
 def described(chosen: argparse.Namespace) -> CellFile:
     """The cell of the command line. Raises OSError, ValueError."""
     cell = CellFile() if chosen.file is None else read_cell(chosen.file)
+    if chosen.name in ROBOTS:
+        cell = replace(cell, robot=ROBOTS[chosen.name])
     if chosen.seed is not None:
         cell = replace(cell, seed=chosen.seed)
     if chosen.time_scale is not None:
@@ -64,7 +68,9 @@ async def serve(cell: Cell, port: int) -> None:
 def main(argv: Sequence[str]) -> int:
     chosen = arguments(argv)
     try:
-        cell = Cell(described(chosen), stock=chosen.stock, devices=DEVICES[chosen.name])
+        file = described(chosen)
+        devices = DEVICES.get(chosen.name, (file.robot_driver, file.instrument_driver))
+        cell = Cell(file, stock=chosen.stock, devices=devices)
     except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
         sys.stderr.write(f"mocks: {error}\n")
         return 2

@@ -13,19 +13,35 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 from mocks.abb import MODES, AbbController
-from mocks.faro import FaroBridge
+from mocks.tracker_device import TrackerDevice
+
+
+class TrackerServer(Protocol):
+    """The wire side of a tracker, whatever it speaks."""
+
+    odd: dict[str, Any]
+
+    @property
+    def tracker(self) -> TrackerDevice: ...
+    def event(self, name: str) -> None: ...
 
 
 class BackDoor:
     """Acts on the devices of one cell directly, beside their wires."""
 
-    def __init__(self, abb: AbbController, faro: FaroBridge) -> None:
+    def __init__(
+        self,
+        abb: AbbController,
+        faro: TrackerServer,
+        further: Mapping[str, Callable[[dict[str, Any]], dict[str, Any] | None]] | None = None,
+    ) -> None:
         self.abb = abb
         self.faro = faro
+        self.further = further or {}  # orders that the other devices of the cell understand
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         while line := await reader.readline():
@@ -58,6 +74,7 @@ class BackDoor:
             "tracker": self._tracker,
             "weather": self._weather,
             "odd_reading": lambda o: self.faro.odd.update(o["fields"]),
+            **self.further,
         }
         if what not in table:
             raise ValueError(f"unknown order {what!r}; there are restart, {', '.join(table)}")

@@ -14,9 +14,16 @@ from mocks.arm_device import ArmDevice
 from mocks.backdoor import BackDoor
 from mocks.cell_file import CellFile
 from mocks.clock import CellClock
+from mocks.ctrack import CTrackBridge, CTrackDevice
+from mocks.emscon import EmsconServer
+from mocks.fanuc import Fanuc
 from mocks.faro import FaroBridge
+from mocks.leica import LeicaBridge
+from mocks.leica_device import LeicaDevice
+from mocks.qc20w import BallbarBridge, BallbarDevice
 from mocks.sockets import Endpoint, Servers
 from mocks.tracker_device import TrackerDevice
+from mocks.ur import UrController
 from mocks.world import Session, World, random_label, robot_named
 
 LABEL_STREAM = 22
@@ -52,8 +59,19 @@ class Cell:
         self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, cell.nests)
         self.abb = AbbController(self.arm, self.clock, stock=stock)
+        robot = self.world.robot
+        self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock, coupled=robot.name.startswith("fanuc"))
+        self.ur = UrController(self.arm, self.clock, self.world)
         self.faro = FaroBridge(self.tracker, self.clock)
-        self.backdoor = BackDoor(self.abb, self.faro)
+        self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, cell.nests, cell.normals))
+        self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, cell.nests))
+        self.at960 = LeicaDevice(self.world, self.arm, self.clock, cell.nests, cell.normals)
+        self.leica, self.emscon = LeicaBridge(self.at960), EmsconServer(self.at960)
+        self.backdoor = BackDoor(
+            self.abb,
+            self.leica if "leica" in devices else self.emscon if "emscon" in devices else self.faro,
+            self.ur.orders() | self.ctrack.orders() | self.qc20w.orders() | self.leica.orders(),
+        )
         self.devices = devices
         self._servers = Servers()
 
@@ -68,9 +86,24 @@ class Cell:
                 stock = self.abb.stock
                 ends.append(Endpoint("abb", "open_abb" if stock else "calsrv", one))
                 ends.append(Endpoint("abb-background", "open_abb-log" if stock else "calsrv", two))
+            if "fanuc" in self.devices:
+                ends += await self.fanuc.listen(self._servers, port if not ends else 0)
+            if "ur" in self.devices:
+                ends += await self.ur.listen(self._servers, port if not ends else 0)
             if "faro" in self.devices:
                 first = port if not ends else 0
                 ends.append(Endpoint("faro", "mbp1", await self._servers.listen(self.faro.serve, first)))
+            for name, protocol, handler in (
+                ("leica", "mbp1", self.leica.bridge.serve),
+                ("emscon", "emscon", self.emscon.serve),
+                ("ctrack", "mbp1", self.ctrack.bridge.serve),
+                ("qc20w", "mbp1", self.qc20w.bridge.serve),
+            ):
+                if name in self.devices:
+                    first = port if not ends else 0
+                    ends.append(Endpoint(name, protocol, await self._servers.listen(handler, first)))
+            if "qc20w-serial" in self.devices:
+                ends.append(await self.qc20w.open_pty())
             ends.append(Endpoint("backdoor", "jsonl", await self._servers.listen(self.backdoor.serve)))
         except OSError:
             await self.stop()
@@ -79,6 +112,8 @@ class Cell:
 
     async def stop(self) -> None:
         """Close every server and connection."""
+        self.qc20w.close_pty()
+        await self.ur.close()
         await self._servers.close()
 
 

@@ -19,6 +19,9 @@ class CellFile:
     station_mm: tuple[float, ...] = STATION_MM
     nests: dict[str, tuple[float, ...]] = field(default_factory=lambda: dict(NESTS))
     targets: dict[str, tuple[float, ...]] | None = None
+    normals: dict[str, tuple[float, ...]] = field(default_factory=dict)  # where targets look, flange frame
+    robot_driver: str = "abb"
+    instrument_driver: str = "faro"
     tool_mass_kg: float | None = None
     tool_cog_mm: tuple[float, ...] | None = None
     seed: int = 1
@@ -40,6 +43,9 @@ def read_cell(path: Path) -> CellFile:
         "station_mm": table.get("instrument", {}).get("station_mm"),
         "nests": table.get("world", {}).get("nests"),
         "targets": tool.get("targets"),
+        "normals": tool.get("normals"),
+        "robot_driver": robot.get("driver"),
+        "instrument_driver": table.get("instrument", {}).get("driver"),
         "tool_mass_kg": tool.get("mass_kg"),
         "tool_cog_mm": tool.get("cog_mm"),
         **{

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
 Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
@@ -54,17 +54,27 @@ class Servers:
 
     async def listen_pair(self, first: Handler, second: Handler, port: int = 0) -> tuple[int, int]:
         """Two neighbouring ports, as 5000 and 5001 of an IRC5. Raises OSError."""
+        one = await self.listen_around({0: first, 1: second}, port)
+        return one, one + 1
+
+    async def listen_around(self, handlers: Mapping[int, Handler], port: int = 0) -> int:
+        """Servers at fixed distances from one port, as those of a UR; the port at 0. Raises OSError."""
+        others = {offset: handler for offset, handler in handlers.items() if offset}
         for _ in range(100):
-            one = await self.listen(first, port)
+            before = len(self._servers)
+            one = await self.listen(handlers[0], port)
             try:
-                return one, await self.listen(second, one + 1)
+                for offset, handler in others.items():
+                    await self.listen(handler, one + offset)
+                return one
             except (OSError, OverflowError):
                 if port:
                     raise
-                last = self._servers.pop()
-                last.close()
-                await last.wait_closed()
-        raise OSError("no two neighbouring ports free")
+                while len(self._servers) > before:
+                    last = self._servers.pop()
+                    last.close()
+                    await last.wait_closed()
+        raise OSError("no free ports at these distances")
 
     async def close(self) -> None:
         """Close servers and connections."""

@@ -15,6 +15,9 @@ from service.wording import counted
 LINES = 20  # of progress in a log, where nobody wants one a reading
 _TOLD = {
     "warm_up": "warming up",
+    "warming_up": "warming up: measuring the reference pose again",
+    "warm": "the arm is warm",
+    "nests_checked": "the nests were checked",
     "reconnect": "connection lost, connecting again",
     "nests_again": "measuring the nests again",
     "instrument_moved": "the instrument has moved: the nests give its new place",
@@ -47,9 +50,9 @@ class Progress:
         step = status.done * LINES // max(status.total, 1)
         if self._terminal.live or step != self._told:
             self._told = step
-            self._terminal.say(
-                f"{status.done} of {counted(status.total, 'reading')}{_left(status.seconds_left)}"
-            )
+            drift = "" if status.drift is None else f", drift {status.drift['off_mm']:.3f} mm"
+            done = f"{status.done} of {counted(status.total, 'reading')}"
+            self._terminal.say(f"{done}{_left(status.seconds_left)}{drift}")
 
 
 def _left(seconds: float | None) -> str:

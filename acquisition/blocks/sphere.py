@@ -73,6 +73,8 @@ class Sphere:
     def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
         """(k, N) deg, in the branch of the taught pose."""
         robot = site.cell.robot.model
+        if site.cell.robot.coupling != "none":
+            raise ConfigError(f"block {site.number + 1}: a sphere needs a robot whose joints are not coupled")
         low, high = np.array(site.cell.robot.limits_deg).T * DEG
         flange = forward(robot, taught * DEG)
         goals = np.repeat(flange, len(directions), axis=0)

@@ -84,6 +84,7 @@ class RunShown(Answered):
     prompt: PromptShown | None
     last_reading: dict[str, Any] | None
     seconds_left: float | None
+    drift: dict[str, Any] | None = None
     simulated: bool
     dry_run: bool
     error: dict[str, Any] | None

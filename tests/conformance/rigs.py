@@ -1,55 +1,25 @@
-"""Rigs of the conformance suite: one driver, its simulator, a fault proxy between them, and the truth.
-
-A rig asks questions whose right answers all differ, so that an answer to another question shows.
-"""
+"""All rigs of the conformance suite by name; those of ABB and FARO are here."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from drivers import AbbArm, AbbDeadlines, FaroDeadlines, FaroTracker
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
+from tests.conformance.fanuc_rigs import FANUC_RIGS
+from tests.conformance.instrument_rigs import INSTRUMENT_RIGS
+from tests.conformance.rig import SCALE, Rig
+from tests.conformance.ur_rigs import UR_RIGS
 
-SCALE = 5000.0  # a 20 deg move at 20 deg/s takes 0.2 ms
 PATIENT_ABB = AbbDeadlines(move_margin_s=5.0, ping_s=5.0, reply_s=5.0, stop_s=5.0, quiet_s=0.05)
 HASTY_ABB = replace(PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3)
 PATIENT_FARO = FaroDeadlines()
 HASTY_FARO = FaroDeadlines(reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
-SLACK_S = 2.0  # what a loaded machine may add to a deadline
-
-
-@dataclass
-class Rig:
-    """A driver behind a proxy. `ask(i)` puts question i and returns by how much it missed the truth."""
-
-    driver: AbbArm | FaroTracker
-    proxy: FaultProxy
-    cell: CellThread
-    ask: Callable[[int], float]
-    tolerance: float
-    longest_s: float
-
-    def restart(self) -> None:
-        self.driver.connect()
-        self.driver.arm()
-
-    def hurry(self) -> None:
-        """Deadlines so short that a lost answer costs little time."""
-        if isinstance(self.driver, AbbArm):
-            self.driver.deadlines = HASTY_ABB
-        else:
-            self.driver.deadlines = HASTY_FARO
-
-    def be_patient(self) -> None:
-        if isinstance(self.driver, AbbArm):
-            self.driver.deadlines = PATIENT_ABB
-        else:
-            self.driver.deadlines = PATIENT_FARO
 
 
 def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
@@ -69,7 +39,7 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
             math.dist(read, cell.cell.arm.joints_deg()) if cell.cell else math.inf,
         )
 
-    return Rig(arm, proxy, cell, ask, 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s)
+    return Rig(arm, proxy, cell, ask, 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s, PATIENT_ABB, HASTY_ABB)
 
 
 def faro_rig(stack: ExitStack) -> Rig:
@@ -88,11 +58,14 @@ def faro_rig(stack: ExitStack) -> Rig:
         device = cell.cell.tracker
         return math.dist(reading.xyz_mm, device.to_tracker(device.true_world(name)))
 
-    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY_FARO.reply_s + 0.1)
+    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY_FARO.reply_s + 0.1, PATIENT_FARO, HASTY_FARO)
 
 
 RIGS: dict[str, Callable[[ExitStack], Rig]] = {
     "abb-calsrv": lambda stack: abb_rig(stack, stock=False),
     "abb-stock": lambda stack: abb_rig(stack, stock=True),
     "faro-mbp1": faro_rig,
+    **FANUC_RIGS,
+    **UR_RIGS,
+    **INSTRUMENT_RIGS,
 }

@@ -14,7 +14,8 @@ import pytest
 
 from drivers import LinkError, LinkLost, LinkTimeout, ProtocolError, Unmeasurable
 from mocks.faultproxy import FAULTS
-from tests.conformance.rigs import RIGS, SLACK_S, Rig
+from tests.conformance.rig import SLACK_S, Rig
+from tests.conformance.rigs import RIGS
 
 # What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
 CLASSES: dict[str, tuple[type[LinkError], ...]] = {
@@ -36,7 +37,9 @@ CLASSES: dict[str, tuple[type[LinkError], ...]] = {
     "black_hole": (LinkTimeout,),
 }
 LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage"}
-UNDETECTABLE = {("abb-calsrv", "flip"), ("abb-stock", "flip")}  # the dialect has no checksum
+UNDETECTABLE = {(name, "flip") for name in ("abb-calsrv", "abb-stock", "leica-emscon")}  # no checksum
+# A stream may lack a package, and half of two is one; on 30003 it goes on behind the answer, unread.
+QUIET = {("ur-rtde", "half"), *(("ur-realtime", fault) for fault in LOUD)}
 
 
 @pytest.fixture(scope="module", params=sorted(RIGS))
@@ -73,7 +76,7 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, after: int) -> None:
             break
     assert rig.proxy.spoiled == hit + 1
     assert time.monotonic() - begin < 3 * rig.longest_s + SLACK_S
-    assert failure or fault not in LOUD
+    assert failure or fault not in LOUD or (name, fault) in QUIET
     if failure is not None:
         assert failure.device.startswith(rig.driver.name)
         assert failure.command

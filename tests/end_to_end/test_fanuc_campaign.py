@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.campaign import read_campaign
-from acquisition.cell import RobotSection, read_cell
+from acquisition.cell import read_cell
 from acquisition.export import export
 from acquisition.run import Run
 from calib.dataset import read_dataset
@@ -37,10 +37,6 @@ def fanuc_cell(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.skipif(
-    "coupling" not in RobotSection.__dataclass_fields__,
-    reason="a cell does not know the joint matrix of its robot yet: poses of a Fanuc are planned with wrong angles",
-)
 def test_measured_exported_identified(tmp_path: Path) -> None:
     cell = read_cell(fanuc_cell(tmp_path))
     campaign = read_campaign(

@@ -1,0 +1,139 @@
+"""Packets of the emScon programming interface (TPI, TCP 700) of Leica AT901, AT401 and AT402.
+
+Little-endian, packed to 4 bytes: i32 size (counted with itself), i32 type, then by type
+
+    0 command        i32 command, arguments;  its answer: i32 command, i32 status, results
+    1 error          i32 command, i32 status          2 single measurement    156 bytes
+    8 status change  i32 code
+
+An answer names its command and nothing else, so only one command may be outstanding. Sizes are checked
+against the kind of packet before anything of it is believed.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.errors import (
+    AcquisitionError,
+    BeamBroken,
+    Busy,
+    CommandRefused,
+    LinkLost,
+    NoisyMeasurement,
+    NotReady,
+    ProtocolError,
+    TargetNotSeen,
+)
+
+COMMAND, ERROR, SINGLE, CHANGE = 0, 1, 2, 8
+HEADER = struct.Struct("<ii")
+_LONGEST_ANSWER = 256
+
+GET_SYSTEM_STATUS, GET_TRACKER_STATUS, SET_UNITS, INITIALIZE = 1, 2, 5, 7
+GET_ENVIRONMENT, SET_MODE, SET_COORDINATES, SET_STATIONARY = 21, 24, 26, 28
+SET_REFLECTOR, GET_REFLECTORS, SET_SEARCH = 40, 42, 43
+START_MEASUREMENT, STOP_MEASUREMENT, GO_POSITION = 49, 52, 55
+
+_ARGUMENTS: Mapping[int, str] = {
+    SET_UNITS: "5i",
+    SET_MODE: "i",
+    SET_COORDINATES: "i",
+    SET_STATIONARY: "2i",
+    SET_REFLECTOR: "i",
+    SET_SEARCH: "di",
+    GO_POSITION: "3di",
+}
+_RESULTS: Mapping[int, str] = {
+    GET_SYSTEM_STATUS: "10i",
+    GET_TRACKER_STATUS: "i",
+    GET_ENVIRONMENT: "3d",
+    GET_REFLECTORS: "3id64s",
+}
+_SINGLE = struct.Struct("<3i17d")
+
+_ERRORS: Mapping[int, type[AcquisitionError]] = {
+    1: Busy,
+    23: NotReady,  # wrong reflector
+    27: NotReady,  # no weather station
+    28: TargetNotSeen,
+    37: BeamBroken,  # no distance set
+    38: LinkLost,  # controller without its sensor
+    39: NotReady,  # not initialised
+    57: NotReady,  # weather out of range
+    58: NotReady,
+    59: Busy,
+    94: NotReady,
+    95: NotReady,
+    96: NotReady,
+    10002: NotReady,
+    10004: TargetNotSeen,  # measurement status not ready: nothing in the beam
+    10005: NotReady,
+    10009: NoisyMeasurement,
+    10010: NotReady,  # not levelled
+    10011: Busy,  # another client
+    10012: NotReady,  # not warmed up
+    10013: NoisyMeasurement,  # not stable
+    10014: TargetNotSeen,
+    10015: LinkLost,
+    10016: NotReady,
+    10019: NotReady,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """One packet. `number`: of its command, or the code of a change; `values`: results of a good answer."""
+
+    kind: int
+    number: int
+    status: int
+    values: tuple[Any, ...]
+    raw: bytes
+
+
+def command(number: int, *arguments: float) -> bytes:
+    """The bytes of a command."""
+    body = struct.pack("<i" + _ARGUMENTS.get(number, ""), number, *arguments)
+    return HEADER.pack(HEADER.size + len(body), COMMAND) + body
+
+
+def rest_of(header: bytes) -> int:
+    """How many bytes follow these 8. Raises ProtocolError for a header that no packet of ours can have."""
+    size, kind = HEADER.unpack(header)
+    known = {
+        COMMAND: range(16, _LONGEST_ANSWER + 1),
+        ERROR: (16,),
+        SINGLE: (_SINGLE.size + 8,),
+        CHANGE: (12,),
+    }
+    if size not in known.get(kind, ()):
+        raise ProtocolError(f"packet of type {kind} and {size} bytes", raw=header)
+    return size - HEADER.size
+
+
+def parse(data: bytes) -> Packet:
+    """One whole packet. Raises ProtocolError for anything that is not exactly one."""
+    if len(data) < HEADER.size or len(data) - HEADER.size != rest_of(data[: HEADER.size]):
+        raise ProtocolError("packet of the wrong size", raw=data)
+    kind, body = HEADER.unpack(data[: HEADER.size])[1], data[HEADER.size :]
+    if kind == CHANGE:
+        return Packet(kind, struct.unpack("<i", body)[0], 0, (), data)
+    if kind == SINGLE:
+        status, *values = _SINGLE.unpack(body)
+        return Packet(kind, START_MEASUREMENT, status, tuple(values), data)
+    number, status = struct.unpack("<2i", body[:8])
+    results = struct.Struct("<" + _RESULTS.get(number, "") if status == 0 and kind == COMMAND else "<")
+    if len(body) - 8 != results.size:
+        raise ProtocolError(f"answer to {number} of {len(data)} bytes", raw=data)
+    return Packet(kind, number, status, results.unpack(body[8:]), data)
+
+
+def error_of(packet: Packet, device: str, what: str) -> AcquisitionError:
+    """What a status other than 0 means. Numbers not known here void a measurement and refuse all else."""
+    measures = packet.number in (START_MEASUREMENT, GO_POSITION)
+    kind = _ERRORS.get(packet.status, TargetNotSeen if measures else CommandRefused)
+    return kind(f"tracker says {packet.status}", device=device, command=what, raw=packet.raw)

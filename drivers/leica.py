@@ -1,0 +1,150 @@
+"""Leica AT960 (and AT930, AT40x under LMF) behind an MBP/1 bridge (TCP 5701) beside the LMF library.
+
+LMF's wire protocol is not public. Points are in the tracker's own frame, mm; the tracker measures absolute
+distances, so a broken beam costs the reading and nothing else: pointing at the target finds it again. The
+reflector is told to the bridge and must come back as told, for its offset is in every distance. Trackers that
+speak emScon (AT901, AT401, AT402) need no bridge: `drivers.emscon`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from drivers import mbp
+from drivers.errors import ConfigError, NotReady
+from drivers.interfaces import Identity, InstrumentStatus, PointReading
+from drivers.link import WireSink, parse_url
+from drivers.mbp_session import MbpDeadlines, MbpSession
+from drivers.mbp_tracker import FARTHEST_MM, Asked, point_of
+
+# LMF: 12 s for a Standard or Precise point, 2 s more for two faces, 3 s for going there.
+LEICA_DEADLINES = replace(MbpDeadlines(), measure_margin_s=15.0)
+_PROFILES = ("FAST", "STANDARD", "PRECISE")
+_FACES = {"one": ("1", 1.0), "both": ("BOTH", 2.0)}
+
+
+class LeicaTracker:
+    """One AT960. Verbs block; `stop` may be called from any thread."""
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "leica",
+        profile: str = "STANDARD",
+        faces: str = "one",
+        rate_hz: float = 100.0,
+        reflector_mm: float = 38.1,
+        search_radius_mm: float = 30.0,
+        age_limit_s: float = 1.0,
+        scatter_limit_mm: float = 0.25,
+        heartbeat_s: float | None = 4.0,
+        deadlines: MbpDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if profile not in _PROFILES or faces not in _FACES:
+            raise ConfigError(f"profile is one of {_PROFILES}, faces one of {tuple(_FACES)}", device=name)
+        if not rate_hz > 0.0 or not reflector_mm > 0.0:
+            raise ConfigError(
+                f"rate_hz {rate_hz} and reflector_mm {reflector_mm} must be positive", device=name
+            )
+        self.name = name
+        self._profile = profile
+        self._face, self._times = _FACES[faces]
+        self._rate_hz = rate_hz
+        self._reflector_mm = reflector_mm
+        self._search_radius_mm = search_radius_mm
+        self._limits = (age_limit_s, scatter_limit_mm)
+        self.deadlines = deadlines or LEICA_DEADLINES
+        client = mbp.MbpClient(parse_url(url), name, self.deadlines.send_s, wire, clock)
+        self.session = MbpSession(
+            client, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
+        )
+        self._last_t_s = -math.inf
+
+    def connect(self) -> None:
+        """Open and greet; the head does not move. Raises LinkError, ProtocolError, Busy."""
+        self.session.connect()
+        self._last_t_s = -math.inf
+
+    def disconnect(self) -> None:
+        """Close and disarm; never raises."""
+        self.session.disconnect()
+
+    def identify(self) -> Identity:
+        """What the bridge said in its greeting. Raises LinkError."""
+        return self.session.identify()
+
+    def arm(self) -> None:
+        """Initialise if needed (the head moves); weather from the station, profile, reflector.
+
+        Raises LinkError, NotReady (also for a reflector that the bridge does not confirm), SafetyStop.
+        """
+        with self.session.arming():
+            weather = self.session.ask("WEATHER", {"source": "STATION"})
+            with self.session.understood():
+                for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
+                    mbp.number(weather, key, low, high)
+            self.session.ask("MODE", {"distance": "ADM", "profile": self._profile})
+            reply = self.session.ask("TARGET", {"type": "SMR", "d": self._reflector_mm})
+            with self.session.understood():
+                told = mbp.number(reply, "d", 0.0, 500.0)
+            if told != self._reflector_mm:
+                raise NotReady(
+                    f"the tracker uses a reflector of {told:g} mm, the cell one of {self._reflector_mm:g} mm",
+                    device=self.name,
+                    command="TARGET",
+                    raw=reply.raw,
+                    what_to_do="Seat the right SMR or correct reflector_mm in the cell file.",
+                )
+
+    def disarm(self) -> None:
+        """No more measurements until armed again; never raises."""
+        self.session.armed = False
+
+    def measure(
+        self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
+    ) -> PointReading:
+        """Average `samples` readings of the SMR in nest `target`; verbs as in `drivers.faro`.
+
+        Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
+        """
+        if not (target.isidentifier() and target.isascii()):
+            raise ConfigError(f"target name {target!r} is not a word", device=self.name, command="measure")
+        if samples < 1:
+            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+        lasts_s = self._times * samples / self._rate_hz
+        fields: dict[str, object] = {"samples": samples, "rate": self._rate_hz, "face": self._face}
+        with self.session.measuring("MEASURE"):
+            if near_mm is not None:
+                self._point(near_mm)
+            else:
+                fields["target"] = target
+            seconds = lasts_s + self.deadlines.measure_margin_s
+            reply = self.session.ask("MEASURE", fields | {"timeout": seconds}, "measure_s", seconds)
+            with self.session.understood():
+                asked = Asked(target, samples, lasts_s, self._last_t_s, *self._limits)
+                reading = point_of(self.session, reply, asked, self.name)
+            self._last_t_s = reading.t_s
+            return reading
+
+    def _point(self, near_mm: Sequence[float]) -> None:
+        x, y, z = (float(value) for value in near_mm)
+        if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
+            raise ConfigError(f"cannot point at {near_mm}", device=self.name, command="POINT")
+        fields = {"x": x, "y": y, "z": z, "find": 1, "radius": self._search_radius_mm}
+        self.session.ask("POINT", fields, "point_s", self.deadlines.point_s)
+
+    def stop(self) -> None:
+        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        self.session.stop()
+
+    def status(self) -> InstrumentStatus:
+        """State and weather. Raises LinkError, SafetyStop."""
+        return self.session.status()

@@ -1,0 +1,82 @@
+"""What the MEASURE answer of an MBP/1 bridge of a tracker must say to be taken as a point.
+
+A reading is refused when it is not exactly what was asked for: other number of samples, status other than
+accurate, too old, a device clock that did not advance, scattered, a point at the origin (what a failed vendor
+call returns), polar and Cartesian coordinates that disagree, or the beam lost within the averaging time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers import mbp
+from drivers.errors import AcquisitionError, BeamBroken, NoisyMeasurement, ProtocolError, TargetNotSeen
+from drivers.interfaces import PointReading
+from drivers.mbp_session import MbpSession
+
+FARTHEST_MM = 100_000.0  # beyond the range of any tracker
+_POLAR_AGREES_MM = 0.05
+_VOID: Mapping[str, type[AcquisitionError]] = {"BEAM_BROKEN": BeamBroken, "TARGET_LOST": TargetNotSeen}
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The question: `after_s` is the device clock of the reading before; `lasted_s` the averaging time."""
+
+    target: str
+    samples: int
+    lasted_s: float
+    after_s: float
+    age_limit_s: float
+    scatter_limit_mm: float
+
+
+def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str) -> PointReading:
+    """The reading, in the tracker's own frame. Raises ProtocolError, BeamBroken, TargetNotSeen, NoisyMeasurement."""
+
+    def value(key: str, low: float = -FARTHEST_MM, high: float = FARTHEST_MM) -> float:
+        return mbp.number(reply, key, low, high)
+
+    x, y, z = value("x"), value("y"), value("z")
+    std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
+    t_s, age_s = value("t", -1e12, 1e12), value("age", 0.0, 1e12)
+    far = math.hypot(x, y, z)
+    for impossible, why in (
+        (
+            reply.fields.get("target", asked.target) != asked.target,
+            f"reading of {reply.fields.get('target')}",
+        ),
+        (far < 1.0, "point at the origin of the tracker"),
+        (
+            "r" in reply.fields and abs(value("r", 0.0) - far) > _POLAR_AGREES_MM,
+            "polar and Cartesian disagree",
+        ),
+    ):
+        if impossible:
+            raise ProtocolError(f"{why}, asked for {asked.target}", command="MEASURE", raw=reply.raw)
+    session.void_if_told(_VOID, t_s - asked.lasted_s, reply.raw)
+    for bad, why in (
+        (value("n", 0, 1e9) != asked.samples, f"not of {asked.samples} samples"),
+        (value("status", 0, 9) != 0, "marked inaccurate"),
+        (age_s > asked.age_limit_s, f"{age_s:g} s old"),
+        (t_s <= asked.after_s, "from a device clock that did not advance"),
+        (max(std) > asked.scatter_limit_mm, f"scattered by {max(std):g} mm"),
+    ):
+        if bad:
+            raise NoisyMeasurement(f"reading {why}", device=device, command="MEASURE", raw=reply.raw)
+    return PointReading(
+        target=asked.target,
+        xyz_mm=(x, y, z),
+        std_mm=std,
+        samples=asked.samples,
+        t_s=t_s,
+        age_s=age_s,
+        t_air_c=value("temp", -40.0, 80.0) if "temp" in reply.fields else None,
+        pressure_hpa=value("P", 300.0, 1300.0) if "P" in reply.fields else None,
+        humidity_percent=value("H", 0.0, 100.0) if "H" in reply.fields else None,
+        mode=reply.fields.get("mode", ""),
+        face=reply.fields.get("face", ""),
+        raw=reply.raw,
+    )

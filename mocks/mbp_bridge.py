@@ -1,0 +1,157 @@
+"""The bridge's side of an MBP/1 conversation apart from any instrument: one client, short and long commands.
+
+Long commands are acknowledged and run beside the reader, so that ABORT and PING are answered meanwhile. A
+second client is told code 120; a client silent for 30 s on the wall is dropped. On a serial line a request
+without its sum is discarded like one with a wrong sum, and a HELLO begins a new conversation.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable, Mapping
+
+from mocks import mbp
+from mocks.clock import CellClock
+from mocks.mbp import BadRequest, pairs
+
+SILENCE_S = 30.0
+Fields = dict[str, str]
+
+
+class MbpBridge:
+    """`short` and `long` answer commands with the text behind OK, or raise BadRequest. `state` of STATUS."""
+
+    def __init__(
+        self,
+        clock: CellClock,
+        hello: str,
+        state: Callable[[], str],
+        short: Mapping[str, Callable[[Fields], str]],
+        long: Mapping[str, Callable[[Fields], Awaitable[str]]],
+    ) -> None:
+        self.clock = clock
+        self._hello = hello
+        self._state = state
+        self._table = dict(short)
+        self._long = long
+        self._writer: asyncio.StreamWriter | None = None
+        self._events = 0
+        self._abort = asyncio.Event()
+        self._changed = asyncio.Event()
+        self._job: asyncio.Task[None] | None = None
+
+    # -- serving ------------------------------------------------------------------------------------------
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """One TCP client, until it goes or falls silent."""
+        if self._writer is not None:
+            number = (await reader.readline()).split(b" ")[0].decode("ascii", "replace")
+            writer.write(mbp.line(f'{number} ERR code=120 text="in use" retry=1'))
+            await writer.drain()
+            return
+        self._writer = writer
+        try:
+            while data := await asyncio.wait_for(reader.readline(), SILENCE_S):
+                if not data.endswith(b"\n") or not await self._answer(data):
+                    return
+        except (TimeoutError, ValueError):
+            return  # silent for too long, or a line without end
+        finally:
+            self._writer = None
+            await self._end_job()
+
+    async def serve_serial(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """A line that is always there, whoever is at its other end."""
+        self._writer = writer
+        while data := await reader.readline():
+            with contextlib.suppress(ConnectionError):
+                if data[-6:-5] == b"*":
+                    await self._answer(data)
+
+    async def _end_job(self) -> None:
+        job, self._job = self._job, None
+        if job is not None:
+            job.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await job
+
+    @property
+    def busy(self) -> bool:
+        return self._job is not None and not self._job.done()
+
+    def event(self, name: str) -> None:
+        """Tell the client something unasked; a measurement under way looks again."""
+        self._changed.set()
+        if self._writer is not None:
+            self._events += 1
+            self._writer.write(mbp.line(f"! {self._events} {name} {pairs(t=self.clock.now())}"))
+
+    async def wait(self, seconds: float, look: Callable[[], None]) -> None:
+        """Simulated time passes; `look` is called at every change and may raise. Raises 110 on ABORT."""
+        end = self.clock.now() + seconds
+        while (left := end - self.clock.now()) > 0:
+            self._changed.clear()
+            if self._abort.is_set():
+                raise BadRequest(110, "aborted")
+            await self.clock.wait(left, self._changed)
+            look()
+
+    # -- answering ----------------------------------------------------------------------------------------
+
+    async def _answer(self, data: bytes) -> bool:
+        number = 0
+        try:
+            parsed = mbp.request(data)
+            if parsed is None:
+                return True  # wrong sum: discarded, the client will time out
+            number, command, fields = parsed
+            if command in self._long:
+                if self.busy:
+                    raise BadRequest(110, "busy", retry=True)
+                self._abort.clear()
+                self._job = asyncio.create_task(self._run(number, self._long[command], fields))
+                return True
+            if command == "HELLO":
+                await self._end_job()
+            reply = self._short(command, fields)
+        except BadRequest as bad:
+            await self._refuse(number, bad)
+            return True
+        await self._send(f"{number} OK {reply}".rstrip())
+        return command != "BYE"
+
+    def _short(self, command: str, fields: Fields) -> str:
+        if command == "HELLO":
+            if fields.get("proto") != "1":
+                raise BadRequest(103, "proto=1 only")
+            return self._hello
+        if command == "STATUS":
+            return self._state()
+        if command in ("PING", "CLEAR", "BYE"):
+            return ""
+        if command == "ABORT":
+            self._abort.set()
+            self._changed.set()
+            return ""
+        if command in self._table:
+            return self._table[command](fields)
+        raise BadRequest(102, f"unknown command {command}")
+
+    async def _run(self, number: int, act: Callable[[Fields], Awaitable[str]], fields: Fields) -> None:
+        try:
+            await self._send(f"{number} ACK eta=1.0")
+            reply = await act(fields)
+            await self._send(f"{number} OK {reply}".rstrip())
+        except BadRequest as bad:
+            await self._refuse(number, bad)
+        except ConnectionError:
+            return
+
+    async def _refuse(self, number: int, bad: BadRequest) -> None:
+        await self._send(f'{number} ERR code={bad.code} text="{bad.text}" retry={int(bad.retry)}')
+
+    async def _send(self, text: str) -> None:
+        if self._writer is not None:
+            self._writer.write(mbp.line(text))
+            await self._writer.drain()

@@ -1,0 +1,83 @@
+"""Bytes of the UR streams on 30003 and 30002, written from the maker's sheets and not from the driver.
+
+30003, software 3.14: 1140 bytes; fields by their place in the sheet, each a double. 30002: packages of
+sub-packages, `>IB` size and type, with the version message first.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+REALTIME_BYTES = 1140
+_FIELDS = {  # offset of the first double
+    "time": 4,
+    "q_target": 12,
+    "qd_target": 60,
+    "q_actual": 252,
+    "qd_actual": 300,
+    "motor_temperatures": 692,
+    "controller_timer": 740,
+    "robot_mode": 756,
+    "joint_modes": 764,
+    "safety_mode": 812,
+    "speed_scaling": 940,
+    "v_main": 972,
+    "program_state": 1052,
+    "safety_status": 1108,
+}
+
+
+@dataclass(frozen=True)
+class Dh:
+    """DH numbers as the controller keeps them: rad and m."""
+
+    theta: Sequence[float]
+    a: Sequence[float]
+    d: Sequence[float]
+    alpha: Sequence[float]
+
+
+def realtime_packet(**fields: float | Sequence[float]) -> bytes:
+    """One packet of the real-time interface; what is not given is 0."""
+    packet = bytearray(REALTIME_BYTES)
+    struct.pack_into(">I", packet, 0, REALTIME_BYTES)
+    for name, value in fields.items():
+        numbers = [value] if isinstance(value, (int, float)) else value
+        struct.pack_into(f">{len(numbers)}d", packet, _FIELDS[name], *numbers)
+    return bytes(packet)
+
+
+def package(kind: int, content: bytes) -> bytes:
+    return struct.pack(">IB", len(content) + 5, kind) + content
+
+
+def version_message(software: tuple[int, int, int, int]) -> bytes:
+    """Message 20, version: time stamp, source, type 3, project name, version, date of the build."""
+    name = b"URControl"
+    content = struct.pack(">QbB", 0, -2, 3) + bytes([len(name)]) + name
+    return package(20, content + struct.pack(">BBii", *software) + b"01-01-2026, 00:00:00")
+
+
+def configuration(robot_type: int, limits_rad: Sequence[tuple[float, float]], nominal: Dh) -> bytes:
+    """Sub-package 6."""
+    limits = [bound for pair in limits_rad for bound in pair]
+    speeds = [3.14, 40.0] * 6
+    defaults = [1.05, 1.4, 0.25, 1.2, 0.5]
+    dh = [*nominal.a, *nominal.d, *nominal.alpha, *nominal.theta]
+    numbers = [*limits, *speeds, *defaults, *dh]
+    return package(6, struct.pack(f">{len(numbers)}d4i", *numbers, 1, 1, robot_type, 0))
+
+
+def kinematics(calibrated: Dh) -> bytes:
+    """Sub-package 5 of software 3.6 and later."""
+    numbers = [*calibrated.theta, *calibrated.a, *calibrated.d, *calibrated.alpha]
+    checksum = [int(abs(n) * 1e9) % 2**32 for n in numbers[6:12]]
+    return package(5, struct.pack(">6I24dI", *checksum, *numbers, 0))
+
+
+def mode_data(robot_mode: int, *, running: bool, emergency: bool, protective: bool) -> bytes:
+    """Sub-package 0: time stamp, five flags of the arm, program running, paused, mode, control mode, speeds."""
+    flags = [True, True, robot_mode == 7, emergency, protective, running, False]
+    return package(0, struct.pack(">Q7?2B3d", 0, *flags, robot_mode, 0, 1.0, 1.0, 1.0))

@@ -1,0 +1,73 @@
+"""Rigs of the Fanuc: MAPPDK with a stock server and with ours, Modbus with both register layouts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+
+from drivers import FanucArm, FanucDeadlines
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from mocks.faultproxy import FaultProxy
+from tests.conformance.rig import SCALE, Rig
+
+CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
+PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=5.0, reply_s=5.0, settle_s=5.0)
+HASTY = replace(
+    PATIENT, move_margin_s=0.1, move_factor=0.0, reply_s=0.1, stop_s=0.1, settle_s=0.1, connect_s=0.1
+)
+
+
+def fanuc_rig(stack: ExitStack, *, device: str, options: str = "") -> Rig:
+    """Question i: go to a pose of its own, and read it back. Text with a stock server."""
+    cell = stack.enter_context(CellThread(CELL, stock=True, devices=("fanuc",)))
+    proxy = stack.enter_context(FaultProxy(cell.port(device)))
+    arm = FanucArm(f"tcp://127.0.0.1:{proxy.port}?logger={cell.port('fanuc-logger')}{options}")
+    stack.callback(arm.disconnect)
+
+    def ask(i: int) -> float:
+        target = (10.0 + i % 70, 5.0 + i % 13, -(i % 29) - 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
+        reached = arm.move_to(target).joints_deg
+        read = arm.position().joints_deg
+        assert cell.cell is not None
+        truth = cell.cell.fanuc.controller.joints_deg()
+        return max(math.dist(reached, target), math.dist(read, target), math.dist(read, truth))
+
+    # 0.002 deg: two readings of a standing robot may differ by so much, in any number of joints.
+    return Rig(arm, proxy, cell, ask, 0.002 * math.sqrt(6) + 0.0013, 6 * HASTY.reply_s, PATIENT, HASTY)
+
+
+def fanuc_state_rig(stack: ExitStack) -> Rig:
+    """Questions to our server on the second port: is the pendant enabled? Every other time it is."""
+    cell = stack.enter_context(CellThread(CELL, devices=("fanuc",)))
+    proxy = stack.enter_context(FaultProxy(cell.port("fanuc-logger")))
+    arm = FanucArm(f"{cell.url('fanuc')}?logger={proxy.port}")
+    stack.callback(arm.disconnect)
+
+    def ask(i: int) -> float:
+        mode = ("manual", "auto")[i % 2]
+        cell.do("mode", mode=mode)
+        try:
+            status = arm.status()
+        finally:
+            cell.do("mode", mode="auto")
+        right = (status.mode, status.motors_on, status.emergency_stop, status.moving) == (
+            mode,
+            True,
+            False,
+            False,
+        )
+        return 0.0 if right else math.inf
+
+    return Rig(arm, proxy, cell, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
+
+
+FANUC_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+    "fanuc-mappdk": partial(fanuc_rig, device="fanuc"),
+    "fanuc-mappdk-cal": fanuc_state_rig,
+    "fanuc-modbus-hmi": partial(fanuc_rig, device="fanuc-modbus-hmi", options="&modbus=hmi"),
+    "fanuc-modbus-io": partial(fanuc_rig, device="fanuc-modbus-io", options="&modbus=io"),
+}

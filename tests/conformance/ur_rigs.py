@@ -1,0 +1,49 @@
+"""Rigs of the UR driver: RTDE behind the proxy, and the real-time packet with its programs behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from drivers import UrArm, UrDeadlines
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from mocks.faultproxy import FaultProxy
+from tests.conformance.rig import SCALE, Rig
+
+PATIENT_UR = UrDeadlines(reply_s=5.0, start_s=5.0, stop_s=5.0)
+HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
+TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
+
+
+def ur_rig(stack: ExitStack, proxied: str) -> Rig:
+    """Question i: go to a pose of its own, and read it back."""
+    file = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
+    cell = stack.enter_context(CellThread(file, devices=("ur",)))
+    device = "ur" if proxied == "rtde" else "ur-realtime"
+    # Packets on 30003 begin with their length; on 30004 a question may end without another package to come.
+    boundary = (1140).to_bytes(4) if proxied == "realtime" else b""
+    proxy = stack.enter_context(FaultProxy(cell.port(device), boundary=boundary))
+    ports = {name: cell.port(f"ur-{name}") for name in ("realtime", "secondary", "dashboard")}
+    if proxied == "realtime":
+        ports["realtime"] = proxy.port
+    options = "&".join(f"{name}={port}" for name, port in ports.items())
+    arm = UrArm(f"tcp://127.0.0.1:{proxy.port}?feed={proxied}&{options}")
+    stack.callback(arm.disconnect)
+
+    def ask(i: int) -> float:
+        goal = (10.0 + i % 70, -5.0 - i % 13, i % 29 + 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
+        reached = arm.move_to(goal).joints_deg
+        read = arm.position().joints_deg
+        assert cell.cell is not None
+        truth = cell.cell.arm.joints_deg()
+        return max(abs(a - b) for a, b in zip((*reached, *read, *read), (*goal, *goal, *truth), strict=True))
+
+    longest_s = 2 * HASTY_UR.reply_s + 2 * HASTY_UR.stop_s + HASTY_UR.start_s + HASTY_UR.move_margin_s
+    return Rig(arm, proxy, cell, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR)
+
+
+UR_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+    "ur-rtde": lambda stack: ur_rig(stack, "rtde"),
+    "ur-realtime": lambda stack: ur_rig(stack, "realtime"),
+}

@@ -1,0 +1,494 @@
+"""The Fanuc driver against the simulated controller, over all of its wires: motion, stop, alarms, limits, clients."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from drivers import (
+    AcquisitionError,
+    Busy,
+    CannotStop,
+    CommandRefused,
+    ConfigError,
+    EmergencyStop,
+    EnableLost,
+    FanucArm,
+    FanucDeadlines,
+    JointLimit,
+    LinkError,
+    LinkLost,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    NotReady,
+    ProtectiveStop,
+    ProtocolError,
+    RobotArm,
+    WireLog,
+    WrongMode,
+    open_robot,
+)
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from tests.drivers.waiting import in_thread, until
+
+FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
+POSE = (12.5, 20.0, -31.25, 40.0, -45.0, 60.1234)
+POSE_OF_MODEL = (12.5, 20.0, 11.25, -40.0, 45.0, -60.1234)  # theta = (J1, J2, -(J2 + J3), -J4, -J5, -J6)
+SLOW = CellFile(robot="fanuc-lrmate200ic", time_scale=1.0, effects=("none",))
+FAST = replace(SLOW, time_scale=10_000.0)
+QUICK = FanucDeadlines(gap_s=0.001)
+HASTY = FanucDeadlines(
+    connect_s=0.3, settle_s=0.3, gap_s=0.001, still_s=0.3, move_factor=0.01, move_margin_s=0.3
+)
+WIRES = {
+    "mappdk": ("fanuc", ""),
+    "mappdk-cal": ("fanuc", ""),
+    "modbus-hmi": ("fanuc-modbus-hmi", "?modbus=hmi"),
+    "modbus-io": ("fanuc-modbus-io", "?modbus=io"),
+}
+STOPPABLE = ["mappdk-cal", "modbus-hmi", "modbus-io"]
+
+
+def cell_of(wire: str, file: CellFile) -> CellThread:
+    return CellThread(file, stock=wire == "mappdk", devices=("fanuc",))
+
+
+def arm_of(dialect: str, cell: CellThread, **arguments: object) -> FanucArm:
+    device, query = WIRES[dialect]
+    return FanucArm(cell.url(device) + query, **({"deadlines": QUICK} | arguments))  # type: ignore[arg-type]
+
+
+@pytest.fixture(params=list(WIRES))
+def wire(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def fast(wire: str) -> Iterator[tuple[CellThread, FanucArm]]:
+    with cell_of(wire, FAST) as cell:
+        arm = arm_of(wire, cell)
+        arm.connect()
+        yield cell, arm
+        arm.disconnect()
+
+
+@pytest.fixture
+def slow(wire: str) -> Iterator[tuple[CellThread, FanucArm]]:
+    with cell_of(wire, SLOW) as cell:
+        arm = arm_of(wire, cell)
+        arm.connect()
+        arm.arm()
+        yield cell, arm
+        arm.disconnect()
+
+
+# -- every wire ----------------------------------------------------------------------------------------------
+
+
+def test_says_what_it_is_and_warns_once(wire: str, caplog: pytest.LogCaptureFixture) -> None:
+    with cell_of(wire, FAST) as cell:
+        arm = open_robot("fanuc", cell.url(WIRES[wire][0]) + WIRES[wire][1])
+        assert isinstance(arm, RobotArm)
+        assert isinstance(arm, FanucArm)
+        assert arm.unverified_on_hardware
+        with caplog.at_level(logging.WARNING):
+            arm.connect()
+            arm.connect()
+            identity = arm.identify()
+            arm.disconnect()
+    assert arm.dialect == identity.protocol == wire
+    assert identity.maker == "Fanuc"
+    assert identity.model == ("LR Mate 200iC" if wire == "mappdk-cal" else "")
+    assert sum("unverified" in record.message for record in caplog.records) == 1
+
+
+def test_angles_are_the_controllers(fast: tuple[CellThread, FanucArm]) -> None:
+    """Joint 3 is counted from the horizontal: the arm of the model turns by other angles."""
+    cell, arm = fast
+    arm.arm()
+    reached = arm.move_to(POSE)
+    assert reached.joints_deg == pytest.approx(POSE, abs=reached.resolution_deg)
+    assert arm.position().joints_deg == pytest.approx(POSE, abs=reached.resolution_deg)
+    assert cell.do("state")["joints_deg"] == pytest.approx(POSE_OF_MODEL, abs=reached.resolution_deg)
+    assert reached.raw
+
+
+def test_nothing_moves_without_arming(fast: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = fast
+    with pytest.raises(NotArmed):
+        arm.move_to(POSE)
+    arm.arm()
+    arm.disarm()
+    with pytest.raises(NotArmed):
+        arm.move_to(POSE)
+    assert cell.do("state")["joints_deg"] == (0.0,) * 6
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 91.0, -91.0])
+def test_limits_of_the_cell_are_checked_before_anything_is_sent(bad: float) -> None:
+    with cell_of("mappdk", FAST) as cell:
+        arm = arm_of("mappdk", cell, limits_deg=[(-90, 90)] * 6)
+        arm.connect()
+        arm.arm()
+        with pytest.raises(JointLimit) as caught:
+            arm.move_to((0, 0, bad, 0, 0, 0))
+        assert caught.value.exit_code == 5
+        with pytest.raises(JointLimit):
+            arm.move_to((0, 0))
+        arm.move_to((90, 0, 0, 0, 0, 0))
+        arm.disconnect()
+
+
+def test_controller_refuses_its_own_limit_and_nothing_moves(fast: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = fast
+    arm.arm()
+    with pytest.raises(JointLimit):
+        arm.move_to((0.0, 0.0, -143.0, 0.0, 0.0, 0.0))
+    assert cell.do("state")["joints_deg"] == (0.0,) * 6
+    with pytest.raises(NotArmed):
+        arm.move_to(POSE)
+
+
+def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = slow
+    arm.deadlines = replace(QUICK, still_s=0.3)
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    cell.do("estop")
+    with pytest.raises(ProtectiveStop if arm.dialect == "mappdk" else EmergencyStop) as caught:
+        move.result(timeout=5)
+    assert caught.value.code in (4001, 4002)
+    cell.do("restart")
+    arm.connect()
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert arm.position().joints_deg[0] < 60.0
+
+
+@pytest.mark.parametrize("order", [{"what": "motors", "on": False}, {"what": "mode", "mode": "manual"}])
+def test_servo_or_automatic_mode_lost_during_a_move(
+    slow: tuple[CellThread, FanucArm], order: dict[str, object]
+) -> None:
+    cell, arm = slow
+    arm.deadlines = replace(QUICK, still_s=0.3)
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    cell.do(**order)  # type: ignore[arg-type]
+    with pytest.raises((EnableLost, WrongMode, ProtectiveStop)):
+        move.result(timeout=5)
+    assert not cell.do("state")["moving"]
+
+
+@pytest.mark.parametrize("wire", STOPPABLE)
+@pytest.mark.parametrize("order", [{"what": "motors", "on": False}, {"what": "estop"}])
+def test_arm_refuses_a_controller_that_cannot_move(
+    fast: tuple[CellThread, FanucArm], order: dict[str, object]
+) -> None:
+    cell, arm = fast
+    cell.do(**order)  # type: ignore[arg-type]
+    with pytest.raises((WrongMode, EnableLost, EmergencyStop)) as caught:
+        arm.arm()
+    assert isinstance(caught.value, EmergencyStop) == (order["what"] == "estop")
+
+
+@pytest.mark.parametrize("wire", STOPPABLE)
+def test_stop_ends_a_pending_move(slow: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = slow
+    assert arm.can_stop
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    arm.stop()
+    with pytest.raises(MotionStopped):
+        move.result(timeout=5)
+    state = cell.do("state")
+    assert not state["moving"]
+    assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert arm.position().joints_deg[0] == pytest.approx(state["joints_deg"][0], abs=0.002)  # type: ignore[index]
+
+
+@pytest.mark.parametrize("wire", STOPPABLE)
+def test_stop_on_a_lost_connection_opens_a_fresh_one(fast: tuple[CellThread, FanucArm]) -> None:
+    _, arm = fast
+    arm.arm()
+    controller = arm._controller
+    controller._logger.link.close() if arm.dialect == "mappdk-cal" else controller.close()  # type: ignore[attr-defined]
+    arm.stop()
+
+
+@pytest.mark.parametrize("wire", STOPPABLE)
+def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = slow
+    in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    assert cell.cell is not None
+    cell.cell.fanuc.controller.beat_s = 0.3
+    arm.disconnect()
+    until(lambda: not cell.do("state")["moving"], seconds=3.0)
+    assert max(cell.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
+
+
+def test_disconnect_from_another_thread_ends_a_pending_move(slow: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = slow
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        move.result(timeout=5)
+
+
+def test_end_of_move_elsewhere_is_not_believed(fast: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = fast
+    arm.arm()
+    assert cell.cell is not None
+    start = cell.cell.arm.start
+
+    def short(target: tuple[float, ...], rate_deg_s: float, tool_mm_s: float) -> None:
+        start(tuple(0.9 * q for q in target), rate_deg_s, tool_mm_s)
+
+    cell.cell.arm.start = short  # type: ignore[method-assign, assignment]
+    arm.deadlines = replace(QUICK, settle_s=0.2)
+    with pytest.raises(NotReached):
+        arm.move_to(FAR)
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+
+
+def test_position_of_a_robot_that_goes_on_moving(slow: tuple[CellThread, FanucArm]) -> None:
+    cell, arm = slow
+    assert cell.cell is not None
+    cell.cell.arm.start((90.0, 0.0, 0.0, 0.0, 0.0, 0.0), rate_deg_s=40.0, tool_mm_s=1e9)
+    arm.deadlines = replace(QUICK, settle_s=0.1, gap_s=0.01)
+    with pytest.raises(Busy):
+        arm.position()
+    cell.cell.arm.halt()
+    assert arm.position().joints_deg[0] > 0.0
+
+
+@pytest.mark.parametrize("speed", [(500.0, 20.0), (100.0, 20.0), (500.0, 5.0)])
+@pytest.mark.parametrize(
+    "target", [(90.0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 180.0), (9.0, 60.0, -30.0, 7, 50, 90)]
+)
+def test_speed_keeps_both_caps(speed: tuple[float, float], target: tuple[float, ...]) -> None:
+    """Whole percent of the joints' own speeds: as fast as the caps allow, never faster, 1 % at the least."""
+    with cell_of("modbus-hmi", FAST) as cell:
+        arm = arm_of("modbus-hmi", cell, speed_mm_s=speed[0], speed_deg_s=speed[1])
+        arm.connect()
+        arm.arm()
+        arm.move_to(target)
+        arm.disconnect()
+        assert cell.cell is not None
+        percent = cell.cell.fanuc.modbus["fanuc-modbus-hmi"][1].image.read(60)
+    top = (350.0, 350.0, 400.0, 450.0, 450.0, 720.0)
+    lever = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
+
+    def rates(percent: int) -> tuple[float, float]:
+        seconds = max(abs(q) / v for q, v in zip(target, top, strict=True)) / (percent / 100)
+        path = sum(math.radians(abs(q)) * arm for q, arm in zip(target, lever, strict=True))
+        return path / seconds, max(map(abs, target)) / seconds
+
+    assert percent == 1 or all(rate <= cap for rate, cap in zip(rates(percent), speed, strict=True))
+    assert any(rate > cap for rate, cap in zip(rates(percent + 1), speed, strict=True))
+
+
+# -- MAPPDK --------------------------------------------------------------------------------------------------
+
+
+def test_answer_to_a_move_before_the_robot_stands_is_not_the_reading() -> None:
+    """A stock move ends in CNT: its answer comes too early, here by 0.7 s, and readings after it are on the way."""
+    log = io.StringIO()
+    with cell_of("mappdk", SLOW) as cell:
+        arm = arm_of("mappdk", cell, wire=WireLog(log), deadlines=FanucDeadlines(gap_s=0.02))
+        arm.connect()
+        arm.arm()
+        assert cell.cell is not None
+        cell.cell.fanuc.controller.cnt_lead_s = 0.7
+        reached = arm.move_to((6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        assert not cell.do("state")["moving"]
+        arm.disconnect()
+    heard = [row["data"] for row in map(json.loads, log.getvalue().splitlines()) if row["dir"] == "<"]
+    after = heard[len(heard) - heard[::-1].index("0:success") :]
+    first = float(next(text for text in after if text.startswith("0:j="))[4:12])
+    assert 0.0 < first < 5.9
+    assert reached.joints_deg[0] == 6.0
+
+
+def test_stock_cannot_be_stopped_and_says_so() -> None:
+    with cell_of("mappdk", FAST) as cell:
+        arm = arm_of("mappdk", cell)
+        arm.connect()
+        assert not arm.can_stop
+        arm.arm()
+        with pytest.raises(CannotStop):
+            arm.stop()
+        with pytest.raises(NotArmed):
+            arm.move_to(FAR)
+        arm.disconnect()
+
+
+def test_robot_that_stands_on_its_way_is_a_protective_stop_long_before_the_deadline() -> None:
+    with cell_of("mappdk", SLOW) as cell:
+        arm = arm_of("mappdk", cell, deadlines=FanucDeadlines(still_s=0.3))
+        arm.connect()
+        arm.arm()
+        move = in_thread(lambda: arm.move_to(FAR))
+        until(lambda: cell.do("state")["moving"])
+        cell.do("supervise")
+        with pytest.raises(ProtectiveStop, match="still_s"):
+            move.result(timeout=3)
+        arm.disconnect()
+
+
+def test_second_client_is_refused() -> None:
+    with cell_of("mappdk", FAST) as cell:
+        first = arm_of("mappdk", cell)
+        first.connect()
+        second = arm_of("mappdk", cell, deadlines=HASTY)
+        with pytest.raises(LinkTimeout) as caught:
+            second.connect()
+        assert "no other program" in caught.value.what_to_do
+        first.disconnect()
+        second.connect()
+        second.disconnect()
+
+
+# -- Modbus --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wire", ["modbus-hmi", "modbus-io"])
+def test_stale_done_is_never_believed(fast: tuple[CellThread, FanucArm]) -> None:
+    """The robot still shows the number that would come next, as done: another number is taken."""
+    cell, arm = fast
+    arm.arm()
+    arm.move_to(POSE)
+    assert cell.cell is not None
+    image = cell.cell.fanuc.modbus[f"fanuc-{arm.dialect}"][1].image
+    last = image.done  # type: ignore[attr-defined]
+    image.done = last + 1  # type: ignore[attr-defined]
+    arm.connect()
+    arm.arm()
+    arm.move_to((0.0,) * 6)
+    assert image.done == last + 2  # type: ignore[attr-defined]
+    assert cell.do("state")["joints_deg"] == pytest.approx((0.0,) * 6, abs=1e-4)
+
+
+@pytest.mark.parametrize("wire", ["modbus-hmi", "modbus-io"])
+def test_numbers_begin_again_after_the_last(fast: tuple[CellThread, FanucArm]) -> None:
+    _, arm = fast
+    arm.arm()
+    arm._controller._number = arm._controller._profile.last_number  # type: ignore[attr-defined]
+    arm.move_to(POSE)
+    arm.move_to(FAR)
+    assert arm._controller._number == 2  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("wire", ["modbus-hmi", "modbus-io"])
+def test_two_clients_do_not_share_a_robot(slow: tuple[CellThread, FanucArm], wire: str) -> None:
+    cell, arm = slow
+    other = arm_of(wire, cell, deadlines=replace(QUICK, settle_s=0.1))
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: cell.do("state")["moving"])
+    with pytest.raises(Busy):
+        other.connect()  # no position while it moves
+    other.deadlines = QUICK
+    other._controller.open()
+    with pytest.raises(Busy, match="under way"):
+        other._controller.prepare()
+    controller = other._controller
+    controller._profile.command(controller._registers, POSE, 1, 99)  # type: ignore[attr-defined]
+    with pytest.raises(Busy, match="another client"):
+        move.result(timeout=5)
+    other.disconnect()
+
+
+def test_fifth_client_drops_the_one_silent_for_longest() -> None:
+    with cell_of("modbus-hmi", FAST) as cell:
+        arms = [arm_of("modbus-hmi", cell) for _ in range(5)]
+        for arm in arms:
+            arm.connect()
+        with pytest.raises(LinkLost):
+            arms[0].position()
+        arms[1].position()
+        for arm in arms:
+            arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ("?modbus=io&outputs=200", NotReady),  # nothing there: reads 0
+        ("?modbus=io&inputs=300", NotReady),  # swallows what is written
+        ("?modbus=hmi", ProtocolError),  # no register assignment: no valid joints
+    ],
+)
+def test_wrong_registers(options: str, error: type[AcquisitionError]) -> None:
+    with cell_of("modbus-io", FAST) as cell:
+        arm = FanucArm(cell.url("fanuc-modbus-io") + options, deadlines=QUICK)
+        with pytest.raises(error):  # noqa: PT012 - at the latest when it is to move
+            arm.connect()
+            arm.arm()
+            arm.move_to(POSE)
+        arm.disconnect()
+
+
+def test_modbus_exception_is_a_refusal() -> None:
+    with cell_of("modbus-hmi", FAST) as cell:
+        arm = arm_of("modbus-hmi", cell)
+        arm.connect()
+        registers = arm._controller._registers  # type: ignore[attr-defined]
+        with pytest.raises(CommandRefused, match="exception 1"):
+            registers._ask("odd", lambda: registers._wire.report_device_id())
+        arm.position()
+        arm.disconnect()
+
+
+def test_program_that_does_not_run() -> None:
+    with cell_of("modbus-hmi", FAST) as cell:
+        arm = arm_of("modbus-hmi", cell)
+        arm.connect()
+        assert cell.cell is not None
+        image = cell.cell.fanuc.modbus["fanuc-modbus-hmi"][1].image
+        read = image.read
+        image.read = lambda address: 0 if address == 109 else read(address)  # type: ignore[method-assign]
+        with pytest.raises(NotReady, match="CALHMI"):
+            arm.arm()
+        arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("url", "options"),
+    [
+        ("tcp://h:18735?modbus=other", {}),
+        ("tcp://h:18735?logger=x", {}),
+        ("tcp://h:502?modbus=io&inputs=x", {}),
+        ("tcp://h:502?modbus=io&outputs=99999", {}),
+        ("tcp://h:502?modbus=io&table=coils", {}),
+        ("tcp://h:18735?max_deg_s=1,2,3", {}),
+        ("tcp://h:18735?max_deg_s=1,2,3,4,5,x", {}),
+        ("tcp://h:18735?max_deg_s=1,2,3,4,5,0", {}),
+        ("tcp://h", {}),
+        ("tcp://h:18735", {"speed_deg_s": 0}),
+        ("tcp://h:18735", {"limits_deg": [(0, 1)]}),
+        ("tcp://h:18735", {"colour": "red"}),
+    ],
+)
+def test_configuration_errors(url: str, options: dict[str, object]) -> None:
+    with pytest.raises(ConfigError):
+        open_robot("fanuc", url, **options)
+
+
+def test_slower_robot_by_the_address() -> None:
+    arm = FanucArm("tcp://h:18735?max_deg_s=100,100,100,100,100,100")
+    assert arm._pace((90.0, 0, 0, 0, 0, 0))[0] == 20

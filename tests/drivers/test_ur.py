@@ -1,0 +1,503 @@
+"""The UR driver against the simulated controller: motion, stop, safety stops, modes, limits, other clients."""
+
+from __future__ import annotations
+
+import logging
+import math
+import socket
+import struct
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from drivers import (
+    AcquisitionError,
+    Busy,
+    ConfigError,
+    EmergencyStop,
+    EnableLost,
+    JointLimit,
+    LinkError,
+    LinkLost,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    ProtectiveStop,
+    ProtocolError,
+    RobotArm,
+    SafetyStop,
+    UrArm,
+    UrDeadlines,
+    WrongMode,
+    open_robot,
+)
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from mocks.faultproxy import FaultProxy
+from mocks.ur_servo import COUNT_RAD
+from tests.drivers.expected import ExpectedDevice
+from tests.drivers.waiting import in_thread, until
+
+FAR = (90.0, -60.0, 30.0, 40.0, 50.0, 60.0)
+SLOW = CellFile(robot="ur5", time_scale=1.0, effects=("none",))  # moves take seconds
+FAST = CellFile(robot="ur5", time_scale=5000.0, effects=("none",))
+HASTY = UrDeadlines(reply_s=0.4, start_s=0.3, stop_s=0.5, settle_s=0.1, move_factor=0.0, move_margin_s=0.3)
+
+
+def connected(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
+    arm = UrArm(cell.url("ur") + options, **keywords)  # type: ignore[arg-type]
+    arm.connect()
+    return arm
+
+
+@pytest.fixture
+def slow() -> Iterator[CellThread]:
+    with CellThread(SLOW, devices=("ur",)) as cell:
+        yield cell
+
+
+@pytest.fixture
+def fast() -> Iterator[CellThread]:
+    with CellThread(FAST, devices=("ur",)) as cell:
+        yield cell
+
+
+@pytest.fixture(params=["", "?feed=realtime"])
+def feed(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def test_is_a_robot_arm_and_says_what_it_is(fast: CellThread, caplog: pytest.LogCaptureFixture) -> None:
+    arm = open_robot("ur", fast.url("ur"))
+    assert isinstance(arm, RobotArm)
+    assert arm.unverified_on_hardware
+    with caplog.at_level(logging.WARNING):
+        arm.connect()
+        arm.connect()
+        identity = arm.identify()
+        arm.disconnect()
+    assert (identity.model, identity.firmware, identity.protocol) == ("UR5", "3.15.8", "rtde")
+    assert identity.serial == "20155301234"
+    assert arm.can_stop
+    assert sum("unverified" in record.message for record in caplog.records) == 1
+
+
+def test_nothing_moves_on_connect(fast: CellThread, feed: str) -> None:
+    arm = connected(fast, feed)
+    with pytest.raises(NotArmed):
+        arm.move_to((1.0,) * 6)
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        UrArm("tcp://127.0.0.1:30004").position()
+
+
+def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str) -> None:
+    arm = connected(fast, feed, deadlines=UrDeadlines(start_s=0.3))
+    arm.arm()
+    for goal in (FAR, FAR, (-5.0, -90.0, 5.0, 0.0, 0.0, 0.0)):  # the second is where it stands already
+        reached = np.radians(arm.move_to(goal).joints_deg)
+        assert np.allclose(fast.do("state")["joints_deg"], goal, atol=1e-5)  # type: ignore[arg-type]
+        assert np.max(np.abs(reached - np.radians(goal))) <= COUNT_RAD
+        assert reached / COUNT_RAD == pytest.approx(np.round(reached / COUNT_RAD), abs=1e-6)
+        assert arm.position().joints_deg == pytest.approx(np.degrees(reached), abs=1e-9)
+    assert fast.do("state")["sides"] == (-1, -1, -1, -1, -1, -1)
+    arm.disconnect()
+
+
+def test_read_back_waits_for_the_arm_and_not_for_the_program(slow: CellThread, feed: str) -> None:
+    """The controller ends its program while the joints still creep: whoever reads then is a degree off."""
+    arm = connected(slow, feed)
+    arm.arm()
+    goal = (12.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    early: list[float] = []
+    with socket.create_connection(("127.0.0.1", slow.port("ur-realtime")), timeout=5) as link:
+        link.recv(1140, socket.MSG_WAITALL)
+        move = in_thread(lambda: arm.move_to(goal))
+        ran = False
+        while not early:
+            packet = link.recv(1140, socket.MSG_WAITALL)
+            running = struct.unpack_from(">d", packet, 1052)[0] == 2.0
+            ran = ran or running
+            if ran and not running:
+                early.append(math.degrees(struct.unpack_from(">d", packet, 252)[0]))
+    assert abs(early[0] - goal[0]) > 0.1
+    assert move.result(timeout=5).joints_deg == pytest.approx(goal, abs=0.06)
+    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=0.06)
+    arm.disconnect()
+
+
+def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    began = time.monotonic()
+    arm.stop()
+    assert time.monotonic() - began < 1.0
+    state = slow.do("state")
+    assert not state["moving"]
+    with pytest.raises(MotionStopped):
+        move.result(timeout=5)
+    assert slow.do("state")["joints_deg"] == state["joints_deg"]
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=1e-3)
+    arm.disconnect()
+
+
+def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.stop()
+    arm.stop()
+    arm.disconnect()
+    arm.stop()  # needs no connection that was there before
+
+
+def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None:
+    """The controller took the stop first: the move sent before it begins after it."""
+    arm = connected(slow)
+    arm.arm()
+    send = slow.cell.ur.submit if slow.cell else None
+    assert send is not None
+    assert slow.cell is not None
+    late: list[list[str]] = []
+
+    def hold_back(lines: list[str]) -> None:
+        if len(lines) > 1 and not late:
+            late.append(lines)
+        else:
+            send(lines)
+            if late and len(late) == 1:
+                late.append([])
+                send(late[0])
+
+    slow.cell.ur.submit = hold_back  # type: ignore[method-assign]
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: late)
+    in_thread(arm.stop)
+    with pytest.raises((MotionStopped, LinkError)):
+        move.result(timeout=5)
+    until(lambda: not slow.do("state")["moving"])
+    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+    arm.disconnect()
+
+
+def test_disconnect_from_another_thread_ends_a_pending_move_and_the_motion(
+    slow: CellThread, feed: str
+) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        move.result(timeout=5)
+    assert not slow.do("state")["moving"]
+
+
+def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> None:
+    arm = connected(slow, watchdog_s=0.4)
+    arm.arm()
+    arm._motion.halt = lambda: None  # type: ignore[method-assign]  # a dead program says no stop
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm._rtde.close()
+    with pytest.raises(LinkError):
+        move.result(timeout=5)
+    until(lambda: not slow.do("state")["moving"], seconds=2.0)
+    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+
+
+def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
+    arm = connected(slow, watchdog_s=0.4)
+    arm.arm()
+    assert arm.move_to((24.0, 0, 0, 0, 0, 0)).joints_deg[0] == pytest.approx(24.0, abs=0.06)
+    arm.disconnect()
+
+
+def test_reconnect_over_a_slow_link_after_a_move_that_was_cut(slow: CellThread) -> None:
+    with FaultProxy(slow.port("ur")) as proxy:
+        ports = "&".join(
+            f"{name}={slow.port('ur-' + name)}" for name in ("realtime", "secondary", "dashboard")
+        )
+        arm = UrArm(f"tcp://127.0.0.1:{proxy.port}?{ports}")
+        arm.connect()
+        arm.arm()
+        move = in_thread(lambda: arm.move_to(FAR))
+        until(lambda: slow.do("state")["moving"])
+        proxy.spoil("close")
+        with pytest.raises(LinkLost):
+            move.result(timeout=5)
+        assert not slow.do("state")["moving"]
+        proxy.spoil("delay", times=3)  # longer than the pause in which a moving arm's watchdog is fed
+        arm.connect()
+        arm.arm()
+        arm.disconnect()
+
+
+SAFETY = [
+    ({"what": "estop"}, EmergencyStop, 4001),
+    ({"what": "supervise"}, ProtectiveStop, 4002),
+    ({"what": "motors", "on": False}, EnableLost, 4003),
+    ({"what": "ur_safety_mode", "mode": 5}, EnableLost, 4003),
+    ({"what": "ur_safety_mode", "mode": 6}, EmergencyStop, 4001),
+    ({"what": "ur_safety_mode", "mode": 9}, ProtectiveStop, 4002),
+    ({"what": "ur_safety_mode", "mode": 11}, SafetyStop, 4000),
+    ({"what": "ur_safety_mode", "mode": 17}, SafetyStop, 4000),
+]
+
+
+@pytest.mark.parametrize(("order", "error", "code"), SAFETY)
+def test_safety_during_a_move_is_seen_and_never_resumed(
+    slow: CellThread, order: dict[str, object], error: type[AcquisitionError], code: int
+) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    slow.do(**order)  # type: ignore[arg-type]
+    with pytest.raises(error) as caught:
+        move.result(timeout=5)
+    assert (caught.value.code, caught.value.device, caught.value.command) == (code, "ur", "move_to")
+    before = slow.do("state")["joints_deg"]
+    with pytest.raises((SafetyStop, WrongMode)):
+        arm.arm()  # the link is well: no reconnect is needed to hear no
+    slow.do("ur_safety_mode", mode=None)
+    slow.do("restart")
+    slow.do("motors", on=True)
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert slow.do("state")["joints_deg"] == before
+    arm.disconnect()
+
+
+@pytest.mark.parametrize(("order", "error", "code"), SAFETY)
+def test_arm_refuses_a_controller_that_cannot_move(
+    fast: CellThread, feed: str, order: dict[str, object], error: type[AcquisitionError], code: int
+) -> None:
+    arm = connected(fast, feed)
+    fast.do(**order)  # type: ignore[arg-type]
+    wanted = WrongMode if order["what"] == "motors" else error
+    with pytest.raises(wanted):
+        arm.arm()
+    status = arm.status()
+    assert status.emergency_stop == (error is EmergencyStop)
+    assert status.motors_on == (order["what"] not in ("motors", "estop"))
+    assert status.moving is False
+    arm.disconnect()
+
+
+def test_local_control_ignores_programs_and_that_is_noticed(fast: CellThread, feed: str) -> None:
+    arm = connected(fast, feed, deadlines=HASTY)
+    arm.arm()
+    fast.do("mode", mode="manual")
+    with pytest.raises(WrongMode, match="start_s") as caught:
+        arm.move_to(FAR)
+    assert "remote" in caught.value.what_to_do
+    fast.do("mode", mode="auto")
+    arm.arm()
+    arm.move_to((1.0, 0, 0, 0, 0, 0))
+    arm.disconnect()
+
+
+def test_two_controlling_clients_are_refused_and_watching_is_not(fast: CellThread) -> None:
+    first = connected(fast)
+    first.arm()
+    second = connected(fast, deadlines=HASTY)
+    assert second.position().joints_deg == pytest.approx((0.0,) * 6)
+    with pytest.raises(Busy, match="another program"):
+        second.arm()
+    first.move_to((1.0, 0, 0, 0, 0, 0))
+    first.disconnect()
+    second.arm()
+    second.move_to((2.0, 0, 0, 0, 0, 0))
+    second.disconnect()
+
+
+def send_script(cell: CellThread, text: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", cell.port("ur-secondary")), timeout=5) as link:
+        link.sendall(text)
+        link.shutdown(socket.SHUT_WR)
+        while link.recv(4096):  # closing earlier, with states unread, would reset the connection
+            pass
+
+
+def test_a_program_on_the_controller_is_not_aborted(slow: CellThread, feed: str) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    send_script(slow, b"movej([1.5,0,0,0,0,0],a=1,v=0.5)\n")
+    with pytest.raises(Busy):
+        arm.move_to(FAR)
+    with pytest.raises(Busy):
+        arm.arm()
+    assert slow.do("state")["moving"]
+    arm.disconnect()
+
+
+def test_a_program_that_replaces_ours_is_not_its_end(slow: CellThread, feed: str) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    send_script(slow, b"movej([0.1,0,0,0,0,0],a=1,v=1)\n")
+    with pytest.raises(MotionStopped, match="before its target"):
+        move.result(timeout=5)
+    arm.disconnect()
+
+
+def test_low_speed_slider_ends_within_the_deadline(slow: CellThread) -> None:
+    arm = connected(slow, deadlines=HASTY)
+    slow.do("ur_speed_slider", fraction=0.05)
+    arm.arm()
+    with pytest.raises(NotReached, match="slider"):
+        arm.move_to(FAR)
+    assert not slow.do("state")["moving"]
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 91.0, -91.0])
+def test_limits_of_the_cell_are_checked_before_anything_is_sent(fast: CellThread, bad: float) -> None:
+    arm = connected(fast, limits_deg=[(-90, 90)] * 6)
+    arm.arm()
+    with pytest.raises(JointLimit) as caught:
+        arm.move_to((0, 0, bad, 0, 0, 0))
+    assert caught.value.exit_code == 5
+    with pytest.raises(JointLimit):
+        arm.move_to((0, 0))
+    arm.move_to((90, 0, 0, 0, 0, 0))
+    arm.disconnect()
+
+
+def test_limit_of_the_controller_is_a_protective_stop(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.arm()
+    assert fast.cell is not None
+    fast.cell.arm.limits_deg = [(-30.0, 30.0)] * 6
+    with pytest.raises(ProtectiveStop):
+        arm.move_to(FAR)
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.disconnect()
+
+
+def test_controller_without_registers_moves_without_a_watchdog(fast: CellThread) -> None:
+    fast.do("ur_registers", on=False)
+    arm = connected(fast)
+    arm.arm()
+    assert arm.feed == "rtde"
+    assert arm.move_to(FAR).joints_deg == pytest.approx(FAR, abs=1e-3)
+    assert fast.do("ur_refused")["refused"] == []
+    arm.disconnect()
+
+
+def test_without_rtde_the_real_time_packet_serves(fast: CellThread, caplog: pytest.LogCaptureFixture) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        closed = taken.getsockname()[1]
+    options = "&".join(f"{name}={fast.port('ur-' + name)}" for name in ("realtime", "secondary", "dashboard"))
+    arm = UrArm(f"tcp://127.0.0.1:{closed}?{options}")
+    with caplog.at_level(logging.WARNING):
+        arm.connect()
+    assert arm.feed == "realtime"
+    assert any("no watchdog" in record.message for record in caplog.records)
+    arm.arm()
+    assert arm.move_to(FAR).joints_deg == pytest.approx(FAR, abs=1e-3)
+    assert arm.identify().protocol == "realtime"
+    arm.disconnect()
+
+
+def test_tool_speed_is_held_by_the_speed_of_the_joint(fast: CellThread) -> None:
+    assert fast.cell is not None
+    fast.cell.ur.has_registers = False
+    arm = connected(fast, speed_mm_s=100.0, speed_deg_s=20.0)
+    speeds: list[float] = []
+    start = fast.cell.ur.servo.start
+    fast.cell.ur.servo.start = lambda goal, rate: (speeds.append(rate), start(goal, rate))[1]  # type: ignore[method-assign]
+    arm.arm()
+    arm.move_to((50.0, 0, 0, 0, 0, 0))
+    arm.move_to((50.0, 0, 0, 0, 1.0, 0))
+    arm.move_to((50.0, 0, 0, 0, 1.0, 1.0))
+    arm.move_to((40.0, 10.0, 0, 0, 1.0, 1.0))
+    arm.disconnect()
+    assert speeds == pytest.approx(
+        [*(math.degrees(0.1 / lever) for lever in (1.0, 0.3)), 20.0, math.degrees(0.05)], rel=1e-3
+    )
+
+
+def test_factory_kinematics(fast: CellThread) -> None:
+    assert fast.cell is not None
+    truth = fast.cell.world.geometry
+    arm = connected(fast)
+    factory = arm.factory()
+    arm.disconnect()
+    assert factory.model == "UR5"
+    assert factory.nominal.links()[1] == pytest.approx(
+        {"alpha_deg": 0.0, "a_mm": -425.0, "theta_deg": 0.0, "d_mm": 0.0}
+    )
+    assert factory.calibrated is not None
+    assert factory.correction is not None
+    assert factory.calibrated.a_mm == pytest.approx(truth.a)
+    assert factory.calibrated.d_mm == pytest.approx(truth.d)
+    assert np.radians(factory.calibrated.alpha_deg) == pytest.approx(truth.alpha)
+    assert np.radians(factory.calibrated.theta_deg) == pytest.approx(truth.theta)
+    assert factory.correction.a_mm[1] == pytest.approx(truth.a[1] + 425.0)
+    assert len(factory.checksum) == 6
+
+
+def test_factory_kinematics_before_software_3_6(fast: CellThread) -> None:
+    assert fast.cell is not None
+    fast.cell.ur.software = (3, 5, 4, 1)
+    factory = UrArm(fast.url("ur")).factory()
+    assert factory.firmware == "3.5.4"
+    assert factory.calibrated is None
+    assert factory.correction is None
+
+
+@pytest.mark.parametrize("port", ["ur-dashboard", "ur-secondary", "ur-realtime", "backdoor"])
+def test_wrong_device_on_the_port(fast: CellThread, port: str) -> None:
+    arm = UrArm(f"tcp://127.0.0.1:{fast.port(port)}", deadlines=HASTY)
+    with pytest.raises(LinkError):
+        arm.connect()
+
+
+@pytest.mark.parametrize(
+    ("pairs", "message"),
+    [
+        ([(b"\x00\x05V\x00\x02", b"\x00\x04V\x00")], "version 2"),
+        ([(b"\x00\x05V\x00\x02", b"\x00\x04V\x01"), (b"\x00\x03v", b"\x00\x04v\x01")], "controller version"),
+    ],
+)
+def test_controller_of_another_protocol(pairs: list[tuple[bytes, bytes]], message: str) -> None:
+    with ExpectedDevice(pairs) as device:
+        arm = UrArm(f"tcp://127.0.0.1:{device.port}")
+        with pytest.raises(ProtocolError, match=message) as caught:
+            arm.connect()
+    assert (caught.value.device, caught.value.command) == ("ur", "connect")
+
+
+def test_nobody_at_the_address() -> None:
+    with pytest.raises(LinkLost):
+        UrArm("tcp://127.0.0.1:99", deadlines=HASTY).connect()
+
+
+@pytest.mark.parametrize(
+    ("url", "options"),
+    [
+        ("http://h:1", {}),
+        ("tcp://h", {}),
+        ("tcp://h:3", {}),
+        ("tcp://h:30004?realtime=x", {}),
+        ("tcp://h:30004?dashboard=70000", {}),
+        ("tcp://h:30004?feed=modbus", {}),
+        ("tcp://h:30004", {"speed_deg_s": 0}),
+        ("tcp://h:30004", {"watchdog_s": 0}),
+        ("tcp://h:30004", {"limits_deg": [(0, 1)]}),
+        ("tcp://h:30004", {"colour": "red"}),
+    ],
+)
+def test_configuration_errors(url: str, options: dict[str, object]) -> None:
+    with pytest.raises(ConfigError):
+        open_robot("ur", url, **options)

@@ -1,0 +1,196 @@
+"""Parsers of the UR driver fed with anything, and the rule by which a state is believed."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from drivers import ProtocolError
+from drivers.ur_motion import move_program
+from drivers.ur_realtime import LENGTHS, parse_packet
+from drivers.ur_rtde import parse_data, parse_text
+from drivers.ur_secondary import parse_configuration, parse_kinematics, parse_version, split_packages
+from drivers.ur_state import ROBOT_MODES, UrState, Witness, agree
+from mocks.ur_packets import Dh, configuration, kinematics, package, realtime_packet, version_message
+from mocks.ur_script import ScriptError, ScriptReader, parse_call, parse_program
+
+ANGLES = st.lists(st.floats(-6.3, 6.3), min_size=6, max_size=6).map(tuple)
+SPEEDS = st.lists(st.floats(-3.2, 3.2), min_size=6, max_size=6).map(tuple)
+
+
+def at(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.0,) * 6) -> bytes:
+    return realtime_packet(
+        time=t_s,
+        q_target=q,
+        q_actual=q,
+        qd_target=v,
+        qd_actual=v,
+        robot_mode=7,
+        safety_mode=1,
+        program_state=1,
+    )
+
+
+def rtde(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.0,) * 6) -> bytes:
+    return b"\1" + struct.pack(">25d", t_s, *q, *q, *v, *v) + struct.pack(">iiIi", 7, 1, 1, 3)
+
+
+@given(st.binary(max_size=1300))
+def test_any_bytes_as_packet(data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        parse_packet(data)
+
+
+@given(st.sampled_from(LENGTHS), st.binary(min_size=1056, max_size=1056))
+def test_any_content_of_a_packet(length: int, body: bytes) -> None:
+    try:
+        state = parse_packet((struct.pack(">I", length) + body).ljust(length, b"\0"))
+    except ProtocolError:
+        return
+    assert state.robot_mode in ROBOT_MODES
+    assert all(map(math.isfinite, state.actual_rad + state.target_rad + state.actual_rad_s))
+
+
+@given(ANGLES, SPEEDS, st.integers(-1, 8), st.integers(1, 13), st.integers(0, 5))
+def test_packet_of_the_simulator_is_read(
+    q: tuple[float, ...], v: tuple[float, ...], robot: int, safety: int, program: int
+) -> None:
+    packet = realtime_packet(
+        time=1.5, q_target=q, q_actual=v, qd_target=v, qd_actual=q, robot_mode=robot, safety_mode=safety
+    )
+    packet = packet[:1052] + struct.pack(">d", program) + packet[1060:]
+    state = parse_packet(packet)
+    assert (state.t_s, state.target_rad, state.actual_rad) == (1.5, q, v)
+    assert (state.target_rad_s, state.actual_rad_s) == (v, q)
+    assert (state.robot_mode, state.safety_mode, state.runtime_state) == (robot, safety, program)
+
+
+@given(st.binary(max_size=230), st.booleans())
+@example(b"\1" * 217, True)
+def test_any_bytes_as_data(data: bytes, numbered: bool) -> None:
+    try:
+        state = parse_data(data, 1, numbered=numbered)
+    except ProtocolError:
+        return
+    assert all(map(math.isfinite, state.actual_rad))
+
+
+@pytest.mark.parametrize("field", range(25))
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e9])
+def test_numbers_that_no_arm_has(field: int, bad: float) -> None:
+    data = bytearray(rtde(1.0))
+    if field or not math.isfinite(bad):  # a clock may be late
+        struct.pack_into(">d", data, 1 + 8 * field, bad)
+        with pytest.raises(ProtocolError):
+            parse_data(bytes(data), 1, numbered=True)
+
+
+@given(st.integers(0, 8 * 217 - 1), st.booleans())
+def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
+    """Of two packages one has a wrong bit: what is believed is the truth to 1e-4 rad, or it is not believed."""
+    good = [rtde(1.0), rtde(1.008)]
+    bad = bytearray(good[0 if first else 1])
+    bad[bit // 8] ^= 1 << bit % 8
+    packages = [bytes(bad), good[1]] if first else [good[0], bytes(bad)]
+    try:
+        before, now = (parse_data(package, 1, numbered=True) for package in packages)
+        if not agree(before, now):
+            return
+    except ProtocolError:
+        return
+    assert now.off_rad((0.5,) * 6) <= 1.001e-4
+    assert max(abs(q - 0.5) for q in now.target_rad) <= 1.001e-4
+    assert (now.robot_mode, now.safety_mode, now.runtime_state, now.echo) == (7, 1, 1, 3)
+
+
+def states(*packets: bytes) -> Witness:
+    queue = [parse_packet(packet) for packet in packets]
+
+    def read() -> UrState:
+        return queue.pop(0)
+
+    return Witness(read)
+
+
+def test_a_moving_arm_is_believed_when_its_speed_explains_the_way() -> None:
+    moving = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    near, far = (0.508, *(0.5,) * 5), (0.6, *(0.5,) * 5)
+    assert states(at(1.0, v=moving), at(1.008, near, moving)).state().actual_rad == near
+    believed = states(
+        at(1.0, v=moving), at(1.008, far, moving), at(1.016, (0.508, *(0.5,) * 5), moving), at(1.1)
+    )
+    assert believed.state().t_s == 1.1
+
+
+@pytest.mark.parametrize("later", [1.0, 0.992])
+def test_a_clock_that_stands_or_goes_back(later: float) -> None:
+    with pytest.raises(ProtocolError, match="clock"):
+        states(at(1.0), at(later)).state()
+
+
+def test_states_that_never_agree() -> None:
+    jumping = [at(1.0 + i, (0.1 * (i % 2),) * 6) for i in range(300)]
+    with pytest.raises(ProtocolError, match="agree"):
+        states(*jumping).state()
+
+
+@given(st.binary(max_size=60))
+def test_any_bytes_as_text(data: bytes) -> None:
+    try:
+        assert ": " in parse_text(data)
+    except ProtocolError:
+        return
+
+
+def test_text_of_the_guide() -> None:
+    assert parse_text(b"\x05hello\x04RTDE\x02") == "RTDE: hello"
+
+
+@given(st.binary(max_size=700))
+def test_any_bytes_on_the_secondary_port(data: bytes) -> None:
+    for parser in (split_packages, parse_version, parse_configuration, parse_kinematics):
+        try:
+            parser(data)
+        except ProtocolError:
+            continue
+
+
+def test_descriptions_of_the_simulator_are_read() -> None:
+    nominal = Dh(theta=(0.0,) * 6, a=(0, -0.425, -0.392, 0, 0, 0), d=(0.0891,) * 6, alpha=(math.pi / 2,) * 6)
+    parts = dict(split_packages(configuration(1, [(-6.28, 6.28)] * 6, nominal) + kinematics(nominal)))
+    model, numbers = parse_configuration(parts[6])
+    assert model == "UR5"
+    assert numbers.a_mm == pytest.approx((0, -425.0, -392.0, 0, 0, 0))
+    assert numbers.alpha_deg == pytest.approx((90.0,) * 6)
+    assert parse_kinematics(parts[5])[0] == numbers
+    message = version_message((3, 15, 8, 1))
+    assert parse_version(message[5:]) == "3.15.8"
+    assert parse_version(package(20, bytes(12))[5:]) is None
+
+
+@given(ANGLES, st.floats(0.01, 10), st.floats(0.01, 3), st.one_of(st.none(), st.integers(1, 2**31 - 1)))
+def test_programs_are_understood_by_the_simulator(
+    goal: tuple[float, ...], acceleration: float, speed: float, number: int | None
+) -> None:
+    (lines,) = ScriptReader().feed(move_program(goal, acceleration, speed, number, 2.0).encode())
+    *first, move = parse_program(lines)
+    assert move.arguments["q"] == pytest.approx(goal, abs=1e-8)
+    assert (move.arguments["a"], move.arguments["v"]) == pytest.approx((acceleration, speed), abs=1e-6)
+    names = [call.name for call in first]
+    assert names == ([] if number is None else ["rtde_set_watchdog", "write_output_integer_register"])
+    assert number is None or first[1].arguments["value"] == number
+
+
+@given(st.text(max_size=40))
+@example("movej([0,0,0,0,0,0],v=1,w=2)")
+@example("movej()")
+@example("stopj(2.0, 3.0)")
+@example("a.b(1)")
+@example("movej(__import__('os'))")
+def test_any_text_as_a_call(text: str) -> None:
+    with pytest.raises(ScriptError):
+        parse_call(text)
