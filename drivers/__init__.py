@@ -41,7 +41,7 @@ from drivers.errors import (
 )
 from drivers.fanuc import FanucArm
 from drivers.fanuc_controller import FanucDeadlines
-from drivers.faro import FaroDeadlines, FaroTracker
+from drivers.faro import FaroTracker
 from drivers.interfaces import (
     Answer,
     Device,
@@ -130,7 +130,6 @@ __all__ = [
     "Factory",
     "FanucArm",
     "FanucDeadlines",
-    "FaroDeadlines",
     "FaroTracker",
     "Identity",
     "InstrumentStatus",

@@ -1,53 +1,21 @@
 """FARO ION tracker behind an MBP/1 bridge (TCP 5701): the vendor's own socket protocol is not public.
 
-A reading is refused when it is not exactly what was asked for: other number of samples, status other than
-accurate, older than `age_limit_s`, a device clock that did not advance, scattered, a point at the origin
-(what a failed vendor call returns), polar and Cartesian coordinates that disagree, or the target lost
-within the averaging time. Points are in the tracker's own frame, in mm.
+Points are in the tracker's own frame, in mm. The conversation is `drivers.mbp_session`; what an answer must say to be
+taken as a point is `drivers.mbp_tracker`.
 """
 
 from __future__ import annotations
 
-import logging
 import math
-import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from drivers import mbp
-from drivers.errors import (
-    BeamBroken,
-    Busy,
-    ConfigError,
-    LinkError,
-    MotionStopped,
-    NoisyMeasurement,
-    NotArmed,
-    NotReady,
-    ProtocolError,
-    TargetNotSeen,
-)
+from drivers.errors import ConfigError
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
-
-_LOG = logging.getLogger(__name__)
-_FARTHEST_MM = 100_000.0  # beyond the range of any tracker
-_POLAR_AGREES_MM = 0.05
-_STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
-
-
-@dataclass(frozen=True, slots=True)
-class FaroDeadlines:
-    """Named waits in seconds. A measurement may take samples/rate + `measure_margin_s`."""
-
-    connect_s: float = 3.0
-    send_s: float = 1.0
-    reply_s: float = 2.0
-    init_s: float = 180.0
-    point_s: float = 15.0
-    takeover_s: float = 1.0
-    measure_margin_s: float = 5.0
+from drivers.mbp_session import MbpDeadlines, MbpSession
+from drivers.mbp_tracker import FARTHEST_MM, Asked, point_of
 
 
 class FaroTracker:
@@ -62,11 +30,10 @@ class FaroTracker:
         name: str = "faro",
         distance_mode: str = "IFM_ADM",
         rate_hz: float = 100.0,
-        search_radius_mm: float = 30.0,
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
         heartbeat_s: float | None = 4.0,
-        deadlines: FaroDeadlines | None = None,
+        deadlines: MbpDeadlines | None = None,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -75,126 +42,44 @@ class FaroTracker:
         if rate_hz <= 0:
             raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
         self.name = name
-        self.deadlines = deadlines or FaroDeadlines()
+        self.deadlines = deadlines or MbpDeadlines()
         self._distance_mode = distance_mode
         self._rate_hz = rate_hz
-        self._search_radius_mm = search_radius_mm
-        self._age_limit_s = age_limit_s
-        self._scatter_limit_mm = scatter_limit_mm
-        self._heartbeat_s = heartbeat_s
-        self._client = mbp.MbpClient(parse_url(url), name, self.deadlines.send_s, wire, clock)
-        self._clock = clock
-        self._lock = threading.RLock()
-        self._hello: mbp.Message | None = None
-        self._armed = False
-        self._stopping = threading.Event()
+        self._limits = (age_limit_s, scatter_limit_mm)
+        client = mbp.MbpClient(parse_url(url), name, self.deadlines.send_s, wire, clock)
+        self.session = MbpSession(
+            client, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
+        )
         self._last_t_s = -math.inf
-        self._quit = threading.Event()
-        self._heart: threading.Thread | None = None
-        self._warned = False
-
-    # -- connection ---------------------------------------------------------------------------------------
 
     def connect(self) -> None:
         """Open and greet; the head does not move. Raises LinkError, Busy."""
-        if not self._warned:
-            self._warned = True
-            _LOG.warning("%s: this FARO driver is unverified on hardware", self.name)
-        self.disconnect()
-        with self._lock:
-            hello = self._greet()
-            wanted = {"proto": "1", "kind": "TRACKER"}
-            for key, value in wanted.items():
-                if hello.fields.get(key) != value:
-                    self._client.link.close()
-                    raise ProtocolError(
-                        f"{key} is {hello.fields.get(key)}, needed {value}",
-                        device=self.name,
-                        command="HELLO",
-                        raw=hello.raw,
-                        what_to_do="Check that the address belongs to the bridge of the tracker.",
-                    )
-            self._hello = hello
-            self._last_t_s = -math.inf
-        if self._heartbeat_s is not None:
-            self._quit = threading.Event()
-            self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
-            self._heart.start()
-
-    def _greet(self) -> mbp.Message:
-        """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""
-        limits = self.deadlines
-        end = self._clock() + limits.takeover_s
-        while True:
-            try:
-                return self._client.open(connect_s=limits.connect_s, reply_s=limits.reply_s)
-            except Busy:
-                self._client.link.close()
-                if self._clock() >= end:
-                    raise
-                threading.Event().wait(limits.takeover_s / 20)
+        self.session.connect()
+        self._last_t_s = -math.inf
 
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
-        self._quit.set()
-        self._armed = False
-        self._hello = None
-        self._client.link.close()
-        heart, self._heart = self._heart, None
-        if heart is not None:
-            heart.join()
-
-    def _beat(self, quit_: threading.Event) -> None:
-        """The bridge drops a client that is silent for 30 s; prompts and moves can take longer."""
-        while not quit_.wait(self._heartbeat_s):
-            with self._lock:
-                if quit_.is_set() or not self._client.link.is_open:
-                    return
-                try:
-                    self._client.ask("PING", {}, "reply_s", self.deadlines.reply_s)
-                except LinkError as error:  # the link is closed now; the next question tells the sequencer
-                    _LOG.warning("%s", error)
-                    return
+        self.session.disconnect()
 
     def identify(self) -> Identity:
         """What the bridge said in its greeting. Raises LinkError when not connected."""
-        with self._lock:
-            if self._hello is None:
-                self._ask("PING", {})  # raises "not connected"
-                raise ProtocolError("no greeting", device=self.name, command="identify")
-            said = self._hello.fields.get
-            simulated = {"0": False, "1": True}.get(said("sim", ""))
-            return Identity(
-                said("vendor", ""), said("model", ""), said("serial", ""), said("fw", ""), "mbp1", simulated
-            )
-
-    # -- arming -------------------------------------------------------------------------------------------
+        return self.session.identify()
 
     def arm(self) -> None:
         """Initialise if needed (the head moves), check state and weather, choose the distance mode.
 
         Raises LinkError, NotReady, SafetyStop.
         """
-        with self._lock:
-            if self.status().state == "OFF":
-                self._ask("INIT", {}, "init_s", self.deadlines.init_s)
-            state = self.status().state
-            if state != "READY":
-                raise NotReady(f"tracker is {state}", device=self.name, command="arm")
-            weather = self._ask("WEATHER", {})
-            with self._understood():
-                mbp.number(weather, "T", -20.0, 60.0)
-                mbp.number(weather, "P", 500.0, 1200.0)
-                mbp.number(weather, "H", 0.0, 100.0)
-            self._ask("MODE", {"distance": self._distance_mode})
-            self._stopping.clear()
-            self._armed = True
+        with self.session.arming():
+            weather = self.session.ask("WEATHER", {})
+            with self.session.understood():
+                for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
+                    mbp.number(weather, key, low, high)
+            self.session.ask("MODE", {"distance": self._distance_mode})
 
     def disarm(self) -> None:
         """No more measurements until armed again; never raises."""
-        self._armed = False
-
-    # -- measuring ----------------------------------------------------------------------------------------
+        self.session.armed = False
 
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
@@ -209,13 +94,11 @@ class FaroTracker:
             raise ConfigError(f"target name {target!r} is not a word", device=self.name, command="measure")
         if samples < 1:
             raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
-        with self._lock:
-            if not self._armed:
-                raise NotArmed("measurement without arming", device=self.name, command="MEASURE")
-            self._client.events.clear()
+        with self.session.measuring("MEASURE"):
             if near_mm is not None:
                 self._point(near_mm)
-            seconds = samples / self._rate_hz + self.deadlines.measure_margin_s
+            lasts_s = samples / self._rate_hz
+            seconds = lasts_s + self.deadlines.measure_margin_s
             fields: dict[str, object] = {
                 "samples": samples,
                 "rate": self._rate_hz,
@@ -224,128 +107,23 @@ class FaroTracker:
             }
             if near_mm is None:
                 fields["target"] = target
-            reply = self._ask("MEASURE", fields, "measure_s", seconds)
-            with self._understood():
-                return self._reading(reply, target, samples)
+            reply = self.session.ask("MEASURE", fields, "measure_s", seconds)
+            with self.session.understood():
+                asked = Asked(target, samples, lasts_s, self._last_t_s, *self._limits)
+                reading = point_of(self.session, reply, asked, self.name)
+            self._last_t_s = reading.t_s
+            return reading
 
     def _point(self, near_mm: Sequence[float]) -> None:
         x, y, z = (float(value) for value in near_mm)
-        if not all(math.isfinite(value) and abs(value) < _FARTHEST_MM for value in (x, y, z)):
+        if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
             raise ConfigError(f"cannot point at {near_mm}", device=self.name, command="POINT")
-        self._ask("POINT", {"x": x, "y": y, "z": z, "find": 1}, "point_s", self.deadlines.point_s)
+        self.session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1}, "point_s", self.deadlines.point_s)
 
     def stop(self) -> None:
         """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""
-        self._armed = False
-        self._stopping.set()
-        if self._lock.acquire(blocking=False):
-            try:
-                self._client.ask("ABORT", {}, "reply_s", self.deadlines.reply_s)
-            finally:
-                self._lock.release()
-        else:
-            self._client.shout("ABORT")  # the pending question then ends with an error
+        self.session.stop()
 
     def status(self) -> InstrumentStatus:
         """State and weather. Raises LinkError, SafetyStop."""
-        reply = self._ask("STATUS", {})
-        with self._understood():
-            state = reply.fields.get("state", "")
-            if state not in _STATES:
-                raise ProtocolError(f"unknown state {state!r}", raw=reply.raw)
-            weather = {
-                key: mbp.number(reply, key) if key in reply.fields else None for key in ("T", "P", "H")
-            }
-            return InstrumentStatus(state, weather["T"], weather["P"], weather["H"], reply.raw)
-
-    # -- understanding ------------------------------------------------------------------------------------
-
-    def _ask(
-        self, command: str, fields: dict[str, object], deadline: str = "reply_s", seconds: float | None = None
-    ) -> mbp.Message:
-        with self._lock:
-            try:
-                return self._client.ask(
-                    command, fields, deadline, self.deadlines.reply_s if seconds is None else seconds
-                )
-            except NotReady as error:
-                if self._stopping.is_set():
-                    raise MotionStopped(
-                        "stopped", device=self.name, command=command, raw=error.raw
-                    ) from error
-                raise
-            except LinkError:
-                self._armed = False
-                raise
-
-    def _understood(self) -> _ClosesOnProtocolError:
-        return _ClosesOnProtocolError(self)
-
-    def close_damaged(self, error: ProtocolError) -> None:
-        """An answer arrived whole and says the impossible: nothing more is believed on this connection."""
-        error.device = self.name
-        self._armed = False
-        self._client.link.close()
-
-    def _reading(self, reply: mbp.Message, target: str, samples: int) -> PointReading:
-        def value(key: str, low: float = -_FARTHEST_MM, high: float = _FARTHEST_MM) -> float:
-            return mbp.number(reply, key, low, high)
-
-        x, y, z = value("x"), value("y"), value("z")
-        std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
-        t_s = value("t", -1e12, 1e12)
-        age_s = value("age", 0.0, 1e12)
-        echo = reply.fields.get("target", target)
-        if echo != target:
-            raise ProtocolError(f"reading of {echo}, asked for {target}", raw=reply.raw)
-        if math.hypot(x, y, z) < 1.0:
-            raise ProtocolError("point at the origin of the tracker", raw=reply.raw)
-        if "r" in reply.fields and abs(value("r", 0.0) - math.hypot(x, y, z)) > _POLAR_AGREES_MM:
-            raise ProtocolError("polar and Cartesian coordinates disagree", raw=reply.raw)
-        self._void_if_lost(reply, t_s - samples / self._rate_hz)
-        for bad, why in (
-            (value("n", 0, 1e9) != samples, f"not {samples} samples"),
-            (value("status", 0, 9) != 0, "marked inaccurate"),
-            (age_s > self._age_limit_s, f"{age_s:g} s old"),
-            (t_s <= self._last_t_s, "device clock did not advance"),
-            (max(std) > self._scatter_limit_mm, f"scatters by {max(std):g} mm"),
-        ):
-            if bad:
-                raise NoisyMeasurement(f"reading {why}", device=self.name, command="MEASURE", raw=reply.raw)
-        self._last_t_s = t_s
-        return PointReading(
-            target=target,
-            xyz_mm=(x, y, z),
-            std_mm=std,
-            samples=samples,
-            t_s=t_s,
-            age_s=age_s,
-            t_air_c=value("temp", -40.0, 80.0) if "temp" in reply.fields else None,
-            pressure_hpa=value("P", 300.0, 1300.0) if "P" in reply.fields else None,
-            humidity_percent=value("H", 0.0, 100.0) if "H" in reply.fields else None,
-            mode=reply.fields.get("mode", ""),
-            face=reply.fields.get("face", ""),
-            raw=reply.raw,
-        )
-
-    def _void_if_lost(self, reply: mbp.Message, since_s: float) -> None:
-        for event in self._client.events:
-            kind = {"BEAM_BROKEN": BeamBroken, "TARGET_LOST": TargetNotSeen}.get(event.event)
-            if kind and mbp.number(event, "t") >= since_s:
-                raise kind(
-                    f"{event.event} during the reading", device=self.name, command="MEASURE", raw=reply.raw
-                )
-
-
-class _ClosesOnProtocolError:
-    """Context in which a whole answer is understood; an impossible content closes the link."""
-
-    def __init__(self, tracker: FaroTracker) -> None:
-        self._tracker = tracker
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, ProtocolError):
-            self._tracker.close_damaged(error)
+        return self.session.status()

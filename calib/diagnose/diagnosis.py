@@ -193,13 +193,22 @@ def _curve(space: Space, curve: Effect) -> Found:
 def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> FollowUp | None:
     """Poses that would tell the members of every class apart; the weightiest rivals of the strongest effects first."""
     effects = tuple(f.effect for f in found)
-    rivals = []
-    for f in (f for f in found if not f.evidence.certain):
-        for label in list(f.evidence.candidates)[:_MOST_RIVALS]:
-            if label != f.effect.label:
-                instead = tuple(f.evidence.effects[label] if e is f.effect else e for e in effects)
-                rivals.append(Rival(f.effect.label, label, refit(dataset, final, instead)))
-    return follow_up(final, rivals[:_MOST_PAIRS]) if rivals else None
+    pairs = [
+        (f.effect, f.evidence.effects[label])
+        for f in found
+        if not f.evidence.certain
+        for label in list(f.evidence.candidates)[:_MOST_RIVALS]
+        if label != f.effect.label
+    ][:_MOST_PAIRS]
+    rivals = [
+        Rival(
+            effect.label,
+            rival.label,
+            refit(dataset, final, tuple(rival if e is effect else e for e in effects)),
+        )
+        for effect, rival in pairs
+    ]
+    return follow_up(final, rivals) if rivals else None
 
 
 def _verdict(found: list[Found], structure: list[Structure], chance: float) -> Verdict:

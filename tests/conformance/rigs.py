@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
-from drivers import AbbArm, AbbDeadlines, FaroDeadlines, FaroTracker
+from drivers import AbbArm, AbbDeadlines, FaroTracker, MbpDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -18,8 +18,8 @@ from tests.conformance.ur_rigs import UR_RIGS
 
 PATIENT_ABB = AbbDeadlines(move_margin_s=5.0, ping_s=5.0, reply_s=5.0, stop_s=5.0, quiet_s=0.05)
 HASTY_ABB = replace(PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3)
-PATIENT_FARO = FaroDeadlines()
-HASTY_FARO = FaroDeadlines(reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
+PATIENT_FARO = MbpDeadlines()
+HASTY_FARO = MbpDeadlines(reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
 
 
 def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:

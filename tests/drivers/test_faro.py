@@ -14,9 +14,9 @@ from drivers import (
     CommandRefused,
     ConfigError,
     EmergencyStop,
-    FaroDeadlines,
     FaroTracker,
     LinkError,
+    MbpDeadlines,
     MotionStopped,
     NoisyMeasurement,
     NotArmed,
@@ -247,7 +247,7 @@ def test_stop_ends_a_pending_reading() -> None:
 
 
 def test_second_client_is_busy(cell: CellThread, tracker: FaroTracker) -> None:
-    second = FaroTracker(cell.url("faro"), deadlines=FaroDeadlines(takeover_s=0.1))
+    second = FaroTracker(cell.url("faro"), deadlines=MbpDeadlines(takeover_s=0.1))
     with pytest.raises(Busy):
         second.connect()
     second.disconnect()
@@ -258,7 +258,7 @@ def test_heartbeat_keeps_an_idle_connection(cell: CellThread) -> None:
     tracker = FaroTracker(cell.url("faro"), heartbeat_s=0.01)
     tracker.connect()
     tracker.arm()
-    asked = tracker._client._numbers
+    asked = tracker.session.client._numbers
     until(lambda: next(asked) > 40)
     tracker.measure("T1")
     tracker.disconnect()
@@ -275,7 +275,7 @@ def test_wrong_device_or_version_on_the_port(change: tuple[str, str]) -> None:
 
 
 def test_wrong_protocol_on_the_port(cell: CellThread) -> None:
-    tracker = FaroTracker(cell.url("abb"), heartbeat_s=None, deadlines=FaroDeadlines(reply_s=0.2))
+    tracker = FaroTracker(cell.url("abb"), heartbeat_s=None, deadlines=MbpDeadlines(reply_s=0.2))
     with pytest.raises(LinkError):
         tracker.connect()
     tracker.disconnect()
