@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from acquisition.plan import Visit
 from acquisition.states import State
 from acquisition.store import Planned, Store
+from acquisition.world_frame import WorldFrame
 from drivers.errors import AcquisitionError
-from drivers.interfaces import JointReading, PointReading, Prompt
+from drivers.interfaces import JointReading, LengthReading, PointReading, PoseReading, Prompt, Reading
 
 VOID = "void"  # the answer of a prompt that nobody waits for any more
 
@@ -44,18 +46,14 @@ class Attempts:
             self._close(db, attempt, "good", raw=reached.raw, read_deg=json.dumps(list(reached.joints_deg)))
             self._store.note(db, "arrived", attempt=attempt, read_deg=list(reached.joints_deg))
 
-    def measured(
-        self, attempt: int, planned: Planned, reading: PointReading, world: tuple[float, ...] | None
-    ) -> dict[str, Any]:
-        """A good reading: durable, and the planned reading done, when this returns. Returns its event's data."""
+    def measured(self, attempt: int, planned: Planned, reading: Reading, world: WorldFrame | None) -> None:
+        """A good reading: durable, and the planned reading done, when this returns. `world`: once it is known."""
         data = {
             "attempt": attempt,
             "pose": planned.id,
             "name": planned.visit.name,
             "set": planned.visit.set,
             "target": planned.target,
-            "tracker_mm": list(reading.xyz_mm),
-            "world_mm": None if world is None else list(world),
             "t_air_c": reading.t_air_c,
         }
         values: dict[str, Any] = {
@@ -63,18 +61,20 @@ class Attempts:
             "samples": reading.samples,
             "device_t_s": reading.t_s,
             "t_air_c": reading.t_air_c,
-            "pressure_hpa": reading.pressure_hpa,
-            "humidity_percent": reading.humidity_percent,
         }
-        for axis, place, scatter in zip("xyz", reading.xyz_mm, reading.std_mm, strict=True):
-            values |= {f"tracker_{axis}_mm": place, f"std_{axis}_mm": scatter}
-        if world is not None:
-            values |= {f"world_{axis}_mm": place for axis, place in zip("xyz", world, strict=True)}
+        if isinstance(reading, LengthReading):
+            data |= {"base_target": planned.base_target, "length_mm": reading.length_mm}
+            values |= _length(reading)
+        else:
+            values |= _point(reading, world)
+            data |= {
+                "tracker_mm": _triple(values, "tracker_{}_mm"),
+                "world_mm": _triple(values, "world_{}_mm"),
+            }
         with self._store.changing() as db:
             self._close(db, attempt, "good", **values)
             db.execute("UPDATE pose SET status = 'measured', reason = '' WHERE id = ?", (planned.id,))
             self._store.note(db, "reading", **data)
-        return data
 
     def failed(self, attempt: int, error: AcquisitionError) -> None:
         """It came to nothing; why, and the raw reply, are kept."""
@@ -125,3 +125,44 @@ class Attempts:
             "picture": row["picture"],
             "expects": json.loads(row["expects"]),
         }
+
+
+def _point(reading: PointReading, world: WorldFrame | None) -> dict[str, Any]:
+    """Columns of a point and, of a pose, its turn; in the world as well once that is known."""
+    values: dict[str, Any] = {
+        "pressure_hpa": reading.pressure_hpa,
+        "humidity_percent": reading.humidity_percent,
+    }
+    for axis, place, scatter in zip("xyz", reading.xyz_mm, reading.std_mm, strict=True):
+        values |= {f"tracker_{axis}_mm": place, f"std_{axis}_mm": scatter}
+    if world is not None:
+        values |= _named("world_{}_mm", "xyz", world.to_world(reading.xyz_mm).tolist())
+    if isinstance(reading, PoseReading):
+        values |= _named("rot_{}", "wxyz", reading.rot_wxyz)
+        values |= {
+            "rot_std_mrad": reading.rot_std_mrad,
+            "visible_tool": reading.visible_tool,
+            "visible_base": reading.visible_base,
+        }
+        if world is not None:
+            values |= _named("world_rot_{}", "wxyz", world.turned_to_world(reading.rot_wxyz).tolist())
+    return values
+
+
+def _length(reading: LengthReading) -> dict[str, Any]:
+    return {
+        "length_mm": reading.length_mm,
+        "std_length_mm": reading.std_mm,
+        "deviation_mm": reading.deviation_mm,
+        "zero_mm": reading.zero_mm,
+        "battery_percent": reading.battery_percent,
+    }
+
+
+def _named(name: str, axes: str, numbers: Sequence[float]) -> dict[str, float]:
+    return {name.format(axis): number for axis, number in zip(axes, numbers, strict=True)}
+
+
+def _triple(values: Mapping[str, Any], name: str) -> list[float] | None:
+    point = [values[key] for key in map(name.format, "xyz") if key in values]
+    return point or None

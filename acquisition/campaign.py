@@ -36,7 +36,7 @@ __all__ = [
 FORMAT = "truepose-campaign/1"
 _KEYS = (
     "format name approach settle_s settle_check samples retries warm_up_s warm_up nest_check reference_every "
-    "order seed block"
+    "zero_every order seed block"
 )
 
 
@@ -73,6 +73,7 @@ class Campaign:
     warm_up: WarmUp | None
     nest_check: NestCheck | None
     reference_every: int
+    zero_every: int
     shuffled: bool
     seed: int
     source: str = field(repr=False)
@@ -129,6 +130,7 @@ def campaign_from(
         warm_up=_warm_up(top),
         nest_check=_nest_check(top),
         reference_every=top.whole("reference_every", 0),
+        zero_every=top.whole("zero_every", 0),
         shuffled=top.text("order", "blocks", ("blocks", "shuffled")) == "shuffled",
         seed=top.whole("seed", 1, high=2**53),
         source=source or tomli_w.dumps(table),

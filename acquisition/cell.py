@@ -20,21 +20,25 @@ from acquisition.toml_table import TomlTable, Vector, parse_toml
 from calib.errors import DataError
 from calib.robot import Load, Robot, load_robot
 from calib.units import DEG
+from drivers import LENGTH_METERS
 from drivers.errors import ConfigError
 
 FORMAT = "truepose-cell/1"
 SPEED_CAP_MM_S, SPEED_CAP_DEG_S = 500.0, 20.0  # Nubiola, thesis 2.5: faster moves warm and shake the arm
 _NAMES = {"faro": "faro-ion"}
+_OF_DRIVER = {"leica": ("reflector_mm",), "qc20w": ("nominal_mm",)}  # keys that are handed to one driver
 
 
 @dataclass(frozen=True)
 class NoiseFigures:
-    """Declared noise of a tracker, 1 sigma: mm and ppm of the distance."""
+    """Declared noise of an instrument, 1 sigma: points mm and ppm of the distance, turns mrad, lengths mm."""
 
     range_mm: float = 0.010
     range_ppm: float = 2.0
     transverse_mm: float = 0.010
     transverse_ppm: float = 6.0
+    rotation_mrad: float = 0.0  # 0: turns are recorded and not weighed
+    length_mm: float = 0.0005
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,11 @@ class RobotSection:
 
 @dataclass(frozen=True)
 class InstrumentSection:
-    """The instrument of the cell. `one_smr`: a person moves the only SMR from nest to nest."""
+    """The instrument of the cell. `one_smr`: a person moves the only SMR from nest to nest.
+
+    expected_within_mm: a target seen farther from where the nominal robot has it is not taken for it; options: what
+    only its driver is told.
+    """
 
     name: str
     driver: str
@@ -67,6 +75,18 @@ class InstrumentSection:
     station_mm: Vector
     noise: NoiseFigures
     one_smr: bool
+    expected_within_mm: float
+    options: Mapping[str, float]
+
+    @property
+    def measures_lengths(self) -> bool:
+        """A ballbar: distances to balls on the base instead of points."""
+        return self.driver in LENGTH_METERS
+
+    @property
+    def nominal_mm(self) -> float:
+        """Length of a ballbar with its extension bars."""
+        return self.options["nominal_mm"]
 
 
 @dataclass(frozen=True)
@@ -174,17 +194,29 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
 
 
 def _instrument(table: TomlTable) -> InstrumentSection:
-    noise = NoiseFigures()
-    figures = ("range_mm", "range_ppm", "transverse_mm", "transverse_ppm")
-    table.only(("driver", "url", "station_mm", "one_smr", *figures))
-    driver = table.text("driver")
+    driver, noise = table.text("driver"), NoiseFigures()
+    own = _OF_DRIVER.get(driver, ())
+    if driver in LENGTH_METERS:
+        figures, others = ("length_mm",), ()
+        station = (0.0, 0.0, 0.0)
+    else:
+        figures = ("range_mm", "range_ppm", "transverse_mm", "transverse_ppm", "rotation_mrad")
+        others = ("station_mm", "one_smr", "expected_within_mm")
+        station = table.vector("station_mm")
+    table.only(("driver", "url", *figures, *others, *own))
     return InstrumentSection(
         name=_NAMES.get(driver, driver),
         driver=driver,
         url=table.text("url"),
-        station_mm=table.vector("station_mm"),
-        noise=NoiseFigures(*(table.number(name, getattr(noise, name), low=0.0) for name in figures)),
+        station_mm=station,
+        noise=NoiseFigures(**{name: table.number(name, getattr(noise, name), low=0.0) for name in figures}),
         one_smr=table.flag("one_smr", False),
+        expected_within_mm=table.number("expected_within_mm", 50.0, low=1.0, high=10_000.0),
+        options={
+            key: table.number(key, low=1.0, high=5000.0)
+            for key in own
+            if key in table.values or driver in LENGTH_METERS
+        },
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 from acquisition.cell import Cell
-from drivers import open_instrument, open_robot
-from drivers.interfaces import Operator, PointMeter, RobotArm
+from drivers import LENGTH_METERS, open_instrument, open_length_meter, open_robot
+from drivers.interfaces import LengthMeter, Operator, PointMeter, RobotArm
 from drivers.link import WireSink
 
 
@@ -15,7 +17,7 @@ class Devices:
     """Not yet connected. `operator` None: prompts are answered through `Run.answer` only."""
 
     robot: RobotArm
-    instrument: PointMeter
+    instrument: PointMeter | LengthMeter
     operator: Operator | None = None
 
 
@@ -35,6 +37,16 @@ def open_devices(
         speed_deg_s=cell.robot.speed_deg_s,
         limits_deg=cell.robot.limits_deg,
         wire=wire,
+        **({"reach_mm": _reach_mm(cell)} if cell.robot.driver == "ur" else {}),
     )
-    instrument = open_instrument(cell.instrument.driver, instrument_url or cell.instrument.url, wire=wire)
-    return Devices(robot, instrument, operator)
+    driver, url = cell.instrument.driver, instrument_url or cell.instrument.url
+    options: dict[str, Any] = {"wire": wire, **cell.instrument.options}
+    if driver in LENGTH_METERS:
+        return Devices(robot, open_length_meter(driver, url, **options), operator)
+    return Devices(robot, open_instrument(driver, url, **options), operator)
+
+
+def _reach_mm(cell: Cell) -> float:
+    """Farthest that a target can be from any axis: a driver that caps joint speeds keeps the path's speed with it."""
+    links = sum(map(math.hypot, cell.robot.model.a, cell.robot.model.d))
+    return links + max(math.hypot(*target) for target in cell.tool.targets.values())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.errors import Busy, ConfigError, Refused, StorageError
+from drivers.errors import Busy, ConfigError, Refused, StorageError, Unmeasurable
 
 
 class RecordInUse(Busy):
@@ -36,6 +36,26 @@ class NestsDisagree(Refused):
 
     code = 3103
     advice = "Check that every nest holds its SMR and that the cell file has their true positions."
+
+
+class WronglySeated(Refused):
+    """The SMR was seen where another target should be, or nowhere near any."""
+
+    code = 3107
+    advice = (
+        "Seat the SMR in the target named, then confirm. If the robot stands elsewhere than the cell file says, "
+        "correct its world.nests or raise instrument.expected_within_mm."
+    )
+
+
+class Misplaced(Unmeasurable):
+    """A target was seen where another one should be, or nowhere near any: the beam found another SMR."""
+
+    code = 2101
+    advice = (
+        "Cover the SMRs that the beam may find instead. If the robot stands elsewhere than the cell file says, "
+        "correct its world.nests or raise instrument.expected_within_mm."
+    )
 
 
 class NotResumed(Refused):

@@ -1,9 +1,9 @@
 """From a record to a data set: `OUT.csv` and `OUT.toml` (`truepose-dataset/1`), each written whole or not at all.
 
-Points in the world frame of the nests; angles as commanded, with the approach point before them and the side of
-approach; the controller's read-back beside them. Readings that were given up stay in the file as
-`rejected:REASON` without a point, those that were measured again with theirs. `station` counts the places of the
-instrument, where it had several. `export_events` writes what happened as JSON lines.
+Points and turns in the world frame of the nests, or distances to the balls on the base; angles as commanded, with the
+approach point before them and the side of approach; the controller's read-back beside them. Readings that were given
+up stay in the file as `rejected:REASON` without a point, those that were measured again with theirs. `station` counts
+the places of the instrument, where it had several. `export_events` writes what happened as JSON lines.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from calib.effects.base_model import DEFAULT_GROUPS
 from calib.files import replace_file
 
 _ROWS = """
-SELECT attempt.*, pose.set_name, pose.target, pose.joints_deg, pose.sides, pose.approach_deg,
+SELECT attempt.*, pose.set_name, pose.target, pose.base_target, pose.joints_deg, pose.sides, pose.approach_deg,
        pose.reason, pose.replaced_by, arrival.read_deg AS reached_deg
 FROM attempt JOIN pose ON pose.id = attempt.pose LEFT JOIN attempt AS arrival ON arrival.id = attempt.arrival
 WHERE pose.kind = 'pose' AND (attempt.status = 'good' OR (pose.status = 'skipped' AND attempt.id = (
@@ -63,9 +63,10 @@ def export(record_dir: Path, out: Path) -> Path:
         world = store.world
     finally:
         store.close()
-    if world is None or not any(_counts(row) for row in rows):
+    placed = cell.instrument.measures_lengths or world is not None
+    if not placed or not any(_counts(row) for row in rows):
         raise RecordError(f"{record_dir}: holds no reading of a pose yet")
-    station = tuple(float(x) for x in world.origin)
+    station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
     Table(_columns(rows, cell.robot.model.joints), tomli_w.dumps(_header(cell, station))).write(out)
     return out
@@ -89,8 +90,14 @@ def _columns(rows: list[dict[str, Any]], joints: int) -> dict[str, list[str]]:
         for k in range(joints):
             columns[name.format(k + 1)] = [_text(each[k], decimals) for each in values]
     columns["tool_target"] = [row["target"] for row in rows]
-    for axis in "xyz":
-        columns[f"{axis}_mm"] = [_text(row[f"world_{axis}_mm"], 6) for row in rows]
+    measured = [(f"{axis}_mm", f"world_{axis}_mm", 6) for axis in "xyz"]
+    if any(row["world_rot_w"] is not None for row in rows):
+        measured += [(f"rot_{axis}", f"world_rot_{axis}", 9) for axis in "wxyz"]
+    if any(row["base_target"] is not None for row in rows):
+        columns["base_target"] = [row["base_target"] for row in rows]
+        measured = [("length_mm", "length_mm", 6)]
+    for name, key, decimals in measured:
+        columns[name] = [_text(row[key], decimals) for row in rows]
     columns["t_air_c"] = [_text(row["t_air_c"], 3) for row in rows]
     if len({row["station"] for row in rows}) > 1:
         columns["station"] = [str(row["station"]) for row in rows]
@@ -108,8 +115,27 @@ def _text(value: float | None, decimals: int) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
     noise = cell.instrument.noise
+    robot = {"repeatability_deg": cell.robot.repeatability_deg}
+    if cell.instrument.measures_lengths:
+        # There are no points in such a data set; the key must be there.
+        return {"kind": "isotropic", "sigma_mm": noise.length_mm, "length_mm": noise.length_mm, **robot}
+    turns = {"rotation_mrad": noise.rotation_mrad} if noise.rotation_mrad > 0.0 else {}
+    return {
+        "kind": "tracker",
+        "station_mm": list(station_mm),
+        "range_mm": noise.range_mm,
+        "range_ppm": noise.range_ppm,
+        "transverse_mm": noise.transverse_mm,
+        "transverse_ppm": noise.transverse_ppm,
+        **turns,
+        **robot,
+    }
+
+
+def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+    balls = {"base_targets": {name: list(point) for name, point in cell.nests.items()}}
     return {
         "format": "truepose-dataset/1",
         "robot": cell.robot.model.name,
@@ -118,16 +144,9 @@ def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
         "joint_coupling": cell.robot.coupling,
         "gravity_base": [0.0, 0.0, -9.81],
         "model": {"fit": list(DEFAULT_GROUPS)},
-        "noise": {
-            "kind": "tracker",
-            "station_mm": list(station_mm),
-            "range_mm": noise.range_mm,
-            "range_ppm": noise.range_ppm,
-            "transverse_mm": noise.transverse_mm,
-            "transverse_ppm": noise.transverse_ppm,
-            "repeatability_deg": cell.robot.repeatability_deg,
-        },
+        "noise": _noise(cell, station_mm),
         "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
+        **(balls if cell.instrument.measures_lengths else {}),
         "loads": [
             {"link": load.link, "mass_kg": load.mass_kg, "cog_mm": list(load.cog_mm)} for load in cell.loads
         ],

@@ -4,6 +4,7 @@
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down
     nest check   the nests are measured again after so many readings; when one is beyond the limit from where the
                  world frame has it, a person decides
+    zero         the ballbar is read in its calibrator before the first visit and after so many readings
     new station  before the first reading of a block that asks for it, the instrument is set up anew
 
 What is measured anew, the sequencer measures: the gates only say when. Lengths mm, times s.
@@ -39,12 +40,15 @@ class Gates:
         control: Control,
         ask: Callable[[str], object],
         measure_nests: Callable[[str], None],
+        zero: Callable[[], None],
     ) -> None:
         self._store = store
         self._campaign = campaign
         self._control = control
         self._ask = ask
         self._measure_nests = measure_nests
+        self._zero = zero
+        self._since_zero: int | None = None
         self._station: int | None = None  # where the instrument stands; None: not yet looked up
         self._since_nests = 0
         self._visit: int | None = None  # of the last reading
@@ -62,14 +66,23 @@ class Gates:
         between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
         if check is not None and between and self._since_nests >= check.every:
             self._check_nests(check)
+        if self._campaign.zero_every and between and self._zero_is_old():
+            self._since_zero = 0
+            self._zero()
         return self._warming is None or self._is_warm(self._warming, planned)
 
-    def measured(self, planned: Planned, world_mm: Sequence[float]) -> None:
-        """A good reading of a pose."""
+    def measured(self, planned: Planned, world_mm: Sequence[float] | None) -> None:
+        """A good reading of a pose; `world_mm` of a point."""
         self._since_nests += 1
+        if self._since_zero is not None:
+            self._since_zero += 1
         self._visit = planned.visit.number
-        if self._warming is not None:
+        if self._warming is not None and world_mm is not None:
             self._points.append(world_mm)
+
+    def _zero_is_old(self) -> bool:
+        """Also in every new execution: nobody knows how long the bar lay about."""
+        return self._since_zero is None or self._since_zero >= self._campaign.zero_every
 
     # -- the instrument -----------------------------------------------------------------------------------
 

@@ -29,7 +29,10 @@ Kind = Literal["nest", "pose"]
 
 @dataclass(frozen=True)
 class Visit:
-    """One standing. `name` is shown to people; joints, sides and approach are empty for a nest."""
+    """One standing. `name` is shown to people; joints, sides and approach are empty for a nest.
+
+    base_targets: where distances are measured, the ball on the base to which each of `targets` has its distance.
+    """
 
     number: int
     name: str
@@ -40,11 +43,20 @@ class Visit:
     joints_deg: Joints = ()
     sides: tuple[int, ...] = ()
     approach_deg: Joints = ()
+    base_targets: tuple[str, ...] = ()
+
+    @property
+    def readings(self) -> list[tuple[str, str | None]]:
+        """Targets with their base targets; these are None where points are measured."""
+        return list(zip(self.targets, self.base_targets or (None,) * len(self.targets), strict=True))
 
 
 def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
     """Every visit of the campaign, nests first. Raises ConfigError for unknown targets or impossible poses."""
-    visits = [Visit(0, f"nest {name}", "nest", "nest", -1, (name,)) for name in list(cell.nests)[:3]]
+    _fits_instrument(cell, campaign)
+    visits = []
+    if not cell.instrument.measures_lengths:
+        visits = [Visit(0, f"nest {name}", "nest", "nest", -1, (name,)) for name in list(cell.nests)[:3]]
     reference = _reference(cell, campaign) if campaign.reference_every or campaign.warm_up else None
     order = np.random.default_rng([campaign.seed, Stream.ORDER])
     numbers = range(len(campaign.blocks))
@@ -58,6 +70,22 @@ def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
     return [replace(visit, number=i) for i, visit in enumerate(visits)]
 
 
+def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
+    """Raises ConfigError for points that a ballbar, or distances that another instrument should measure."""
+    lengths = cell.instrument.measures_lengths
+    for number, block in enumerate(campaign.blocks, start=1):
+        if block.recipe.lengths != lengths:
+            hint = "use kind = 'hexapod', or 'sphere' with its base" if lengths else "it needs a ballbar"
+            raise ConfigError(
+                f"block {number}: kind = {block.kind!r} does not go with the {cell.instrument.name}; {hint}"
+            )
+    points_only = campaign.reference_every or campaign.warm_up or campaign.nest_check
+    if lengths and points_only:
+        raise ConfigError("reference_every, warm_up and nest_check need an instrument that measures points")
+    if campaign.zero_every and not lengths:
+        raise ConfigError("zero_every needs a ballbar")
+
+
 def _units(cell: Cell, campaign: Campaign, number: int) -> list[list[Visit]]:
     """The visits of a block: what must stay together, together."""
     block = campaign.blocks[number]
@@ -69,10 +97,11 @@ def _units(cell: Cell, campaign: Campaign, number: int) -> list[list[Visit]]:
             "pose",
             block.set,
             number,
-            site.targets,
+            tuple(target for target, _ in stand.distances) or site.targets,
             stand.joints_deg,
             stand.sides,
             stand.approach_deg,
+            tuple(base for _, base in stand.distances),
         )
         for stand in block.recipe.stands(site)
     ]

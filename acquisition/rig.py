@@ -9,11 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import cast
 
 from acquisition.control import Control
 from acquisition.devices import Devices
 from drivers.errors import AcquisitionError, LinkError, Unmeasurable
-from drivers.interfaces import Identity, JointReading, PointReading
+from drivers.interfaces import (
+    Device,
+    Identity,
+    JointReading,
+    LengthMeter,
+    LengthReading,
+    PointMeter,
+    PointReading,
+)
 
 
 @dataclass(frozen=True)
@@ -39,9 +48,9 @@ class Rig:
         self.moving = False
         self.lost_in_move = False
 
-    def make_ready(self) -> None:
-        """Connect and arm what is not. Raises AcquisitionError, Stopping."""
-        for role, device in (("robot", self._devices.robot), ("instrument", self._devices.instrument)):
+    def meet(self) -> None:
+        """Connect what is not connected; nothing is armed. Raises AcquisitionError, Stopping."""
+        for role, device in self._both():
             with self._using(role):
                 if role not in self._connected:
                     device.connect()
@@ -51,12 +60,21 @@ class Rig:
                         self._can_stop = self._devices.robot.can_stop
                         stands = self._devices.robot.position().joints_deg
                     self._met(Met(role, device.identify(), self._can_stop, stands))
-                self._control.check_stop()
+            self._control.check_stop()
+
+    def make_ready(self) -> None:
+        """Connect and arm what is not. Raises AcquisitionError, Stopping."""
+        self.meet()
+        for role, device in self._both():
+            with self._using(role):
                 if role not in self._armed:
                     device.arm()
                     self._armed.add(role)
-        # A stop between the look above and the arming must not be undone by it.
-        self._control.check_stop()
+            # A stop between the look before and the arming must not be undone by it.
+            self._control.check_stop()
+
+    def _both(self) -> tuple[tuple[str, Device], ...]:
+        return ("robot", self._devices.robot), ("instrument", self._devices.instrument)
 
     def move(self, joints_deg: Sequence[float]) -> JointReading:
         """Go there and stand. Raises AcquisitionError, Stopping."""
@@ -84,7 +102,24 @@ class Rig:
         """A whole measurement. Raises AcquisitionError, Stopping."""
         self._control.check_stop()
         with self._using("instrument"):
-            return self._devices.instrument.measure(target, samples=samples, near_mm=near_mm)
+            meter = cast(PointMeter, self._devices.instrument)  # of a cell that measures points
+            return meter.measure(target, samples=samples, near_mm=near_mm)
+
+    def measure_length(self, target: str, base_target: str, samples: int) -> LengthReading:
+        """A whole measurement of a distance. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self._using("instrument"):
+            return self._length_meter.measure(target, base_target=base_target, samples=samples)
+
+    def zero(self) -> float:
+        """The sensor's zero, mm, while it is in its calibrator. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self._using("instrument"):
+            return self._length_meter.zero()
+
+    @property
+    def _length_meter(self) -> LengthMeter:
+        return cast(LengthMeter, self._devices.instrument)  # of a cell that measures distances
 
     @contextmanager
     def _using(self, role: str) -> Iterator[None]:
@@ -112,7 +147,7 @@ class Rig:
 
     def release(self) -> None:
         """Disarm and disconnect both."""
-        for device in (self._devices.robot, self._devices.instrument):
+        for _, device in self._both():
             # One by one: a device that cannot be disarmed is disconnected all the same.
             with suppress(AcquisitionError):
                 device.disarm()

@@ -10,9 +10,10 @@
 What was planned, asked, ordered, attempted and told never changes and is never deleted: triggers refuse it, so
 that neither a fault of this program nor a careless hand rewrites a measurement. A reading that is not trusted any
 more stays, and its row of `pose` names the one that is measured in its place. An attempt of kind `arrive` is one
-approach; each `measure` of a pose names the arrival it relies on. `campaign.owner` is the program that may write;
-`station` counts the places where the instrument stood. Angles deg, lengths mm, times s: `utc` since 1970, `t_s`
-since the start of the campaign. Joints are JSON lists.
+approach; each `measure` of a pose names the arrival it relies on. A point has its coordinates, a pose its turn as
+well (`rot_*`: unit quaternion, instrument's frame), a distance its `length_mm` to `pose.base_target`.
+`campaign.owner` is the program that may write; `station` counts the places where the instrument stood. Angles deg,
+lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
 """
 
 from __future__ import annotations
@@ -163,5 +164,80 @@ CREATE TRIGGER command_kept BEFORE DELETE ON command
   BEGIN SELECT RAISE(ABORT, 'a command is never deleted'); END;
 """
 
-SCRIPTS: tuple[str, ...] = (_FIRST, _SECOND)
+_THIRD = """
+ALTER TABLE pose ADD COLUMN base_target TEXT;
+DROP TRIGGER plan_fixed;
+CREATE TRIGGER plan_fixed BEFORE UPDATE OF id, visit, name, kind, set_name, block, target, base_target, joints_deg,
+  sides, approach_deg ON pose
+  BEGIN SELECT RAISE(ABORT, 'a planned reading never changes'); END;
+
+-- SQLite does not change the checks of a table: a new one takes over its rows. Triggers elsewhere that name it go
+-- first, those of its own go with it.
+DROP TRIGGER measured_by_reading;
+CREATE TABLE attempt_3 (
+  id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+  kind TEXT NOT NULL CHECK (kind IN ('arrive', 'measure')),
+  visit INTEGER NOT NULL,
+  pose INTEGER REFERENCES pose (id),
+  arrival INTEGER REFERENCES attempt_3 (id),
+  status TEXT NOT NULL DEFAULT 'open' CHECK (status IN ('open', 'good', 'failed', 'died')),
+  began_utc REAL NOT NULL,
+  began_t_s REAL NOT NULL,
+  ended_utc REAL,
+  ended_t_s REAL,
+  error_code INTEGER,
+  error TEXT,
+  raw BLOB,
+  read_deg TEXT,
+  tracker_x_mm REAL, tracker_y_mm REAL, tracker_z_mm REAL,
+  world_x_mm REAL, world_y_mm REAL, world_z_mm REAL,
+  std_x_mm REAL, std_y_mm REAL, std_z_mm REAL,
+  samples INTEGER,
+  device_t_s REAL,
+  t_air_c REAL, pressure_hpa REAL, humidity_percent REAL,
+  station INTEGER NOT NULL DEFAULT 1,
+  rot_w REAL, rot_x REAL, rot_y REAL, rot_z REAL, rot_std_mrad REAL,
+  world_rot_w REAL, world_rot_x REAL, world_rot_y REAL, world_rot_z REAL,
+  visible_tool INTEGER, visible_base INTEGER,
+  length_mm REAL, std_length_mm REAL, deviation_mm REAL, zero_mm REAL, battery_percent REAL,
+  CHECK (kind = 'arrive' OR pose IS NOT NULL),
+  CHECK (kind = 'measure' OR (pose IS NULL AND arrival IS NULL)),
+  CHECK (status <> 'good' OR kind = 'arrive' OR tracker_x_mm IS NOT NULL OR length_mm IS NOT NULL)
+) STRICT;
+INSERT INTO attempt_3 (id, kind, visit, pose, arrival, status, began_utc, began_t_s, ended_utc, ended_t_s, error_code,
+    error, raw, read_deg, tracker_x_mm, tracker_y_mm, tracker_z_mm, world_x_mm, world_y_mm, world_z_mm, std_x_mm,
+    std_y_mm, std_z_mm, samples, device_t_s, t_air_c, pressure_hpa, humidity_percent, station)
+  SELECT id, kind, visit, pose, arrival, status, began_utc, began_t_s, ended_utc, ended_t_s, error_code,
+    error, raw, read_deg, tracker_x_mm, tracker_y_mm, tracker_z_mm, world_x_mm, world_y_mm, world_z_mm, std_x_mm,
+    std_y_mm, std_z_mm, samples, device_t_s, t_air_c, pressure_hpa, humidity_percent, station
+  FROM attempt ORDER BY id;
+DROP TABLE attempt;
+ALTER TABLE attempt_3 RENAME TO attempt;
+CREATE UNIQUE INDEX one_good_reading ON attempt (pose) WHERE kind = 'measure' AND status = 'good';
+CREATE INDEX attempts_open ON attempt (status) WHERE status = 'open';
+CREATE TRIGGER attempt_closed BEFORE UPDATE ON attempt WHEN old.status <> 'open'
+  BEGIN SELECT RAISE(ABORT, 'a closed attempt never changes'); END;
+CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
+  BEGIN SELECT RAISE(ABORT, 'an attempt is never deleted'); END;
+CREATE TRIGGER reading_needs_arrival BEFORE INSERT ON attempt
+  WHEN new.kind = 'measure' AND (SELECT kind FROM pose WHERE id = new.pose) = 'pose'
+   AND NOT EXISTS (SELECT 1 FROM attempt AS a WHERE a.id = new.arrival AND a.kind = 'arrive'
+                   AND a.status = 'good' AND a.visit = new.visit)
+  BEGIN SELECT RAISE(ABORT, 'a reading needs its approach'); END;
+CREATE TRIGGER last_arrival BEFORE INSERT ON attempt
+  WHEN new.arrival IS NOT NULL
+   AND EXISTS (SELECT 1 FROM attempt AS a WHERE a.id > new.arrival AND a.kind = 'arrive')
+  BEGIN SELECT RAISE(ABORT, 'the robot has gone elsewhere since that arrival'); END;
+CREATE TRIGGER running BEFORE INSERT ON attempt WHEN (SELECT state FROM campaign) <> 'running'
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted unless the campaign runs'); END;
+CREATE TRIGGER prompt_answered BEFORE INSERT ON attempt
+  WHEN EXISTS (SELECT 1 FROM prompt WHERE answer IS NULL)
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted before the prompt is answered'); END;
+CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
+  WHEN new.status = 'measured' AND NOT EXISTS (SELECT 1 FROM attempt WHERE pose = new.id AND kind = 'measure'
+                                               AND status = 'good')
+  BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
+"""
+
+SCRIPTS: tuple[str, ...] = (_FIRST, _SECOND, _THIRD)
 """Script n takes a file from version n to n + 1."""

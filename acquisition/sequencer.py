@@ -1,5 +1,7 @@
 """The sequencer: nests, then every visit of the plan - approach, settle, measure, one durable reading at a time.
 
+Robot and instrument are met first, unarmed: what is dead or somebody else's is known before the warm-up.
+
 What it does about an error is a function of its class (`drivers.errors`):
 
     LinkError      connect, arm and approach again; after `LINK_TRIES` in a row: pause
@@ -8,17 +10,17 @@ What it does about an error is a function of its class (`drivers.errors`):
     SafetyStop, StorageError, NoOperator and all others: pause
 
 Any interruption voids the approach, a prompt too, for which people walk up to the robot: a reading is only taken
-after an arrival with nothing in between. A redo puts the last reading aside and measures it again at once. A
-calendar that steps pauses: the times of the record come from the steady clock, which does not count while a
-computer sleeps; on resuming they catch up with the calendar and never go back.
+after an arrival with nothing in between. A ballbar is put on while the robot stands in the pose, and it stays there
+for all its distances. What lies outside the stroke of the bar is put off to a second stage, for which the robot is
+calibrated by what lay within (`acquisition.second_stage`). A redo puts the last reading aside and measures it again
+at once. A calendar that steps pauses: the times of the record come from the steady clock, which does not count while
+a computer sleeps; on resuming they catch up with the calendar and never go back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from acquisition import world_frame
 from acquisition.attempts import Attempts
@@ -27,16 +29,18 @@ from acquisition.cell import Cell
 from acquisition.clock import Clock
 from acquisition.control import Control, Stopping
 from acquisition.desk import Desk
-from acquisition.errors import ClockJumped, NestsDisagree
+from acquisition.errors import ClockJumped, NestsDisagree, WronglySeated
+from acquisition.expected import Expectation
 from acquisition.gates import Gates
+from acquisition.hands import Hands
 from acquisition.rig import Rig
+from acquisition.second_stage import SecondStage
 from acquisition.settling import until_still
 from acquisition.station import change_of
 from acquisition.store import Planned, Store
-from acquisition.workspace import targets_at
 from acquisition.world_frame import WorldFrame
-from drivers.errors import AcquisitionError, LinkError, Refused, Unmeasurable
-from drivers.interfaces import Answer
+from drivers.errors import AcquisitionError, LinkError, OutOfRange, Refused, Unmeasurable
+from drivers.interfaces import Answer, PointReading, Reading
 
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
@@ -74,10 +78,12 @@ class Sequencer:
         self._control = control
         self._desk = desk
         self._clock = clock
-        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests_again)
+        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests_again, self._zero)
+        self._hands = Hands(cell, lambda text: self._ask(text)[0])
+        self._second_stage = SecondStage(store, cell, campaign)
         self._world: WorldFrame | None = None
         self._arrival: _Arrival | None = None
-        self._seated: str | None = None
+        self._reason = ""  # of the last answer
         self._last: int | None = None  # planned reading of a pose that was measured last
         self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
         self._link_faults = 0  # in a row, as all of these
@@ -88,6 +94,7 @@ class Sequencer:
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
         self._look_at_the_calendar()
+        self._meet()
         self._warm_up()
         # Also when only some of them were measured: three nests seen from two stations would make no frame.
         self._store.measure_nests_again("resumed: does the instrument still stand where it stood?")
@@ -95,10 +102,15 @@ class Sequencer:
         # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
         while left := self._store.left("pose", "planned"):
             self._next(left[0], last=False)
+        self._second_stage.plan()
         while left := self._store.left("pose", "planned") or self._store.left("pose", "deferred"):
             self._next(left[0], last=True)
 
     # -- before the first pose ----------------------------------------------------------------------------
+
+    def _meet(self) -> None:
+        """Robot and instrument answer, and are free to be used."""
+        self._insist(self._rig.meet)
 
     def _warm_up(self) -> None:
         """Again in every execution: a cell that is resumed next morning has cooled down."""
@@ -108,6 +120,8 @@ class Sequencer:
             self._control.wait(self._campaign.warm_up_s)
 
     def _measure_nests(self) -> None:
+        if self._cell.instrument.measures_lengths:
+            return  # its balls are the world
         while self._world is None:
             while left := self._store.left("nest", "planned"):
                 self._try(left[0], last=True)
@@ -159,27 +173,35 @@ class Sequencer:
         self._look_at_the_calendar()
         arrival, self._arrival = self._arrival, None  # only what ends well below leaves the approach valid
         try:
-            if not self._seated_or_left_out(planned):
+            if self._by_hand(planned, self._hands.seat) is not Answer.CONFIRM:
                 return
             self._rig.make_ready()
+            attempt = None
             if planned.visit.kind == "pose" and (arrival is None or arrival.visit != planned.visit.number):
+                if self._by_hand(planned, self._hands.free) is not Answer.CONFIRM:
+                    return
                 arrival, attempt = self._approach(planned)
-            else:
+            answer = self._by_hand(planned, self._hands.span)
+            if answer is not Answer.CONFIRM:
+                self._arrival = arrival if answer is Answer.SKIP else None
+                return
+            if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
             self._measure(planned, attempt)
         except LinkError as error:
             self._control.check_stop()
             self._after_link_error(error)
         except Unmeasurable as error:
+            out_of_stroke = planned.base_target is not None and isinstance(error, OutOfRange)
+            if planned.base_target is not None:
+                self._arrival = arrival  # the arm stands, the next distance is measured there
             self._tries += 1
-            if self._tries > self._campaign.retries:
+            if out_of_stroke or self._tries > self._campaign.retries:
                 self._give_up(planned, error, last=last)
         except Refused as error:
-            self._control.check_stop()  # a stop makes devices refuse
-            self._refusals += 1
-            if self._refusals > self._campaign.retries + 1:
-                raise
-            if self._consult(error) is Answer.SKIP:
+            if isinstance(error, WronglySeated):
+                self._hands.doubt()
+            if self._refuse_again(error) is Answer.SKIP:
                 self._give_up(planned, error, last=True)
         else:
             self._arrival = arrival
@@ -194,8 +216,11 @@ class Sequencer:
         if abs(step) > CALENDAR_STEP_S + SLEW * passed:
             raise ClockJumped(f"the clock of the computer stepped by {step:+.0f} s")
 
-    def _approach(self, planned: Planned) -> tuple[_Arrival, int]:
-        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading."""
+    def _approach(self, planned: Planned) -> tuple[_Arrival, int | None]:
+        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
+
+        The attempt is None where a person has to put the ballbar on before.
+        """
         visit = planned.visit
         arrival = self._attempts.begin_arrival(visit)
         try:
@@ -210,40 +235,74 @@ class Sequencer:
             raise
         with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
             self._attempts.arrived(arrival, reached)
-            return _Arrival(visit.number, arrival), self._attempts.begin_reading(planned, arrival)
+            by_hand = planned.base_target is not None
+            attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
+            return _Arrival(visit.number, arrival), attempt
 
     def _measure(self, planned: Planned, attempt: int) -> None:
-        near = None
-        if self._world is not None and planned.visit.kind == "pose":
-            names = list(self._cell.tool.targets)
-            at = targets_at(self._cell, np.array([planned.visit.joints_deg]))[0, names.index(planned.target)]
-            near = tuple(float(x) for x in self._world.to_tracker(at))
         try:
-            reading = self._rig.measure(planned.target, self._campaign.samples, near)
+            if planned.base_target is not None:
+                reading: Reading = self._rig.measure_length(
+                    planned.target, planned.base_target, self._campaign.samples
+                )
+            else:
+                reading = self._point(planned)
         except AcquisitionError as error:
             self._attempts.failed(attempt, error)
             raise
-        world = None
-        if self._world is not None:
-            world = tuple(float(x) for x in self._world.to_world(reading.xyz_mm))
-        self._attempts.measured(attempt, planned, reading, world)
+        self._attempts.measured(attempt, planned, reading, self._world)
         if planned.visit.kind == "pose":
             self._last = planned.id
-            if world is not None:
-                self._gates.measured(planned, world)
+            point = None
+            if self._world is not None and isinstance(reading, PointReading):
+                point = self._world.to_world(reading.xyz_mm).tolist()
+            self._gates.measured(planned, point)
 
-    def _seated_or_left_out(self, planned: Planned) -> bool:
-        """Ask for the SMR to be moved, where there is only one; False when the answer was another."""
-        if not self._cell.instrument.one_smr or self._seated == planned.target:
-            return True
-        answer, reason = self._ask(f"Seat the SMR in {planned.target} and press confirm.")
-        if answer is Answer.CONFIRM:
-            self._seated = planned.target
-        elif answer is Answer.SKIP and planned.visit.kind == "pose":
-            self._done_with(planned, "skipped", reason or "by the operator")
-        return answer is Answer.CONFIRM
+    def _point(self, planned: Planned) -> PointReading:
+        """Raises Misplaced and WronglySeated for what cannot be the target."""
+        if self._world is None or planned.visit.kind == "nest":
+            return self._rig.measure(planned.target, self._campaign.samples, None)
+        expected = Expectation(self._cell, planned)
+        near = tuple(float(x) for x in self._world.to_tracker(expected.world_mm))
+        reading = self._rig.measure(planned.target, self._campaign.samples, near)
+        expected.refuse_another(reading, self._world.to_world(reading.xyz_mm))
+        return reading
+
+    def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
+        """CONFIRM when a person has done what the reading needs; one that they skip is left out."""
+        answer = do(planned)
+        if answer is Answer.SKIP and planned.visit.kind == "pose":
+            self._done_with(planned, "skipped", self._reason or "by the operator")
+        return answer
+
+    def _zero(self) -> None:
+        """The zero of the ballbar, which goes into every later reading. A person who skips it keeps the old one."""
+        if self._hands.zero() is not Answer.CONFIRM:
+            return
+
+        def read() -> None:
+            self._rig.make_ready()
+            self._store.tell("zeroed", zero_mm=self._rig.zero())
+
+        self._insist(read)
 
     # -- reactions ----------------------------------------------------------------------------------------
+
+    def _insist(self, act: Callable[[], None]) -> None:
+        """Until it is done, or a person skips it. Raises what a reading would raise."""
+        while True:
+            self._control.check()
+            try:
+                act()
+            except LinkError as error:
+                self._control.check_stop()
+                self._after_link_error(error)
+            except (Refused, Unmeasurable) as error:
+                if self._refuse_again(error) is Answer.SKIP:
+                    return
+            else:
+                self._link_faults = self._refusals = 0
+                return
 
     def _after_link_error(self, error: LinkError) -> None:
         self._link_faults += 1
@@ -252,6 +311,14 @@ class Sequencer:
         back_off_s = FIRST_BACK_OFF_S * 2.0 ** (self._link_faults - 1)
         self._store.tell("reconnect", attempt=self._link_faults, error=error.as_dict())
         self._control.wait(back_off_s * self._clock.time_scale)
+
+    def _refuse_again(self, error: AcquisitionError) -> Answer:
+        """Ask what to do about it. Raises the error when that was done often enough."""
+        self._control.check_stop()  # a stop makes devices refuse
+        self._refusals += 1
+        if self._refusals > self._campaign.retries + 1:
+            raise error
+        return self._consult(error)
 
     def _give_up(self, planned: Planned, error: AcquisitionError, *, last: bool) -> None:
         if planned.visit.kind == "nest":
@@ -279,5 +346,7 @@ class Sequencer:
             raise Stopping
         if answer is Answer.REDO and self._last is not None:
             self._store.measure_again([self._last], reason or "by the operator")
-            self._last = self._seated = None  # somebody looks before the robot goes back there
+            self._last = None
+            self._hands.doubt()  # somebody looks before the robot goes back there
+        self._reason = reason
         return answer, reason

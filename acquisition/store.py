@@ -14,7 +14,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,7 @@ class Planned:
     visit: Visit
     target: str
     status: str
+    base_target: str | None = None  # of a distance
 
 
 class Store:
@@ -89,15 +90,7 @@ class Store:
                 "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
                 (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
             )
-            for visit in visits:
-                columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
-                shared = (visit.number, visit.name, visit.kind, visit.set, visit.block, *columns)
-                for target in visit.targets:
-                    db.execute(
-                        "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, "
-                        "approach_deg, target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                        (*shared, target),
-                    )
+            store._plan(db, visits)
             store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
             store.change_state(db, State.READY, "")
         return store
@@ -267,8 +260,12 @@ class Store:
                 tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
             )
             place = (row["visit"], row["name"], row["kind"], row["set_name"], row["block"])
-            visit = Visit(*place, targets, joints, sides, approach)
-            out += [Planned(each["id"], visit, each["target"], each["status"]) for each in readings]
+            bases = tuple(each["base_target"] for each in readings if each["base_target"] is not None)
+            visit = Visit(*place, targets, joints, sides, approach, bases)
+            out += [
+                Planned(each["id"], visit, each["target"], each["status"], each["base_target"])
+                for each in readings
+            ]
         return out
 
     def counts(self) -> dict[str, int]:
@@ -292,8 +289,36 @@ class Store:
             again = [self._replace(db, pose, reason) for pose in poses]
             self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
 
+    def replan(self, planned: Sequence[Planned], visit: Visit) -> None:
+        """Readings of one visit that could not be had there are planned in another, which has the same of them."""
+        wanted = [(each.target, each.base_target) for each in planned]
+        visit = replace(
+            visit,
+            targets=tuple(target for target, _ in wanted),
+            base_targets=tuple(base for _, base in wanted if base is not None),
+        )
+        with self.changing() as db:
+            self._plan(db, [visit])
+            rows = db.execute("SELECT id FROM pose WHERE visit = ? ORDER BY id", (visit.number,)).fetchall()
+            for each, (again,) in zip(planned, rows, strict=True):
+                db.execute("UPDATE pose SET replaced_by = ? WHERE id = ?", (again, each.id))
+            self.note(
+                db, "replanned", poses=[each.id for each in planned], visit=visit.number, name=visit.name
+            )
+
+    def _plan(self, db: sqlite3.Connection, visits: Sequence[Visit]) -> None:
+        for visit in visits:
+            columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
+            shared = (visit.number, visit.name, visit.kind, visit.set, visit.block, *columns)
+            for reading in visit.readings:
+                db.execute(
+                    "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, target, "
+                    "base_target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    (*shared, *reading),
+                )
+
     def _replace(self, db: sqlite3.Connection, pose: int, reason: str) -> int:
-        columns = "visit, name, kind, set_name, block, target, joints_deg, sides, approach_deg"
+        columns = "visit, name, kind, set_name, block, target, base_target, joints_deg, sides, approach_deg"
         (again,) = db.execute(
             f"INSERT INTO pose ({columns}) SELECT {columns} FROM pose WHERE id = ? RETURNING id", (pose,)
         ).fetchone()

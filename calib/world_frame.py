@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from calib.errors import DataError
 from calib.kinematics import Array
@@ -34,6 +35,12 @@ class WorldFrame:
     def to_tracker(self, points: ArrayLike) -> Array:
         """World -> instrument's frame, (n, 3) or (3,) mm."""
         return (np.asarray(points, dtype=np.float64) - self.origin) @ self.rotation
+
+    def turned_to_world(self, rot_wxyz: ArrayLike) -> Array:
+        """Unit quaternions that turn into the instrument's frame, (n, 4) or (4,), scalar first, as turns into the
+        world; the scalar is not negative."""
+        turn = Rotation.from_matrix(self.rotation) * Rotation.from_quat(rot_wxyz, scalar_first=True)
+        return turn.as_quat(canonical=True, scalar_first=True)
 
     def as_json(self) -> str:
         """Text for the record."""

@@ -117,6 +117,10 @@ class LengthReading:
     raw: bytes = b""
 
 
+Reading = PointReading | LengthReading
+"""What an instrument answers; a PoseReading is a PointReading with a turn."""
+
+
 class Answer(Enum):
     """What the operator can say to a prompt."""
 
@@ -186,9 +190,13 @@ class PoseMeter(Device, Protocol):
 
 @runtime_checkable
 class LengthMeter(Device, Protocol):
-    """Measures the length between a ball on the tool and a ball on the base, both by name."""
+    """Measures the length between a ball on the tool and a ball on the base, both by name.
+
+    `zero` reads the sensor in its calibrator (mm) and takes that as the zero of later readings.
+    """
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading: ...
+    def zero(self) -> float: ...
     def stop(self) -> None: ...
     def status(self) -> InstrumentStatus: ...
 

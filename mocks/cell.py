@@ -64,7 +64,9 @@ class Cell:
         self.ur = UrController(self.arm, self.clock, self.world)
         self.faro = FaroBridge(self.tracker, self.clock)
         self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, cell.nests, cell.normals))
-        self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, cell.nests))
+        self.qc20w = BallbarBridge(
+            BallbarDevice(self.world, self.arm, self.clock, cell.nests, cell.ballbar_mm)
+        )
         self.at960 = LeicaDevice(self.world, self.arm, self.clock, cell.nests, cell.normals)
         self.leica, self.emscon = LeicaBridge(self.at960), EmsconServer(self.at960)
         self.backdoor = BackDoor(

@@ -27,6 +27,7 @@ class CellFile:
     seed: int = 1
     time_scale: float = 1.0
     effects: tuple[str, ...] = ()
+    ballbar_mm: float = 300.0
     effect_size: float = 3.0  # RMS of the effect's displacement per axis over the noise
     readings: int = 300  # length of the campaign that steps and drifts are scaled to
     seconds_per_reading: float = 20.0
@@ -44,6 +45,7 @@ def read_cell(path: Path) -> CellFile:
         "nests": table.get("world", {}).get("nests"),
         "targets": tool.get("targets"),
         "normals": tool.get("normals"),
+        "ballbar_mm": table.get("instrument", {}).get("nominal_mm"),
         "robot_driver": robot.get("driver"),
         "instrument_driver": table.get("instrument", {}).get("driver"),
         "tool_mass_kg": tool.get("mass_kg"),

@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.blocks import poses, repeat, sphere, sweep
+from acquisition.blocks import hexapod, poses, repeat, sphere, sweep
 from acquisition.blocks.block import Approach, Block, Recipe, Settle, read_approach, read_settle
 from acquisition.toml_table import TomlTable
 
 SHARED = ("kind", "set", "targets", "approach", "settle_s", "settle_check", "new_station")
-_NEEDS_BALLBAR = ("hexapod",)
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,7 @@ KINDS: Mapping[str, Kind] = {
     "sweep": Kind(sweep.KEYS, _FITTED, sweep.read_sweep),
     "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
     "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
+    "hexapod": Kind(hexapod.KEYS, _FITTED, hexapod.read),
     "sphere": Kind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),
 }
 
@@ -39,11 +39,7 @@ def read_block(table: TomlTable, approach: Approach, settle: Settle, folder: Pat
 
     folder: where pose files are; None: they are not read again.
     """
-    name = table.text("kind", "poses", (*KINDS, *_NEEDS_BALLBAR))
-    if name in _NEEDS_BALLBAR:
-        raise table.refuse(
-            "kind", f"is {name!r}, which is measured by a ballbar; there is no driver for one."
-        )
+    name = table.text("kind", "poses", tuple(KINDS))
     kind = KINDS[name]
     table.only((*SHARED, *kind.keys))
     if kind.settle_s is not None:

@@ -7,7 +7,7 @@ controller takes; the rounded values are the record.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, Protocol
@@ -58,12 +58,16 @@ class Settle:
 
 @dataclass(frozen=True)
 class Stand:
-    """A pose to be visited, before it has its place in the order. `what` names it within its block."""
+    """A pose to be visited, before it has its place in the order. `what` names it within its block.
+
+    distances: target and ball on the base of each, where a ballbar measures them.
+    """
 
     what: str
     joints_deg: Joints
     sides: tuple[int, ...]
     approach_deg: Joints
+    distances: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)
@@ -80,9 +84,15 @@ class Site:
         """Of this block alone."""
         return np.random.default_rng([self.seed, stream, self.number])
 
-    def stand(self, what: str, joints_deg: Joints, sides: tuple[int, ...]) -> Stand:
+    def stand(
+        self,
+        what: str,
+        joints_deg: Joints,
+        sides: tuple[int, ...],
+        distances: Sequence[tuple[str, str]] = (),
+    ) -> Stand:
         """A stand with the approach of its block."""
-        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides))
+        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides), distances)
 
     def sides(self) -> tuple[int, ...]:
         """The usual side on every joint, or one drawn for each."""
@@ -102,10 +112,15 @@ class Site:
 
 
 class Recipe(Protocol):
-    """Of one kind. `ordered`: its stands stay together and in order when a campaign is shuffled."""
+    """Of one kind. `ordered`: its stands stay together and in order when a campaign is shuffled; `lengths`: it
+    measures distances.
+    """
 
     @property
     def ordered(self) -> bool: ...
+
+    @property
+    def lengths(self) -> bool: ...
 
     def stands(self, site: Site) -> list[Stand]:
         """Raises ConfigError for what this cell cannot do."""

@@ -63,6 +63,7 @@ class Poses:
 
     source: Source
     ordered = False
+    lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
         poses = self.source.poses(site)

@@ -26,6 +26,7 @@ class Repeat:
     visits: int
     interleaved: bool
     ordered = True
+    lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
         found = list(enumerate(self.source.poses(site), start=1))

@@ -8,49 +8,57 @@ Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into ring
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.blocks.block import DECIMALS, Joints, Site, Stand, rounded
+from acquisition.reach import configurations
 from acquisition.toml_table import TomlTable
 from acquisition.workspace import facing, may_stand
 from calib.errors import DataError
-from calib.inverse_kinematics import inverse_kinematics
 from calib.kinematics import Array, forward
 from calib.units import DEG
 from drivers.errors import ConfigError
 
 RADIUS_MM, COUNT = 300.0, 100
 SETTLE_S = 2.0
-KEYS = ("centre_deg", "radius_mm", "count", "above_deg")
+KEYS = ("centre_deg", "radius_mm", "count", "above_deg", "base")
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 _MOST = 20  # points tried for each that is wanted
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """`above_deg`: lowest elevation of a point, seen from the centre. `suppress`: every point has its approach."""
+    """`above_deg`: lowest elevation of a point, seen from the centre. `suppress`: every point has its approach;
+    `base`: the ball in the centre, for a ballbar as long as the radius.
+    """
 
     centre_deg: Joints
     radius_mm: float
     count: int
     above_deg: float
     suppress: bool
+    base: str | None
     ordered = True
+
+    @property
+    def lengths(self) -> bool:
+        return self.base is not None
 
     def stands(self, site: Site) -> list[Stand]:
         if len(site.targets) != 1:
             raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
         poses = self._poses(site)
         sides = site.sides()
-        stands = [site.stand(f"point {i}", pose, sides) for i, pose in enumerate(poses, start=1)]
+        distances = [] if self.base is None else [(site.targets[0], self.base)]
+        stands = [site.stand(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
         if self.suppress:
             return stands
         return stands[:1] + [
-            Stand(stand.what, stand.joints_deg, _moved(before, stand.joints_deg, sides), before)
+            replace(stand, sides=_moved(before, stand.joints_deg, sides), approach_deg=before)
             for before, stand in ((a.joints_deg, b) for a, b in pairwise(stands))
         ]
 
@@ -72,21 +80,17 @@ class Sphere:
 
     def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
         """(k, N) deg, in the branch of the taught pose."""
-        robot = site.cell.robot.model
-        if site.cell.robot.coupling != "none":
-            raise ConfigError(f"block {site.number + 1}: a sphere needs a robot whose joints are not coupled")
-        low, high = np.array(site.cell.robot.limits_deg).T * DEG
-        flange = forward(robot, taught * DEG)
+        robot = site.cell.robot
+        flange = forward(robot.model, robot.model_angles(taught))
         goals = np.repeat(flange, len(directions), axis=0)
         goals[:, :3, 3] += self.radius_mm * directions
         try:
-            _, (branch,) = inverse_kinematics(robot, flange).nearest(taught * DEG, low, high)
-            solutions = inverse_kinematics(robot, goals).within(low, high, taught * DEG)
+            away = np.sum((configurations(site.cell, flange, taught[0])[0] - taught) ** 2, axis=1)
+            if np.all(np.isnan(away)):
+                raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
+            joints = configurations(site.cell, goals, taught[0])[:, np.nanargmin(away)]
         except DataError as error:
             raise ConfigError(f"block {site.number + 1}: {error}") from error
-        if branch < 0:
-            raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
-        joints = solutions[:, branch] / DEG
         joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
         clear = may_stand(site.cell, joints) & facing(site.cell, joints, site.targets)
         if self.suppress:
@@ -125,4 +129,5 @@ def read(table: TomlTable, folder: Path | None) -> Sphere:
         count=table.whole("count", COUNT, low=2, high=10_000),
         above_deg=table.number("above_deg", 0.0, low=-89.0, high=89.0),
         suppress="approach" in table.values,
+        base=table.text("base") if "base" in table.values else None,
     )

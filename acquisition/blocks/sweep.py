@@ -41,6 +41,7 @@ class Sweep:
     at_deg: Joints | None
     both_ways: bool
     ordered = True
+    lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
         if self.joint > site.cell.robot.model.joints:
@@ -71,6 +72,7 @@ class CirclePoint:
     step_deg: float
     at_deg: Joints | None
     ordered = True
+    lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
         count = site.cell.robot.model.joints

@@ -17,12 +17,13 @@ from acquisition.cell import Cell, cell_from
 from acquisition.devices import Devices
 from acquisition.workspace import targets_at
 from acquisition.world_frame import WorldFrame
-from drivers.errors import MotionStopped, NotArmed, TargetNotSeen
+from drivers.errors import MotionStopped, NotArmed, OutOfRange, TargetNotSeen
 from drivers.interfaces import (
     Answer,
     Identity,
     InstrumentStatus,
     JointReading,
+    LengthReading,
     Operator,
     PointReading,
     Prompt,
@@ -47,6 +48,15 @@ CELL: dict[str, Any] = {
         "cog_mm": [50, 25, 100],
     },
 }
+# Six legs of 300 mm between balls on the base and on the tool of the same robot.
+BALLBAR: dict[str, Any] = {
+    "robot__table_z_mm": -150.0,
+    "robot__limits_deg": None,
+    "instrument": {"driver": "qc20w", "url": "tcp://127.0.0.1:5703", "nominal_mm": 300.0},
+    "world__nests": {"B1": [486.6, 50, -100], "B2": [313.4, 150, -100], "B3": [400, -100, -100]},
+    "tool__targets": {"T1": [0, 86.6, 100], "T2": [-75, -43.3, 100], "T3": [75, -43.3, 100]},
+}
+HEXAPOD: list[dict[str, Any]] = [{"kind": "hexapod", "set": "calibration", "count": 2}]
 CAMPAIGN: dict[str, Any] = {
     "format": "truepose-campaign/1",
     "approach": {"offset_deg": -5.0, "sides": "both"},
@@ -120,6 +130,8 @@ class Shot:
     came_from_deg: tuple[float, ...]
     seated: str | None
     quiet_moves: int
+    base_target: str | None = None
+    spanned: tuple[str, str] | None = None
 
 
 @dataclass
@@ -133,12 +145,16 @@ class Bench:
     where: tuple[float, ...] = (0.0,) * 6
     came_from: tuple[float, ...] = (0.0,) * 6
     seated: str | None = None
+    spanned: tuple[str, str] | None = None  # base ball and tool ball between which the ballbar is
+    zeroed: int = 0
+    off_deg: tuple[float, ...] = (0.0,) * 6  # by how much the joints are off
     quiet_moves: int = (
         0  # made since anything disturbed the cell: a fault, connecting, arming, a stop, a person
     )
     asking: bool = False  # a person has a question before them
     shots: dict[float, Shot] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
+    mistaken: dict[str, str] = field(default_factory=dict)  # target asked for -> target seen
     shift_mm: dict[str, float] = field(default_factory=dict)  # along x, of nests
     tracker: WorldFrame = field(
         default_factory=lambda: WorldFrame(
@@ -193,6 +209,7 @@ class FakeArm:
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
         if not self.armed:
             raise NotArmed("not armed", device=self.name)
+        assert self.bench.spanned is None, "the robot tears the ballbar off"
         try:
             self.bench.call("move")
         except BaseException:
@@ -264,13 +281,48 @@ class FakeMeter:
             world = np.array(bench.cell.nests[target]) + np.array([bench.shift_mm.get(target, 0.0), 0.0, 0.0])
         else:
             names = list(bench.cell.tool.targets)
-            world = targets_at(bench.cell, np.array([bench.where]))[0, names.index(target)]
+            seen = bench.mistaken.get(target, target)
+            world = targets_at(bench.cell, np.array([bench.where]))[0, names.index(seen)]
         x, y, z = (float(v) for v in bench.tracker.to_tracker(world))
         if near_mm is not None:
-            assert np.allclose(near_mm, (x, y, z), atol=0.5), "the beam is sent to the wrong place"
+            sent_wrong = not np.allclose(near_mm, (x, y, z), atol=0.5)
+            assert not sent_wrong or target in bench.mistaken, "the beam is sent to the wrong place"
         number = float(bench.calls)
         bench.shots[number] = Shot(target, bench.where, bench.came_from, bench.seated, bench.quiet_moves)
         return PointReading(target, (x, y, z), (0.01, 0.01, 0.01), samples, number, 0.0, 22.0, raw=b"shot")
+
+
+class FakeBar(FakeMeter):
+    """A ballbar of 300 mm that shows +-1 mm."""
+
+    def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading:  # pyright: ignore
+        bench = self.bench
+        if not self.armed:
+            raise NotArmed("not armed", device=self.name)
+        bench.call(f"measure {base_target} {target}")
+        if not self.armed:
+            raise MotionStopped("stopped", device=self.name)
+        names = list(bench.cell.tool.targets)
+        there = targets_at(bench.cell, np.array([bench.where]) + np.array(bench.off_deg))[
+            0, names.index(target)
+        ]
+        length = float(np.linalg.norm(there - np.array(bench.cell.nests[base_target])))
+        number = float(bench.calls)
+        if abs(length - 300.0) > 1.0:
+            raise OutOfRange(f"deviation of {length - 300.0:+.3f} mm", device=self.name, raw=b"510")
+        bench.shots[number] = Shot(
+            target, bench.where, bench.came_from, None, bench.quiet_moves, base_target, bench.spanned
+        )
+        return LengthReading(
+            target, base_target, length, 0.0005, length - 300.0, 0.0, samples, number, 0.0, 22.0, raw=b"shot"
+        )
+
+    def zero(self) -> float:
+        if not self.armed:
+            raise NotArmed("not armed", device=self.name)
+        self.bench.call("zero")
+        self.bench.zeroed += 1
+        return 0.001
 
 
 class SeatingOperator:
@@ -289,9 +341,17 @@ class SeatingOperator:
             answer = Answer.CONFIRM
         if prompt.text.startswith("Seat the SMR in ") and answer is Answer.CONFIRM:
             self.bench.seated = prompt.text.split()[4]
+        if answer is Answer.CONFIRM and prompt.text.startswith("Attach the ballbar between "):
+            words = prompt.text.split()
+            self.bench.spanned = words[4], words[6]
+        if answer is Answer.CONFIRM and prompt.text.startswith(
+            ("Take the ballbar off", "Put the ballbar into")
+        ):
+            self.bench.spanned = None
         self.bench.asking = False
         return answer
 
 
 def devices_of(bench: Bench, operator: Operator | None = None, *, can_stop: bool = True) -> Devices:
-    return Devices(FakeArm(bench, can_stop=can_stop), FakeMeter(bench), operator)
+    meter = FakeBar(bench) if bench.cell.instrument.measures_lengths else FakeMeter(bench)
+    return Devices(FakeArm(bench, can_stop=can_stop), meter, operator)

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.blocks import KINDS
 from acquisition.blocks.sphere import cap
 from acquisition.cell import Cell
 from acquisition.check import check_plan
@@ -332,7 +331,8 @@ def test_what_this_cell_cannot_do(block: dict[str, Any], words: str) -> None:
     ("block", "key"),
     [
         ({"kind": "dance"}, "kind"),
-        ({"kind": "hexapod"}, "kind"),
+        ({"kind": "hexapod", "stages": 3}, "stages"),
+        ({"kind": "hexapod", "configurations": "some"}, "configurations"),
         ({"kind": "sweep"}, "joint"),
         ({"kind": "sweep", "joint": 0}, "joint"),
         ({"kind": "sweep", "joint": 1, "count": 3}, "count"),
@@ -368,7 +368,8 @@ def test_blocks_refused_by_key(block: dict[str, Any], key: str) -> None:
     assert caught.value.exit_code == 2
 
 
-def test_a_hexapod_needs_its_ballbar() -> None:
-    with pytest.raises(ConfigError, match="ballbar"):
-        a_campaign(block=[{"kind": "hexapod"}])
-    assert "hexapod" not in KINDS
+def test_distances_need_a_ballbar() -> None:
+    with pytest.raises(
+        ConfigError, match="block 1: kind = 'hexapod' does not go with the faro-ion; it needs"
+    ):
+        plan_of({"kind": "hexapod"})

@@ -31,11 +31,14 @@ from drivers.errors import (
     LinkLost,
     LinkTimeout,
     NoOperator,
+    OutOfRange,
     StorageError,
     WrongMode,
 )
 from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import (
+    BALLBAR,
+    HEXAPOD,
     Bench,
     Crash,
     JumpingClock,
@@ -46,12 +49,17 @@ from tests.acquisition.fakes import (
 )
 
 BLOCKS = [{"set": "calibration", "count": 2, "targets": ["T1", "T2"]}, {"set": "validation", "count": 1}]
-READINGS = 2 * 2 + 3
+SETUPS: dict[str, tuple[dict[str, Any], list[dict[str, Any]], int]] = {
+    "SMRs": ({}, BLOCKS, 2 * 2 + 3),
+    "one SMR": ({"instrument__one_smr": True}, BLOCKS, 2 * 2 + 3),
+    "ballbar": (BALLBAR, HEXAPOD, 2 * 6),
+}
 MEMORY = Path("/dev/shm")  # no power is cut here, so the disk need not be waited for
 ERRORS: dict[str, BaseException] = {
     "link": LinkLost("lost"),
     "silence": LinkTimeout("late"),
     "beam": BeamBroken("broken"),
+    "stroke": OutOfRange("beyond"),
     "manual": WrongMode("manual"),
     "estop": EmergencyStop("pressed"),
     "nobody": NoOperator("gone"),
@@ -85,14 +93,15 @@ class CampaignMachine(RuleBasedStateMachine):
     bench: Bench
     run: Run
 
-    @initialize(one_smr=st.booleans())
-    def begin(self, one_smr: bool) -> None:
+    @initialize(setup=st.sampled_from(sorted(SETUPS)))
+    def begin(self, setup: str) -> None:
+        self.setup, (cell, blocks, self.readings) = setup, SETUPS[setup]
+        zero = {"zero_every": 8} if setup == "ballbar" else {}
         self.folder = Path(
             tempfile.mkdtemp(prefix="truepose-machine-", dir=MEMORY if MEMORY.is_dir() else None)
         )
-        self.bench = Bench(a_cell(instrument__one_smr=one_smr))
-        self.one_smr = one_smr
-        self.run = Run.create(self.folder, self.bench.cell, a_campaign(block=BLOCKS), simulated=True)
+        self.bench = Bench(a_cell(**cell))
+        self.run = Run.create(self.folder, self.bench.cell, a_campaign(block=blocks, **zero), simulated=True)
         self.clock = JumpingClock()
         self.told: list[dict[str, Any]] = []
         self.asked_to_move = True  # a new record may run
@@ -114,8 +123,8 @@ class CampaignMachine(RuleBasedStateMachine):
             self.execute([], [])
             self.the_record_is_true()
         status = self.run.status()
-        assert status.done == status.total == READINGS
-        assert (status.state == "succeeded") == (status.skipped < READINGS)
+        assert status.done == status.total == self.readings
+        assert (status.state == "succeeded") == (status.skipped < self.readings)
 
     def _heard(self, event: Event) -> None:
         assert event.t_s is not None
@@ -230,9 +239,10 @@ class CampaignMachine(RuleBasedStateMachine):
         db = sqlite3.connect(self.folder / FILE)
         db.row_factory = sqlite3.Row
         good = db.execute(
-            "SELECT a.id, a.pose, a.device_t_s, p.target, p.joints_deg, p.approach_deg, p.status AS outcome, "
-            "b.status AS arrival, b.visit = p.visit AS same FROM attempt AS a JOIN pose AS p ON p.id = a.pose "
-            "LEFT JOIN attempt AS b ON b.id = a.arrival WHERE a.kind = 'measure' AND a.status = 'good' "
+            "SELECT a.id, a.pose, a.device_t_s, p.target, p.base_target, p.joints_deg, p.approach_deg, "
+            "p.status AS outcome, b.status AS arrival, b.visit = p.visit AS same "
+            "FROM attempt AS a JOIN pose AS p ON p.id = a.pose LEFT JOIN attempt AS b ON b.id = a.arrival "
+            "WHERE a.kind = 'measure' AND a.status = 'good' "
             "AND p.kind = 'pose'"
         ).fetchall()
         measured = {
@@ -250,8 +260,11 @@ class CampaignMachine(RuleBasedStateMachine):
             assert shot.target == row["target"]
             assert shot.joints_deg == tuple(json.loads(row["joints_deg"]))
             assert shot.came_from_deg == tuple(json.loads(row["approach_deg"]))
-            assert shot.quiet_moves >= 2  # approach and pose, and nothing in between or since
-            assert not self.one_smr or shot.seated == row["target"]
+            if self.setup == "ballbar":
+                assert shot.spanned == (row["base_target"], row["target"])
+            else:
+                assert shot.quiet_moves >= 2  # approach and pose, and nothing in between or since
+            assert self.setup != "one SMR" or shot.seated == row["target"]
         if self.run.status().state == "succeeded":
             assert left == 0
             assert opened == 0

@@ -73,7 +73,7 @@ def stage(tmp_path: Path) -> Iterator[Stage]:
         yield made
 
 
-CONNECT = ["connect arm", "arm arm", "connect meter", "arm meter"]
+CONNECT = ["connect arm", "connect meter", "arm arm", "arm meter"]  # both are met before one is armed
 NESTS = ["measure N1", "measure N2", "measure N3"]
 TWO = ["move", "move", "measure T1", "measure T2"]
 ALL = [*CONNECT, *NESTS, *TWO, *TWO, "move", "move", "measure T3"]

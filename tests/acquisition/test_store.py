@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,6 +23,7 @@ from acquisition.schema import SCRIPTS
 from acquisition.states import TRANSITIONS, State, check_transition
 from acquisition.status import read_status, status_of
 from acquisition.store import Moment, Planned, Store
+from acquisition.world_frame import WorldFrame
 from drivers.errors import LinkLost, StorageError
 from drivers.interfaces import JointReading, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell
@@ -73,6 +75,9 @@ def test_only_the_table_allows(old: State, new: State) -> None:
     assert not old.active or State.PAUSED in TRANSITIONS[old]  # whatever happens, it can come to rest
 
 
+WORLD = WorldFrame(np.eye(3), np.array([3.0, 3.0, 3.0]))  # what is at (1, 2, 3) is at (4, 5, 6)
+
+
 def test_plan_comes_back_as_it_was_planned(tmp_path: Path) -> None:
     store = new_store(tmp_path)
     visits = make_plan(a_cell(), a_campaign())
@@ -96,9 +101,9 @@ def test_reading_needs_its_own_arrival_and_is_kept_once(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="needs its approach"):
         attempts.begin_reading(other, arrival)
     one, two = attempts.begin_reading(first, arrival), attempts.begin_reading(first, arrival)
-    attempts.measured(one, first, READING, (4.0, 5.0, 6.0))
+    attempts.measured(one, first, READING, WORLD)
     with pytest.raises(StorageError, match="UNIQUE"):
-        attempts.measured(two, first, READING, (4.0, 5.0, 6.0))
+        attempts.measured(two, first, READING, WORLD)
     attempts.failed(two, LinkLost("gone", raw=b"half"))
     for late in (
         lambda: attempts.failed(one, LinkLost("late")),

@@ -60,7 +60,7 @@ def record_of(folder: Path, air: list[float]) -> Path:
         attempts.arrived(arrival, JointReading(planned.visit.joints_deg, 0.01))
         reading = attempts.begin_reading(planned, arrival)
         now += 10.0
-        attempts.measured(reading, planned, reading_at(celsius), (0.0, 0.0, 0.0))
+        attempts.measured(reading, planned, reading_at(celsius), WorldFrame(np.eye(3), np.zeros(3)))
     store.close()
     return folder
 

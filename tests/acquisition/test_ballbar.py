@@ -1,0 +1,315 @@
+"""A ballbar campaign: hands and robot take turns, the zero is kept, and what was out of stroke comes again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.check import check_plan
+from acquisition.errors import RecordError
+from acquisition.export import export
+from acquisition.plan import make_plan
+from acquisition.run import Run
+from acquisition.store import Event
+from acquisition.workspace import targets_at
+from calib.dataset import read_dataset
+from calib.identify import identify
+from drivers.errors import ConfigError, LinkLost, NotReady, OutOfRange
+from drivers.interfaces import Answer
+from tests.acquisition.fakes import (
+    BALLBAR,
+    HEXAPOD,
+    Bench,
+    Crash,
+    JumpingClock,
+    SeatingOperator,
+    a_campaign,
+    a_cell,
+    devices_of,
+)
+
+OFF_DEG = (
+    0.1,
+    -0.15,
+    0.2,
+    -0.1,
+    0.25,
+    0.1,
+)  # the legs are then off by 0.8 mm on the average, by 2.5 mm at most
+
+
+class Bar:
+    """A ballbar campaign on fakes."""
+
+    def __init__(
+        self, folder: Path, *answers: Answer, off_deg: tuple[float, ...] = (0.0,) * 6, **campaign: Any
+    ):
+        self.folder = folder
+        self.bench = Bench(a_cell(**BALLBAR), off_deg=off_deg)
+        self.run = Run.create(
+            folder, self.bench.cell, a_campaign(**({"block": HEXAPOD} | campaign)), simulated=True
+        )
+        self.operator = SeatingOperator(self.bench, answers)
+        self.events: list[Event] = []
+
+    def execute(self) -> str:
+        devices = devices_of(self.bench, self.operator)
+        return self.run.execute(devices, JumpingClock(), self.events.append).state.value
+
+    def told(self, kind: str) -> list[Any]:
+        return [dict(event.data) for event in self.events if event.kind == kind]
+
+
+@pytest.fixture
+def bars(tmp_path: Path) -> Iterator[Any]:
+    made: list[Bar] = []
+
+    def make(*answers: Answer, **options: Any) -> Bar:
+        made.append(Bar(tmp_path / str(len(made)), *answers, **options))
+        return made[-1]
+
+    yield make
+    for bar in made:
+        bar.run.close()
+
+
+def test_every_pose_of_the_plan_has_six_legs_as_long_as_the_bar() -> None:
+    cell = a_cell(**BALLBAR)
+    visits = make_plan(cell, a_campaign(block=[{"kind": "hexapod", "configurations": "all"}]))
+    check_plan(cell, visits)
+    names = list(cell.tool.targets)
+    assert len({visit.joints_deg for visit in visits}) == len(visits) > 40
+    for visit in visits:
+        assert len(set(visit.readings)) == 6
+        points = targets_at(cell, np.array([visit.joints_deg]))[0]
+        legs = [points[names.index(t)] - np.array(cell.nests[b]) for t, b in visit.readings if b]
+        np.testing.assert_allclose(
+            np.linalg.norm(legs, axis=1), 300.0, atol=0.003
+        )  # joints have four decimals
+
+
+def test_hands_and_robot_take_turns(bars: Any) -> None:
+    bar = bars()
+    assert bar.execute() == "succeeded"
+    moves = ["move", "move"]
+    first, second = make_plan(bar.bench.cell, a_campaign(block=HEXAPOD))
+    assert bar.bench.log[4:] == [
+        *moves,
+        *(f"measure {base} {target}" for target, base in first.readings),
+        *moves,
+        *(f"measure {base} {target}" for target, base in second.readings),
+    ]
+    assert bar.operator.asked[0].startswith(
+        "Take the ballbar off, step back and press confirm: the robot moves to"
+    )
+    assert [text.split(" and press")[0] for text in bar.operator.asked[1:7]] == [
+        f"Attach the ballbar between {base} and {target}" for target, base in first.readings
+    ]
+    assert bar.operator.asked[7].startswith("Take the ballbar off")
+    reading = bar.told("reading")[0]
+    assert (reading["target"], reading["base_target"]) == first.readings[0]
+    assert reading["length_mm"] == pytest.approx(300.0, abs=0.003)
+
+
+def test_a_reading_that_is_skipped_leaves_the_robot_where_it_is(bars: Any) -> None:
+    bar = bars(Answer.CONFIRM, Answer.SKIP)  # off, and then the first leg
+    assert bar.execute() == "succeeded"
+    assert bar.bench.log.count("move") == 4
+    assert bar.run.status().skipped == 1
+
+
+def test_a_skipped_pose_is_not_driven(bars: Any) -> None:
+    bar = bars(Answer.SKIP)
+    assert bar.execute() == "succeeded"
+    assert bar.run.status().skipped == 1
+
+
+def test_a_redo_goes_back_with_the_bar_off(bars: Any) -> None:
+    bar = bars(*[Answer.CONFIRM] * 2, Answer.REDO)  # off, leg 1, and when leg 2 is asked for
+    assert bar.execute() == "succeeded"
+    assert bar.bench.log.count("move") == 6
+    assert len(bar.told("measure_again")) == 1
+    assert bar.run.status().done == 12
+
+
+def test_after_a_crash_the_bar_is_taken_off_first(bars: Any) -> None:
+    bar = bars()
+
+    def crash() -> None:
+        bar.run._store.database._connection.close()
+        raise Crash
+
+    bar.bench.faults[9] = crash  # while the third leg is measured
+    with pytest.raises(Crash):
+        bar.execute()
+    bar.run.close()
+    bar.run = Run.open(bar.folder)
+    assert (bar.run.status().state, bar.run.status().done) == ("paused", 2)
+    assert bar.bench.spanned is not None  # it hangs there still
+    bar.run.resume()
+    bar.operator.asked.clear()
+    assert bar.execute() == "succeeded"
+    assert bar.operator.asked[0].startswith("Take the ballbar off")
+
+
+def test_a_lost_robot_is_approached_again_without_the_bar(bars: Any) -> None:
+    bar = bars()
+
+    def lose() -> None:
+        raise LinkLost("gone", device="meter")
+
+    bar.bench.faults[8] = lose
+    assert bar.execute() == "succeeded"  # the fake robot asserts that no bar hangs on it
+
+
+@pytest.mark.parametrize("every", [1, 6, 7, 100])
+def test_the_zero_is_read_between_poses(bars: Any, every: int) -> None:
+    bar = bars(zero_every=every)
+    assert bar.execute() == "succeeded"
+    expected = 2 if every <= 6 else 1
+    assert bar.bench.zeroed == expected
+    assert bar.told("zeroed") == [{"zero_mm": 0.001}] * expected
+    first = bar.bench.log.index("zero")
+    assert first < bar.bench.log.index("move")
+
+
+def test_a_zero_that_is_skipped_is_not_read(bars: Any) -> None:
+    bar = bars(Answer.SKIP, zero_every=100)
+    assert bar.execute() == "succeeded"
+    assert bar.bench.zeroed == 0
+
+
+def test_a_bar_that_is_not_in_its_calibrator_is_asked_for_again(bars: Any) -> None:
+    bar = bars(zero_every=100)
+
+    def outside() -> None:
+        raise OutOfRange("the bar is not in its calibrator", device="meter")
+
+    bar.bench.faults[5] = outside
+    assert bar.execute() == "succeeded"
+    assert bar.bench.zeroed == 1
+    assert "not in its calibrator" in bar.operator.asked[1]
+
+
+def test_a_wrong_extension_bar_is_told_to_the_operator(bars: Any) -> None:
+    bar = bars()
+
+    def wrong() -> None:
+        raise NotReady("the bar is calibrated to 98.2 mm, the cell needs 300 mm", device="meter")
+
+    bar.bench.faults[4] = wrong  # when the bar is armed
+    assert bar.execute() == "succeeded"
+    assert "98.2 mm, the cell needs 300 mm" in bar.operator.asked[0]
+
+
+def test_what_is_out_of_stroke_comes_again_at_corrected_joints(bars: Any) -> None:
+    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "set": "calibration"}])
+    assert bar.execute() == "succeeded"
+    (stage,) = bar.told("second_stage")
+    put_off = bar.told("deferred")
+    assert 20 < len(put_off) < 0.5 * bar.run.status().total
+    assert stage["refused"] == 0
+    assert bar.run.status().skipped == 0  # all of them could be had then
+    again = sum(len(each["poses"]) for each in bar.told("replanned"))
+    assert again == len(put_off)
+    # Each is tried once per stage: a bar that shows its stop shows it again.
+    assert len(bar.told("attempt_failed")) == len(put_off)
+    dataset = read_dataset(export(bar.folder, bar.folder / "out.csv"))
+    assert dataset.usable.sum() == bar.run.status().total
+    assert dataset.header.instrument == "qc20w"
+    found = identify(dataset)
+    assert np.all(np.abs(dataset.lengths - 300.0) < 1.0)
+    value = dict(zip(found.model.index, found.estimate, strict=True))
+    for joint in (2, 4, 5):  # the thetas that neither base nor tool can take
+        assert np.degrees(value[f"theta{joint}"]) == pytest.approx(OFF_DEG[joint - 1], abs=0.02)
+
+
+def test_one_stage_leaves_the_others_out(bars: Any) -> None:
+    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "stages": 1, "count": 8}])
+    assert bar.execute() == "succeeded"
+    assert bar.told("second_stage") == []
+    assert bar.run.status().skipped > 0
+
+
+def test_too_few_readings_for_a_second_stage_are_told(bars: Any) -> None:
+    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "count": 3}])
+    assert bar.execute() == "succeeded"
+    (refused,) = bar.told("second_stage_refused")
+    assert refused["readings"] == bar.run.status().skipped
+    assert "readings" in refused["reason"]
+
+
+def test_a_second_stage_survives_the_end_of_the_program(bars: Any) -> None:
+    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod"}])
+
+    def crash(event: Event) -> None:
+        bar.events.append(event)
+        if event.kind == "second_stage":
+            bar.run.pause()
+
+    assert bar.run.execute(devices_of(bar.bench, bar.operator), JumpingClock(), crash).state.value == "paused"
+    bar.run.close()
+    bar.run = Run.open(bar.folder)
+    bar.run.resume()
+    assert bar.execute() == "succeeded"
+    assert len(bar.told("second_stage")) == 1
+    assert bar.run.status().skipped == 0
+
+
+def test_a_record_without_a_distance_is_no_data_set(bars: Any, tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no reading of a pose"):
+        export(bars().folder, tmp_path / "out.csv")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"block": [{"count": 3}]},
+            "block 1: kind = 'poses' does not go with the qc20w; use kind = 'hexapod'",
+        ),
+        ({"reference_every": 5}, "need an instrument that measures points"),
+        ({"block": [{"kind": "hexapod", "base": ["B1", "B2", "B9"]}]}, "not B1, B2, B9"),
+        ({"block": [{"kind": "hexapod", "targets": ["T1", "T2"]}]}, "B3 and T1, T2"),
+    ],
+)
+def test_what_a_ballbar_cannot_do(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make_plan(a_cell(**BALLBAR), a_campaign(**({"block": HEXAPOD} | changes)))
+
+
+def test_balls_that_the_arm_does_not_reach() -> None:
+    far = BALLBAR | {
+        "world__nests": {"B1": [1486.6, 50, -100], "B2": [1313.4, 150, -100], "B3": [1400, -100, -100]}
+    }
+    with pytest.raises(ConfigError, match="reaches no stance of the legs between B1, B2, B3 and T1, T2, T3"):
+        make_plan(a_cell(**far), a_campaign(block=HEXAPOD))
+
+
+def test_a_ballbar_needs_its_length() -> None:
+    with pytest.raises(ConfigError, match=r"instrument\.nominal_mm': is missing"):
+        a_cell(**(BALLBAR | {"instrument": {"driver": "qc20w", "url": "tcp://127.0.0.1:5703"}}))
+    with pytest.raises(ConfigError, match="zero_every needs a ballbar"):
+        make_plan(a_cell(), a_campaign(zero_every=10))
+
+
+def test_a_sphere_about_a_ball_on_the_base(tmp_path: Path) -> None:
+    """The taught centre has the target in the ball; every point is a distance to it."""
+    cell = a_cell(**BALLBAR)
+    pose = make_plan(cell, a_campaign(block=HEXAPOD))[0]
+    block = {
+        "kind": "sphere",
+        "centre_deg": list(pose.joints_deg),
+        "targets": ["T1"],
+        "base": "B1",
+        "count": 5,
+    }
+    visits = make_plan(cell, a_campaign(block=[block | {"radius_mm": 100.0, "above_deg": 45.0}]))
+    assert [visit.readings for visit in visits] == [[("T1", "B1")]] * 5
+    with closing(Run.create(tmp_path, cell, a_campaign(block=[block]), simulated=True)) as run:
+        assert run.status().total == 5

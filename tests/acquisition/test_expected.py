@@ -1,0 +1,122 @@
+"""What the instrument saw is checked against what it was asked for, and devices are met before the warm-up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.errors import Misplaced, WronglySeated
+from acquisition.store import Event
+from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
+from drivers.interfaces import Answer, Prompt
+from tests.acquisition.fakes import SeatingOperator
+from tests.acquisition.test_sequencer import Stage
+
+WARM_UP_S = 3600.0
+
+
+@pytest.fixture
+def stages(tmp_path: Path) -> Iterator[Callable[..., Stage]]:
+    made: list[Stage] = []
+
+    def make(**options: Any) -> Stage:
+        made.append(Stage(tmp_path / str(len(made)), **options))
+        return made[-1]
+
+    yield make
+    for stage in made:
+        stage.run.close()
+
+
+class Clumsy(SeatingOperator):
+    """Seats the SMR in T2 the first time that T1 is asked for."""
+
+    def ask(self, prompt: Prompt) -> Answer:
+        if prompt.text.startswith("Seat the SMR in T1"):
+            first = not any(text == prompt.text for text in self.asked)
+            self.bench.mistaken = {"T1": "T2"} if first else {}
+        return super().ask(prompt)
+
+
+def codes(events: list[Event]) -> list[int]:
+    return [event.data["error"]["code"] for event in events if event.kind == "attempt_failed"]
+
+
+def test_an_smr_in_the_wrong_nest_is_told(stages: Callable[..., Stage]) -> None:
+    stage = stages(cell={"instrument__one_smr": True})
+    stage.operator = Clumsy(stage.bench)
+    events: list[Event] = []
+    assert stage.execute(events.append).state.value == "succeeded"
+    (told,) = [text for text in stage.operator.asked if "from where it should be" in text]
+    assert (
+        "sees T1 150.0 mm from where it should be, expected within 50 mm; T2 should be 0.0 mm from there"
+        in told
+    )
+    assert "Seat the SMR in the target named, then confirm" in told
+    asked_next = stage.operator.asked[stage.operator.asked.index(told) + 1]
+    assert asked_next == "Seat the SMR in T1 and press confirm."
+    assert codes(events) == [WronglySeated.code]
+    assert stage.run.status().skipped == 0
+
+
+def test_a_beam_on_the_neighbouring_smr_is_tried_again(stages: Callable[..., Stage]) -> None:
+    stage = stages()
+    stage.bench.mistaken = {"T1": "T2"}
+    events: list[Event] = []
+
+    def look(event: Event) -> None:
+        events.append(event)
+        if event.kind == "attempt_failed":
+            stage.bench.mistaken = {}
+
+    assert stage.execute(look).state.value == "succeeded"
+    assert codes(events) == [Misplaced.code]
+    assert stage.run.status().skipped == 0
+
+
+def test_a_target_that_is_never_where_it_should_be_is_left_out(stages: Callable[..., Stage]) -> None:
+    stage = stages()
+    stage.bench.mistaken = {"T1": "T3"}
+    assert stage.execute().state.value == "succeeded"
+    assert stage.run.status().skipped == 2  # T1 of both poses
+
+
+def test_the_limit_is_the_cells(stages: Callable[..., Stage]) -> None:
+    stage = stages(cell={"instrument__expected_within_mm": 200.0})
+    stage.bench.mistaken = {"T1": "T2"}
+    events: list[Event] = []
+    assert stage.execute(events.append).state.value == "succeeded"
+    assert codes(events) == []
+
+
+@pytest.mark.parametrize("call", [1, 2])
+@pytest.mark.parametrize(
+    ("error", "asked"), [(LinkLost("no route"), 0), (Busy("another client"), 1), (WrongMode("manual"), 1)]
+)
+def test_a_dead_or_taken_device_is_known_before_the_warm_up(
+    call: int, error: AcquisitionError, asked: int, stages: Callable[..., Stage]
+) -> None:
+    stage = stages(warm_up_s=WARM_UP_S)
+    stage.fail(call, error)
+    events: list[Event] = []
+    assert stage.execute(events.append).state.value == "succeeded"
+    kinds = [event.kind for event in events]
+    told = next(i for i, event in enumerate(events) if event.kind in ("reconnect", "prompt"))
+    assert told < kinds.index("warm_up") < kinds.index("reading")
+    assert len(stage.operator.asked) == asked
+    assert stage.bench.log.index("arm arm") > stage.bench.log.index("connect meter")
+
+
+def test_a_device_that_stays_dead_pauses_before_the_warm_up(stages: Callable[..., Stage]) -> None:
+    stage = stages(warm_up_s=WARM_UP_S)
+    for call in range(1, 30):
+        stage.fail(call, LinkLost("no route", device="meter"))
+    began = stage.clock.now()
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 4)
+    assert stage.clock.now() - began < 60.0
+    assert "move" not in stage.bench.log
+    assert not any(entry.startswith("arm") for entry in stage.bench.log)
