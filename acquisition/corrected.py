@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign import FORMAT, Campaign, campaign_from
-from acquisition.cell import Cell
+from acquisition.cell import Cell, RobotSection
 from acquisition.plan import DECIMALS
 from acquisition.workspace import above_table, outside_boxes, points_of_arm
-from calib.compensate import Correction, StatedConditions, correct
+from calib.compensate import Correction, StatedConditions, controller_angles, correct
 from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
 from calib.kinematics import Array
@@ -28,12 +28,30 @@ _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which
 
 
 def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
-    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach."""
-    limits = np.array(cell.robot.limits_deg)
+    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach.
+
+    Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
+    """
+    robot, limits = cell.robot, np.array(cell.robot.limits_deg)
     room = 10.0**-DECIMALS  # what rounding may add
     limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
     final = diagnosis.final
-    return correct(final.model, final.estimate, goals_deg * DEG, stated, limits=limits)
+    done = correct(
+        final.model,
+        final.estimate,
+        robot.model_angles(goals_deg),
+        _approached(robot, stated),
+        limits=limits,
+        coupling=robot.coupling,
+    )
+    return replace(done, joints=controller_angles(robot.model, done.joints, robot.coupling))
+
+
+def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:
+    """What the last moves of the model's joints are when every joint of the controller comes from `APPROACH_DEG`."""
+    zero = np.zeros((1, robot.model.joints))
+    moves = (robot.model_angles(zero) - robot.model_angles(zero + APPROACH_DEG))[0]
+    return replace(stated, side=tuple(np.sign(moves)), approach=tuple(np.abs(moves)))
 
 
 def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
@@ -48,7 +66,8 @@ def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
 def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
     """Whether the corrected joints depend on time or temperature more than a little."""
     stated = StatedConditions(temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
-    final, joints = diagnosis.final, goals_deg * DEG
+    final, header = diagnosis.final, dataset.header
+    joints = header.robot.model_angles(goals_deg * DEG, header.coupling)
     at = correct(final.model, final.estimate, joints, stated).joints
     for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
         moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at)

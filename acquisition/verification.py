@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.cell import Cell
+from acquisition.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
+from acquisition.plan import DECIMALS
 from acquisition.store import Store
 from acquisition.workspace import targets_at
 from acquisition.world_frame import WorldFrame
@@ -31,7 +32,6 @@ from calib.identification import Identification
 from calib.kinematics import Array
 from calib.model import Design, RobotModel
 from calib.statistics import ErrorStatistics, statistics_of
-from calib.units import DEG
 
 INSTRUMENT_MOVED_MM = 1.0  # nests farther off than any drift brings them: somebody moved the instrument
 
@@ -39,7 +39,7 @@ _FEWEST_FOR_A_LINE = 3
 _MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through a noisy sensor may
 
 _ROWS = """
-SELECT attempt.*, pose.target, pose.joints_deg, pose.sides FROM attempt JOIN pose ON pose.id = attempt.pose
+SELECT attempt.*, pose.target, pose.joints_deg, pose.approach_deg FROM attempt JOIN pose ON pose.id = attempt.pose
 WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose'
   AND pose.replaced_by IS NULL ORDER BY attempt.id
 """
@@ -47,13 +47,15 @@ WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose
 
 @dataclass(frozen=True)
 class Landings:
-    """Readings of driven targets: joints (n, N) rad as commanded, sides (n, N), points (n, 3) mm, instrument's frame.
+    """Readings of driven targets: points (n, 3) mm in the instrument's frame, and how the robot was driven there.
 
-    time (n,) s on the record's own clock; own, nests: the record's world frame and nests, as the instrument saw them.
+    driven_deg (n, N): joints as commanded; joints, previous (n, N): model angles of these and of their approach points,
+    rad; time (n,) s on the record's own clock; own, nests: its world frame and nests, as the instrument saw them.
     """
 
+    driven_deg: Array
     joints: Array
-    sides: Array
+    previous: Array
     target: tuple[str, ...]
     points: Array
     time: Array
@@ -87,13 +89,16 @@ def read_landings(record: Path) -> Landings:
     try:
         rows = [dict(row) for row in store.database.query(_ROWS)]
         world, nests = store.world, store.nests_mm()
+        robot = cell_of_record(store.campaign["cell"], str(store.database.path)).robot
     finally:
         store.close()
     if world is None or not rows:
         raise RecordError(f"{record}: holds no reading of a pose yet")
+    driven = np.array([json.loads(row["joints_deg"]) for row in rows], dtype=np.float64)
     return Landings(
-        joints=np.array([json.loads(row["joints_deg"]) for row in rows]) * DEG,
-        sides=np.array([json.loads(row["sides"]) for row in rows], dtype=np.float64),
+        driven_deg=driven,
+        joints=robot.model_angles(driven),
+        previous=robot.model_angles([json.loads(row["approach_deg"]) for row in rows]),
         target=tuple(row["target"] for row in rows),
         points=np.array([[row[f"tracker_{axis}_mm"] for axis in "xyz"] for row in rows]),
         time=np.array([row["ended_t_s"] for row in rows]),
@@ -185,9 +190,11 @@ def landed_points(
 def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Conditions:
     """The readings' conditions, on the clock of campaign 1, behind all its steps."""
     at = conditions_at(model, landings.joints, StatedConditions())
+    moved = np.sign(landings.joints - landings.previous)
     return replace(
         at,
-        side=landings.sides,
+        previous=landings.previous,
+        side=np.where(moved == 0.0, 1.0, moved),
         time=landings.time + later_s,
         temperature=landings.temperature,
         target=np.array([at.target_names.index(name) for name in landings.target]),
@@ -230,7 +237,7 @@ def judge(
     """
     off_mm = nests_off(landings, world, cell.nests)
     points = landed_points(landings, world, found.model, found.estimate, later_s, off_mm)
-    driven = [tuple(np.round(row / DEG, 4).tolist()) for row in landings.joints]
+    driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
     goals = np.array([wanted.get(joints, joints) for joints in driven])
     conditions = conditions_of(landings, found.model, later_s)
     return Judged(

@@ -14,6 +14,9 @@ from calib.header import Header
 from calib.kinematics import Array
 from calib.units import DEG
 
+STILL = 1e-5 * DEG
+"""rad; a joint that turned less stood still: files have four decimals of a degree, sums of them rounding errors."""
+
 
 def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
     """(n,) rank of every row: series by series as they first appear, in time within each.
@@ -54,8 +57,17 @@ def arrivals_of(
         side = side * np.sign(np.diag(matrix))
         # A model joint that several controller joints turn has no side of its own on record: derive it.
         side[:, np.count_nonzero(matrix, axis=1) > 1] = np.nan
-    derived = _derived(np.sign(joints - previous), in_time, begins)
+    derived = _derived(_last_move(joints, previous, before), in_time, begins)
     return np.where(np.isfinite(side), side, derived), previous
+
+
+def _last_move(joints: Array, previous: Array, before: Array) -> Array:
+    """Signs of the moves (n, N) that ended last: from where the row's own move began, else of the way there.
+
+    Two joints of a controller may turn against each other and leave the model joint that both turn where it is.
+    """
+    own, way = joints - previous, previous - before
+    return np.where(np.abs(own) > STILL, np.sign(own), np.where(np.abs(way) > STILL, np.sign(way), 0.0))
 
 
 def _derived(moved: Array, in_time: NDArray[np.int64], begins: NDArray[np.bool_]) -> Array:

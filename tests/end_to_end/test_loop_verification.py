@@ -134,8 +134,9 @@ def test_an_instrument_that_was_moved_is_tied_to_its_nests() -> None:
     here, moved = WorldFrame(np.eye(3), np.zeros(3)), WorldFrame(np.eye(3), np.array([0.0, 0.0, 5.0]))
     nests = {name: np.array(point) - moved.origin for name, point in CELL.nests.items()}
     points = np.array([[300.0, 100.0, 395.0]])
-    joints = np.radians([[10.0, 20.0, -30.0, 40.0, 50.0, 60.0]])
-    landings = Landings(joints, np.ones((1, 6)), ("T1",), points, np.ones(1), np.full(1, 22.0), moved, nests)
+    driven = np.array([[10.0, 20.0, -30.0, 40.0, 50.0, 60.0]])
+    joints, previous = np.radians(driven), np.radians(driven + APPROACH_DEG)
+    landings = Landings(driven, joints, previous, ("T1",), points, np.ones(1), np.full(1, 22.0), moved, nests)
     model = RobotModel(CELL.robot.model, (drift_translation(),), {"main": dict(CELL.tool.targets)})
     drifting = np.array([1.0, 0.0, 0.0])  # mm/s
     off_mm = nests_off(landings, here, CELL.nests)
