@@ -52,6 +52,7 @@ def diagnosis(
             "with the effects found": result.error_after,
         },
         result.dataset.header.holdout,
+        wording.error_kind(result.dataset),
     )
     if carried is not None:
         yield errors(
@@ -128,14 +129,16 @@ def patch(patched: Patched) -> RenderableType:
     return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
 
 
-def errors(rows: Mapping[str, ErrorStatistics | None], holdout: str) -> RenderableType:
-    """Position errors on validation rows, with the kind of hold-out named."""
+def errors(
+    rows: Mapping[str, ErrorStatistics | None], holdout: str, kind: str = wording.POSITION_ERROR
+) -> RenderableType:
+    """Errors on validation rows, with the kind of hold-out named."""
     known = {name: e for name, e in rows.items() if e is not None}
     if not known:
         return Text(
             "No measured validation rows: nothing here was judged on readings that took no part.", "yellow"
         )
-    table = _table("Position error on held-out readings, mm", "model", "n", "mean", "RMS", "95 %", "max")
+    table = _table(f"{kind} on held-out readings, mm", "model", "n", "mean", "RMS", "95 %", "max")
     for name, e in known.items():
         table.add_row(name, str(e.n), *(wording.millimetres(x) for x in (e.mean, e.rms, e.p95, e.max)))
     return Group(table, Text(f"Hold-out: {wording.holdout_in_words(holdout)}.", "dim"))

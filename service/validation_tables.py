@@ -105,7 +105,7 @@ def repeated(dataset: Dataset, repeats: Repeats, model: str) -> Iterator[Rendera
 
 def held_out(found: Sequence[HeldOut]) -> Iterator[RenderableType]:
     """Hold-outs side by side."""
-    table = _table("Position error of the base model by kind of hold-out, mm", "held out", *_FIGURES, "")
+    table = _table("Error of the base model by kind of hold-out, mm", "held out", *_FIGURES, "")
     table.columns[-1].justify = "left"
     for each in found:
         cells = [""] * len(_FIGURES) if each.errors is None else _cells(each.errors)

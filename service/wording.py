@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis, Found
 from calib.diagnose.patch import Patch
 from calib.statistics import ErrorStatistics
@@ -24,6 +25,14 @@ CLOSING = (
     "No issue detected by these tests is not an acceptance verdict. "
     "This report relates only to this robot, this set-up and these readings."
 )
+
+
+POSITION_ERROR = "Position error"
+
+
+def error_kind(dataset: Dataset) -> str:
+    """What the errors of a data set are of."""
+    return POSITION_ERROR if dataset.pointed.any() else "Error of the distance"
 
 
 def holdout_in_words(kind: str) -> str:

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from calib.dataset import Dataset
 from calib.errors import DataError
+from calib.held_out import errors_on
 from calib.identify import identify
 from calib.kinematics import Array, forward
-from calib.model import Design
-from calib.statistics import distances
 from calib.validation.place import FEWEST, place
 from calib.validation.summary import Summary, summarise
 
@@ -54,11 +53,11 @@ def hold_outs(
 
     Raises DataError where there are fewer poses than folds, or what a fold leaves cannot carry the model.
     """
-    rows = dataset.fit_rows & dataset.pointed
+    rows = dataset.fit_rows & (dataset.pointed | dataset.spanned)
     poses = len(np.unique(_poses(dataset)[rows]))
     if poses < folds:
         raise DataError(
-            f"has {poses} poses with a measured point to hold out, in {folds} parts.",
+            f"has {poses} poses with a measured point or distance to hold out, in {folds} parts.",
             do="Measure more poses with set = calibration.",
             file=dataset.path,
             key="set",
@@ -86,10 +85,9 @@ def _pooled(kind: str, parts: list[tuple[Array, int]]) -> HeldOut:
 def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:
     """Errors of the held rows with the model of the others, and how many of them cannot be judged."""
     rest = without(dataset, held)
-    judged = held & _placed(dataset, rest.fit_rows & rest.pointed)
+    judged = held & _placed(dataset, rest.fit_rows & (rest.pointed | rest.spanned))
     found = identify(rest)
-    conditions = dataset.conditions.take(judged)
-    return distances(found.predict(conditions), dataset.points[judged]), int(held.sum() - judged.sum())
+    return errors_on(dataset, judged, found.model, found.estimate), int(held.sum() - judged.sum())
 
 
 def _placed(dataset: Dataset, fitted: Mask) -> Mask:
@@ -150,5 +148,4 @@ def _by_series(dataset: Dataset, rows: Mask) -> Iterator[tuple[Array, int]]:
         model, estimate = place(dataset, found.model, found.estimate, fitted)
         left = held & ~second
         judged = left & _placed(dataset, fitted)
-        predicted = Design(model, conditions.take(judged)).predict(estimate)
-        yield distances(predicted, dataset.points[judged]), int(left.sum() - judged.sum())
+        yield errors_on(dataset, judged, model, estimate), int(left.sum() - judged.sum())

@@ -64,6 +64,7 @@ def identify_command(
             tables.errors(
                 {"nominal robot, placed": error_nominal, "identified": error_identified},
                 dataset.header.holdout,
+                wording.error_kind(dataset),
             ),
         ):
             terminal.out.print(table)

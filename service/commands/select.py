@@ -22,7 +22,7 @@ from calib.files import replace_file
 from calib.selection import Candidates, Choice, Curve, candidates_of, choose, curve_of
 from calib.selection.choose import SHARE
 from calib.selection.curve import STEP, WORTH
-from calib.units import DEG, to_display
+from calib.units import to_display
 from service import exit_codes, tables, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -65,6 +65,13 @@ def select(
     options.check_outputs({"--out": out, "--json": json}, inputs=(cell,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         the_cell = read_cell(cell)
+        if the_cell.instrument.measures_lengths:
+            raise DataError(
+                f"the {the_cell.instrument.name} measures distances; poses are chosen for points.",
+                do="Use a block of kind = 'hexapod' in the campaign, it takes every stance that the arm reaches.",
+                file=cell,
+                key="instrument.driver",
+            )
         names = _names(targets, the_cell)
         setup = setup_of(the_cell, names, [name.strip() for name in groups.split(",") if name.strip()])
         terminal.say(f"drawing {candidates} candidates")
@@ -75,7 +82,7 @@ def select(
         if len(drawn) < count:
             raise too_few(the_cell, len(drawn), count, names)
         terminal.say(f"selecting {count} of {len(drawn)}")
-        found = candidates_of(setup, np.array([joints for joints, _ in drawn]) * DEG)
+        found = candidates_of(setup, the_cell.robot.model_angles([joints for joints, _ in drawn]))
         choice = choose(setup, found, count, share=share, seed=seed)
         terminal.say("predicting the uncertainty")
         curve = curve_of(found, choice.selection)

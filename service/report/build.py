@@ -185,6 +185,7 @@ def _render(
         fit_count=len(found.readings.rows),
         held_count=int(dataset.validation_rows.sum()),
         holdout=wording.holdout_in_words(dataset.header.holdout),
+        error_kind=wording.error_kind(dataset),
         scope=scope.scope_of(dataset),
         trust=trust.trust_of(dataset, found),
         parameters=[_parameter(row) for row in rows_of(found, base_model_only=True)],

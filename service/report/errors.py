@@ -55,7 +55,7 @@ def histogram(sets: Sequence[Errors]) -> str:
     else:
         axes.set_xlim(0.0, None)
     axes.grid(axis="x", visible=False)
-    axes.set_xlabel("position error, mm")
+    axes.set_xlabel("error, mm")
     axes.set_ylabel(f"readings of {len(sets[0].distances)}")
     axes.margins(y=0.04)
     drawing.legend(drawn, axes, 2)
@@ -81,7 +81,7 @@ def cumulative(sets: Sequence[Errors]) -> str:
     else:
         axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, 101.0)
-    axes.set_xlabel("position error, mm")
+    axes.set_xlabel("error, mm")
     axes.set_ylabel("share of the readings, %")
     drawing.legend(drawn, axes, 2)
     return drawing.as_svg(drawn, "cumulative", "Cumulative curve of the position error of each model")

@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.dataset import Dataset
 from calib.kinematics import Array
-from calib.noise import Noise
 from calib.units import DEG
 
 
@@ -18,30 +17,42 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
     lines = [
         ("Joint ranges", _ranges(conditions.joints)),
         ("Side of approach", _sides(conditions.side)),
-        (
-            "Workspace",
-            " × ".join(f"{x:.0f}" for x in np.ptp(points, axis=0))
-            + " mm, along x, y, z of the instrument's world",
-        ),
+        ("Workspace", _workspace(points[dataset.pointed[rows]])),
         ("Tool targets", ", ".join(conditions.target_names)),
         ("Time", _span(conditions.time, 1.0 / 3600.0, "h") or "not recorded"),
         ("Air temperature", _span(conditions.temperature, 1.0, "°C") or "not recorded"),
         ("Load on the flange", _loads(dataset)),
-        ("Declared noise (1 sigma per axis)", noise_in_words(dataset.header.noise)),
+        ("Declared noise (1 sigma)", noise_in_words(dataset)),
     ]
     if len(conditions.series_names) > 1:
         lines.append(("Series", ", ".join(conditions.series_names)))
     return lines
 
 
-def noise_in_words(noise: Noise) -> str:
-    """The declared noise as the header has it."""
-    text = {
+def _workspace(points: Array) -> str:
+    if not len(points):
+        return "no point was measured: distances only"
+    return (
+        " × ".join(f"{x:.0f}" for x in np.ptp(points, axis=0))
+        + " mm, along x, y, z of the instrument's world"
+    )
+
+
+def noise_in_words(dataset: Dataset) -> str:
+    """The declared noise of what was measured, as the header has it; points per axis."""
+    noise = dataset.header.noise
+    of_points = {
         "tracker": f"range {noise.range_mm * 1e3:g} µm + {noise.range_ppm:g} ppm, "
         f"across {noise.transverse_mm * 1e3:g} µm + {noise.transverse_ppm:g} ppm",
         "isotropic": f"{noise.sigma_mm * 1e3:g} µm",
         "per-row": "given for every reading",
     }[noise.kind]
+    parts = [of_points] if dataset.pointed.any() else []
+    if dataset.turned.any():
+        parts.append(f"turns {noise.rotation * 1e3:g} mrad")
+    if dataset.spanned.any():
+        parts.append(f"distances {noise.length_mm * 1e3:g} µm")
+    text = "; ".join(parts)
     if noise.repeatability > 0.0:
         text += f"; robot repeatability {noise.repeatability / DEG * 1e3:g} mdeg a joint"
     return text

@@ -379,3 +379,14 @@ class TestComparing:
         longer = replace(saved, model=replace(saved.model, robot=replace(robot, a=(1.0, *robot.a[1:]))))
         with pytest.raises(DataError, match=r"nominal robot: a differ"):
             refuse_incomparable(saved, longer, tmp_path / "n.json")
+
+
+def test_distances_are_held_out_like_points() -> None:
+    """Without errors the distances of a fifth follow from those of the rest, to what the certified file rounds."""
+    ballbar = Path(__file__).parents[1] / "certified" / "irb120_ballbar.csv"
+    found = hold_outs(read_dataset(ballbar), folds=3)
+    assert [each.kind for each in found] == ["random", "region", "time"]
+    for each in found:
+        assert each.errors is not None
+        assert each.left_out == 0
+        assert 0.0 < each.errors.rms < 0.2  # noise of 2 um and repeatability, through a fit of few rows

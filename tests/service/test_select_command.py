@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from acquisition import read_campaign, read_cell
 from acquisition.check import check_plan
 from acquisition.plan import make_plan
+from calib.kinematics import Array
+from calib.selection import Candidates, Setup
 from service.cli import main
+from service.commands import select as select_module
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
 CAMPAIGN = """
@@ -112,3 +116,45 @@ def test_refusals(
     assert select(tmp_path, *arguments) == 2
     assert words in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "poses.csv").exists()
+
+
+def test_poses_of_a_ballbar_are_not_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = CELL.parents[1] / "lrmate_ballbar" / "cell.toml"
+    assert main(["select", str(cell), "--count", "10", "--out", str(tmp_path / "poses.csv")]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "key 'instrument.driver': the qc20w measures distances" in told
+    assert "kind = 'hexapod'" in told
+    assert not (tmp_path / "poses.csv").exists()
+
+
+def test_a_robot_that_counts_otherwise_is_judged_by_its_model_angles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Joint 3 of a Fanuc counts from the horizontal: the list has its angles, the figures those of the model."""
+    text = CELL.read_text("utf-8").replace('"abb-irb120"', '"fanuc-lrmate200ic"').replace('"abb"', '"fanuc"')
+    (tmp_path / "cell.toml").write_text(text.replace("[-80, 70]", "[-120, 60]"), "utf-8")
+    judged: list[Candidates] = []
+
+    def candidates_of(setup: Setup, joints: Array) -> Candidates:
+        judged.append(real(setup, joints))
+        return judged[-1]
+
+    real = select_module.candidates_of
+    monkeypatch.setattr(select_module, "candidates_of", candidates_of)
+    some = [
+        "--from",
+        "200",
+        "--count",
+        "30",
+        "--out",
+        str(tmp_path / "p.csv"),
+        "--json",
+        str(tmp_path / "r.json"),
+    ]
+    assert main(["select", str(tmp_path / "cell.toml"), *some]) == 0
+    poses = np.radians(json.loads((tmp_path / "r.json").read_text("utf-8"))["poses_deg"])
+    found = judged[0].joints
+    for pose in poses:
+        (at,) = np.flatnonzero(np.isclose(found[:, :2], pose[:2]).all(axis=1))
+        assert found[at, 2] == pytest.approx(-pose[1] - pose[2])
+        np.testing.assert_allclose(found[at, 3:], -pose[3:])
