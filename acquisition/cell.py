@@ -84,6 +84,11 @@ class InstrumentSection:
         return self.driver in LENGTH_METERS
 
     @property
+    def aimed_by_hand(self) -> bool:
+        """A tracker that knows no target by its name; where a nest is, it does not know before the world is found."""
+        return self.driver == "emscon"
+
+    @property
     def nominal_mm(self) -> float:
         """Length of a ballbar with its extension bars."""
         return self.options["nominal_mm"]

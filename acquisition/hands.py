@@ -1,6 +1,7 @@
-"""What a person has to put where before a reading: the only SMR into its nest, the ballbar between its balls.
+"""What a person has to do before a reading: seat the only SMR, aim the tracker, put the ballbar between its balls.
 
     one SMR    asked before the approach: people at the robot void it, so it is made after they have gone
+    aim        at the nests, where the tracker's interface knows no names (emScon)
     ballbar    asked while the robot stands in the pose: with the bar on it there is no approach, it would tear the
                bar off. The robot leaves a pose only after somebody has said that the bar is off
 
@@ -25,6 +26,7 @@ class Hands:
     def __init__(self, cell: Cell, ask: Ask) -> None:
         self._ask = ask
         self._one_smr = cell.instrument.one_smr
+        self._aimed = cell.instrument.aimed_by_hand
         self._ballbar = cell.instrument.measures_lengths
         self._seated: str | None = None
         self._spanned: tuple[str, str] | None = None  # base ball and tool ball
@@ -43,6 +45,12 @@ class Hands:
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
+
+    def aim(self, planned: Planned) -> Answer:
+        """The beam is on the SMR of a nest."""
+        if not self._aimed or planned.visit.kind != "nest":
+            return Answer.CONFIRM
+        return self._ask(f"Aim the tracker at the SMR in {planned.target} and press confirm.")
 
     def free(self, planned: Planned) -> Answer:
         """Nothing hangs on the robot, which goes to the pose of the reading next."""

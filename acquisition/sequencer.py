@@ -175,6 +175,8 @@ class Sequencer:
         try:
             if self._by_hand(planned, self._hands.seat) is not Answer.CONFIRM:
                 return
+            if self._by_hand(planned, self._hands.aim) is not Answer.CONFIRM:
+                return
             self._rig.make_ready()
             attempt = None
             if planned.visit.kind == "pose" and (arrival is None or arrival.visit != planned.visit.number):

@@ -120,3 +120,11 @@ def test_a_device_that_stays_dead_pauses_before_the_warm_up(stages: Callable[...
     assert stage.clock.now() - began < 60.0
     assert "move" not in stage.bench.log
     assert not any(entry.startswith("arm") for entry in stage.bench.log)
+
+
+def test_a_tracker_that_knows_no_names_is_aimed_by_hand(stages: Callable[..., Stage]) -> None:
+    stage = stages(cell={"instrument__driver": "emscon"})
+    assert stage.execute().state.value == "succeeded"
+    assert stage.operator.asked == [
+        f"Aim the tracker at the SMR in {name} and press confirm." for name in ("N1", "N2", "N3")
+    ]
