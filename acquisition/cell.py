@@ -106,7 +106,10 @@ class ToolSection:
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell. `source` is the text of its file, kept in the record; `time_scale` only counts simulated."""
+    """One cell. `source` is the text of its file, kept in the record.
+
+    time_scale and rehearsed, whether prompts confirm themselves, only count simulated.
+    """
 
     name: str
     robot: RobotSection
@@ -114,6 +117,7 @@ class Cell:
     nests: Mapping[str, Vector]
     tool: ToolSection
     time_scale: float
+    rehearsed: bool
     source: str = field(repr=False)
 
     @property
@@ -150,6 +154,7 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
         nests=nests,
         tool=_tool(top.table("tool"), nests),
         time_scale=top.table("simulation").number("time_scale", 1.0, low=1e-3, high=1e6),
+        rehearsed=top.table("simulation").text("operator", "person", ("person", "confirms")) == "confirms",
         source=source or tomli_w.dumps(table),
     )
 

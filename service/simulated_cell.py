@@ -15,6 +15,7 @@ from typing import IO
 from acquisition import Cell, Devices, open_devices
 from drivers.errors import ConfigError
 from drivers.interfaces import Operator
+from drivers.operator import RehearsalOperator
 
 START_TIMEOUT_S = 60.0  # a shared machine may be slow to import numpy
 END_TIMEOUT_S = 5.0
@@ -28,10 +29,13 @@ class SimulatedDevices:
         self.ports = ports
 
     def open(self, cell: Cell, operator: Operator | None = None) -> Devices:
-        """The cell's devices at the simulators' addresses. Raises ConfigError."""
+        """The cell's devices at the simulators' addresses. Raises ConfigError.
+
+        `operator` is left out where the cell file has the operator simulated as well.
+        """
         return open_devices(
             cell,
-            operator=operator,
+            operator=RehearsalOperator() if cell.rehearsed else operator,
             robot_url=self._url(cell.robot.driver),
             instrument_url=self._url(cell.instrument.driver),
         )

@@ -126,3 +126,10 @@ def test_poses_of_a_file(tmp_path: Path) -> None:
     path.write_text("q1,q2\n1,2\n")
     with pytest.raises(ConfigError, match="no columns j1_deg"):
         read_poses(path)
+
+
+def test_prompts_only_confirm_themselves_where_the_cell_file_says_so() -> None:
+    assert not a_cell().rehearsed
+    assert a_cell(simulation={"operator": "confirms"}).rehearsed
+    with pytest.raises(ConfigError, match=r"simulation\.operator': is 'robot'; use 'person' or 'confirms'"):
+        a_cell(simulation={"operator": "robot"})
