@@ -7,7 +7,7 @@ of the program can believe a `Cell`.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,10 @@ class NoiseFigures:
 
 @dataclass(frozen=True)
 class RobotSection:
-    """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`."""
+    """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`.
+
+    home_deg: a posture over which every pose can be reached, where the cell file has one.
+    """
 
     model: Robot
     coupling: str
@@ -54,6 +57,7 @@ class RobotSection:
     limits_deg: tuple[tuple[float, float], ...]
     table_z_mm: float
     keep_out_mm: tuple[tuple[Vector, Vector], ...]
+    home_deg: tuple[float, ...] | None
     repeatability_deg: float
 
     def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
@@ -165,8 +169,12 @@ def cell_of_record(source: str, where: str) -> Cell:
 
 
 def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
-    known = "model joint_coupling driver url speed_mm_s speed_deg_s limits_deg table_z_mm keep_out repeatability_deg"
-    table.only(known.split())
+    table.only(
+        (
+            *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
+            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg"),
+        )
+    )
     try:
         robot = load_robot(table.text("model"), beside)
     except DataError as error:
@@ -199,8 +207,21 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         limits_deg=tuple((low, high) for low, high in rows),
         table_z_mm=table.number("table_z_mm", 0.0),
         keep_out_mm=tuple(boxes),
+        home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
     )
+
+
+def _home(table: TomlTable, limits_deg: Sequence[Sequence[float]]) -> tuple[float, ...] | None:
+    home = table.numbers("home_deg")
+    if home is None:
+        return None
+    if len(home) != len(limits_deg):
+        raise table.refuse("home_deg", f"has {len(home)} joints, the robot {len(limits_deg)}.")
+    for i, (q, (low, high)) in enumerate(zip(home, limits_deg, strict=True), start=1):
+        if not low <= q <= high:
+            raise table.refuse("home_deg", f"joint {i} at {q:g} is outside limits_deg [{low:g}, {high:g}].")
+    return home
 
 
 def _instrument(table: TomlTable) -> InstrumentSection:

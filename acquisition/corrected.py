@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.campaign import FORMAT, Campaign, campaign_from
 from acquisition.cell import Cell, RobotSection
 from acquisition.plan import DECIMALS
-from acquisition.workspace import above_table, outside_boxes, points_of_arm
+from acquisition.transit import may_visit
 from calib.compensate import Correction, StatedConditions, controller_angles, correct
 from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
@@ -55,12 +55,9 @@ def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditio
 
 
 def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
-    """(n,) whether arm and tool are clear of table and boxes, at the targets and at their approach points."""
-    good = np.ones(len(joints_deg), dtype=bool)
-    for stand in (joints_deg, joints_deg + APPROACH_DEG):
-        points = points_of_arm(cell, np.nan_to_num(stand))
-        good &= above_table(cell, points) & outside_boxes(cell, points)
-    return good
+    """(n,) whether arm and tool are clear at the targets, their approach points, and on the ways from and to home."""
+    joints = np.nan_to_num(joints_deg)
+    return may_visit(cell, joints, joints + APPROACH_DEG)
 
 
 def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:

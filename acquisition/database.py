@@ -79,7 +79,10 @@ class Database:
         if version > len(SCRIPTS):
             self._connection.close()
             made = f"a newer version of this program (version {version}, known {len(SCRIPTS)})"
-            raise RecordError(f"{self.path}: was made by {made}")
+            raise RecordError(
+                f"{self.path}: was made by {made}",
+                what_to_do="Use the version of TruePose that made it, or a newer one.",
+            )
         if not new and (version == 0 or not self.query("SELECT 1 FROM campaign")):
             self._connection.close()
             raise RecordError(f"{self.path}: holds no campaign; start it anew in this folder")

@@ -31,6 +31,17 @@ class UnsafePlan(Refused):
     )
 
 
+class NoClearWay(Refused):
+    """The straight way to a pose, and every other that was tried, touches the table or a keep-out box."""
+
+    code = 3108
+    exit_code = 5
+    advice = (
+        "Jog the robot to a place high above the table, then confirm; or give the cell file a home_deg from which "
+        "every pose can be reached."
+    )
+
+
 class NestsDisagree(Refused):
     """The nests measured on the table do not have the distances of the cell file."""
 

@@ -65,7 +65,10 @@ def export(record_dir: Path, out: Path) -> Path:
         store.close()
     placed = cell.instrument.measures_lengths or world is not None
     if not placed or not any(_counts(row) for row in rows):
-        raise RecordError(f"{record_dir}: holds no reading of a pose yet")
+        raise RecordError(
+            f"{record_dir}: holds no reading of a pose yet",
+            what_to_do=f"Go on with it: truepose campaign resume {record_dir}.",
+        )
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
     Table(_columns(rows, cell.robot.model.joints), tomli_w.dumps(_header(cell, station))).write(out)

@@ -1,7 +1,8 @@
 """Random poses of a cell: uniform within its joint limits, arm and tool clear, approach point included.
 
 The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the
-same on every joint. Targets that declare a normal look at the instrument, at the pose. Angles deg.
+same on every joint. From and to the home of the cell the straight ways are clear (`acquisition.transit`). Targets that
+declare a normal look at the instrument, at the pose. Angles deg.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.cell import Cell
+from acquisition.transit import may_visit
 from acquisition.workspace import cone_deg, facing, may_stand
 from drivers.errors import ConfigError
 
-_BATCH = 500
+_BATCH, _LOOKED_AT = 500, 50
 _FRUITLESS = 200  # batches: give up after 100,000 random poses without a good one
 _MOST = 1000  # batches in all
 
@@ -74,8 +76,17 @@ def draw_candidates(
         joints, sides = joints[seen], sides[seen]
         # Within the limits they were drawn; rounding may have left them.
         clear = may_stand(cell, joints) & may_stand(cell, joints - sides * reach)
-        chosen = np.flatnonzero(clear)[: most - len(found)]
-        found += [(tuple(float(q) for q in joints[i]), tuple(int(side) for side in sides[i])) for i in chosen]
+        joints, sides = joints[clear], sides[clear]
+        # The ways cost most: only as many are looked at as are likely to be wanted.
+        for i in range(0, len(joints), _LOOKED_AT):
+            if len(found) < most:
+                some = slice(i, i + _LOOKED_AT)
+                good = may_visit(cell, joints[some], joints[some] - sides[some] * reach)
+                found += [
+                    (tuple(float(q) for q in pose), tuple(int(side) for side in way))
+                    for pose, way in zip(joints[some][good], sides[some][good], strict=True)
+                ]
+        found = found[:most]
     return found
 
 

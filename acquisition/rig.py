@@ -45,6 +45,7 @@ class Rig:
         self._connected: set[str] = set()
         self._armed: set[str] = set()
         self._can_stop = True
+        self._at_deg: tuple[float, ...] | None = None  # where the robot stands, unless nobody knows
         self.moving = False
         self.lost_in_move = False
 
@@ -58,7 +59,7 @@ class Rig:
                     stands = None
                     if role == "robot":
                         self._can_stop = self._devices.robot.can_stop
-                        stands = self._devices.robot.position().joints_deg
+                        stands = self._at_deg = self._devices.robot.position().joints_deg
                     self._met(Met(role, device.identify(), self._can_stop, stands))
             self._control.check_stop()
 
@@ -80,6 +81,7 @@ class Rig:
         """Go there and stand. Raises AcquisitionError, Stopping."""
         self._control.check_stop()
         self.lost_in_move = False
+        self._at_deg = None
         with self._using("robot"):
             self.moving = True
             try:
@@ -91,7 +93,16 @@ class Rig:
             finally:
                 self.moving = False
         self._control.check_stop()
+        self._at_deg = reached.joints_deg
         return reached
+
+    def stands_deg(self) -> tuple[float, ...]:
+        """Where the last move ended; the robot is asked where anything else happened since. Raises AcquisitionError."""
+        return self._at_deg or self.position().joints_deg
+
+    def doubt_place(self) -> None:
+        """Somebody may have jogged the robot."""
+        self._at_deg = None
 
     def position(self) -> JointReading:
         """Where the robot stands. Raises AcquisitionError."""
@@ -130,9 +141,11 @@ class Rig:
         except LinkError:
             self._connected.discard(role)
             self._armed.discard(role)
+            self._at_deg = None
             raise
         except AcquisitionError:
             self._armed.discard(role)
+            self._at_deg = None
             raise
 
     def halt(self) -> list[AcquisitionError]:

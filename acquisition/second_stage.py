@@ -22,7 +22,8 @@ from acquisition.cell import Cell
 from acquisition.export import export
 from acquisition.plan import Visit
 from acquisition.store import Planned, Store
-from acquisition.workspace import Array, may_stand
+from acquisition.transit import may_visit
+from acquisition.workspace import Array
 from calib.compensate import StatedConditions, controller_angles, correct
 from calib.dataset import read_dataset
 from calib.errors import DataError
@@ -107,7 +108,7 @@ class SecondStage:
         joints = controller_angles(robot.model, correction.joints, robot.coupling) / DEG
         approach = joints + np.array([np.subtract(v.approach_deg, v.joints_deg) for v in visits])
         known = np.all(np.isfinite(joints), axis=1)
-        clear = may_stand(self._cell, np.nan_to_num(joints)) & may_stand(self._cell, np.nan_to_num(approach))
+        clear = may_visit(self._cell, np.nan_to_num(joints), np.nan_to_num(approach))
         return np.where((known & clear)[:, None], joints, np.nan)
 
     def _moved(self, visit: Visit, joints_deg: Array, number: int) -> Visit:

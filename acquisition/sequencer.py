@@ -38,6 +38,7 @@ from acquisition.second_stage import SecondStage
 from acquisition.settling import until_still
 from acquisition.station import change_of
 from acquisition.store import Planned, Store
+from acquisition.transit import Transit
 from acquisition.world_frame import WorldFrame
 from drivers.errors import AcquisitionError, LinkError, OutOfRange, Refused, Unmeasurable
 from drivers.interfaces import Answer, PointReading, Reading
@@ -80,6 +81,7 @@ class Sequencer:
         self._clock = clock
         self._gates = Gates(store, campaign, control, self._ask, self._measure_nests_again, self._zero)
         self._hands = Hands(cell, lambda text: self._ask(text)[0])
+        self._transit = Transit(cell)
         self._second_stage = SecondStage(store, cell, campaign)
         self._world: WorldFrame | None = None
         self._arrival: _Arrival | None = None
@@ -224,9 +226,13 @@ class Sequencer:
         The attempt is None where a person has to put the ballbar on before.
         """
         visit = planned.visit
+        way = self._transit.way(self._rig.stands_deg(), visit.approach_deg)
+        if len(way) > 1:
+            self._store.tell("detour", visit=visit.number, over_deg=way[0])
         arrival = self._attempts.begin_arrival(visit)
         try:
-            self._rig.move(visit.approach_deg)
+            for stand in way:
+                self._rig.move(stand)
             reached = self._rig.move(visit.joints_deg)
             settle = self._campaign.settle_of(visit.block)
             self._control.settle(settle.seconds)
@@ -342,6 +348,7 @@ class Sequencer:
     def _ask(self, text: str) -> tuple[Answer, str]:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
+        self._rig.doubt_place()
         answer, reason = self._desk.ask(text, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from acquisition.blocks.block import DECIMALS, Site, Stand
 from acquisition.reach import configurations
 from acquisition.toml_table import TomlTable
-from acquisition.workspace import Array, may_stand
+from acquisition.transit import may_visit
+from acquisition.workspace import Array
 from calib.errors import DataError
 from calib.hexapod import stances
 from drivers.errors import ConfigError
@@ -77,7 +78,7 @@ class Hexapod:
         flat = np.round(joints_deg.reshape(-1, axes), DECIMALS)
         approach = flat - abs(site.approach.offset_deg) * np.array(site.sides())
         good = np.all(np.isfinite(flat), axis=1)
-        good[good] = may_stand(site.cell, flat[good]) & may_stand(site.cell, approach[good])
+        good[good] = may_visit(site.cell, flat[good], approach[good])
         good = good.reshape(n, branches)
         if not self.every_configuration:
             good &= np.cumsum(good, axis=1) == 1  # the first of every stance

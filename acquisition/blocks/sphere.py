@@ -17,7 +17,8 @@ import numpy as np
 from acquisition.blocks.block import DECIMALS, Joints, Site, Stand, rounded
 from acquisition.reach import configurations
 from acquisition.toml_table import TomlTable
-from acquisition.workspace import facing, may_stand
+from acquisition.transit import may_visit
+from acquisition.workspace import facing
 from calib.errors import DataError
 from calib.kinematics import Array, forward
 from calib.units import DEG
@@ -92,10 +93,8 @@ class Sphere:
         except DataError as error:
             raise ConfigError(f"block {site.number + 1}: {error}") from error
         joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
-        clear = may_stand(site.cell, joints) & facing(site.cell, joints, site.targets)
-        if self.suppress:
-            offset = abs(site.approach.offset_deg) * np.array(site.sides())
-            clear &= may_stand(site.cell, joints - offset)
+        offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self.suppress else 0.0
+        clear = facing(site.cell, joints, site.targets) & may_visit(site.cell, joints, joints - offset)
         return joints[clear]
 
 

@@ -16,12 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.blocks.block import Joints, Site, Stand, Stream, rounded
+from acquisition.cell import Cell
 from acquisition.toml_table import TomlTable
+from acquisition.transit import may_visit
 from acquisition.workspace import facing, may_stand
 from calib.circle_points import FEWEST, LEAST_RANGE
 from calib.kinematics import Array
 from calib.units import DEG
 from drivers.errors import ConfigError
+
+_Test = Callable[[Cell, Array, Array], NDArray[np.bool_]]
 
 STEP_DEG = 5.0
 WIDTH_DEG = 40.0
@@ -132,9 +136,10 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
         for turn in turns:
             postures = postures[_at_all(turn.joints(postures), lambda q: facing(site.cell, q, site.targets))]
         for turn in turns:
-            postures = postures[_all_clear(site, turn, postures, usual)]
-        if len(postures):
-            return rounded(postures[0])
+            postures = postures[_all_good(site, turn, postures, usual, _both_stand)]
+        for posture in postures:
+            if all(_all_good(site, turn, posture[None], usual, may_visit)[0] for turn in turns):
+                return rounded(posture)
     raise ConfigError(
         f"block {site.number + 1}: no posture was found from which joint "
         f"{', '.join(str(turn.joint) for turn in turns)} can turn so far with "
@@ -142,14 +147,20 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
     )
 
 
-def _all_clear(site: Site, turn: _Turn, postures: Array, usual: tuple[int, ...]) -> NDArray[np.bool_]:
-    """(n,) whether all stands of the postures (n, N) are clear, also where they are approached from."""
+def _all_good(
+    site: Site, turn: _Turn, postures: Array, usual: tuple[int, ...], test: _Test
+) -> NDArray[np.bool_]:
+    """(n,) whether all stands of the postures (n, N), with where they are approached from, pass the test."""
     poses = turn.joints(postures)
-    good = _at_all(poses, lambda q: may_stand(site.cell, q))
+    good = np.ones(len(poses), dtype=bool)
     for sides in turn.sides(usual):
         offset = abs(site.approach.offset_deg) * np.array(sides)
-        good &= _at_all(poses - offset, lambda q: may_stand(site.cell, q))
+        good[good] = _at_all(poses[good], lambda q, offset=offset: test(site.cell, q, q - offset))
     return good
+
+
+def _both_stand(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
+    return may_stand(cell, joints_deg) & may_stand(cell, approach_deg)
 
 
 def _at_all(poses: Array, test: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.bool_]:

@@ -29,9 +29,9 @@ class StatedConditions:
     """Conditions that hold for every target of a correction.
 
     side: per joint +1 from below (angle growing), -1 from above, one for each joint or one for all; approach: how
-    far before the target the last move begins, rad, one for all joints or one for each; temperature_c: air; time_s: since the start of the campaign
-    (NaN: not stated; effects that need it then refuse); loads: None for the robot's own; gravity in the base frame,
-    m/s2; series: which set-up of base and tool, None for the only one.
+    far before the target the last move begins, rad, one for all joints or one for each; temperature_c: air; time_s:
+    since the start of the campaign (NaN: not stated; effects that need it then refuse); loads: None for the robot's
+    own; gravity in the base frame, m/s2; series: which set-up of base and tool, None for the only one.
     """
 
     side: tuple[float, ...] | float = 1.0

@@ -62,7 +62,7 @@ class Stage:
 
     def __init__(self, folder: Path, *answers: Answer, **campaign: Any) -> None:
         self.folder = folder
-        self.bench = Bench(a_cell())
+        self.bench = Bench(a_cell(robot__table_z_mm=-2000.0))  # no table, no detours
         self.clock = JumpingClock()
         self.arm = FakeArm(self.bench)
         self.meter = CreepingMeter(self.bench, self.clock)

@@ -1,0 +1,164 @@
+"""Ways between stands: never through the table, always one for what the program draws, else a person is asked."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.check import check_plan
+from acquisition.errors import NoClearWay, UnsafePlan
+from acquisition.plan import make_plan
+from acquisition.store import Event
+from acquisition.transit import Transit, clear_ways, home_of, may_visit
+from acquisition.workspace import may_stand, points_of_arm
+from drivers.errors import ConfigError
+from drivers.interfaces import Answer
+from tests.acquisition.fakes import SeatingOperator, a_campaign, a_cell
+from tests.acquisition.test_sequencer import Stage
+
+CELL = a_cell()
+LEFT, RIGHT = (-70.0, 20.0, 0.0, 0.0, 30.0, 0.0), (70.0, 20.0, 0.0, 0.0, 30.0, 0.0)  # to either side
+
+
+def dipping() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Two stands of the cell whose straight way is not clear, found at random."""
+    rng = np.random.default_rng(5)
+    low, high = np.array(CELL.robot.limits_deg).T
+    stands = np.round(rng.uniform(low + 6.0, high, (3000, 6)), 1)
+    stands = stands[may_visit(CELL, stands, stands - 5.0)]
+    bad = np.flatnonzero(~clear_ways(CELL, stands[:-1], stands[1:] - 5.0))
+    assert (
+        0.02 < len(bad) / len(stands) < 0.3
+    )  # that is how often a campaign without ways would hit the table
+    one, other = stands[bad[0]], stands[bad[0] + 1]
+    return tuple(one.tolist()), tuple(other.tolist())
+
+
+def buried() -> tuple[float, ...]:
+    """A stand in the table out of which no straight way rises."""
+    low, high = np.array(CELL.robot.limits_deg).T
+    stands = np.random.default_rng(1).uniform(low, high, (4000, 6))
+    stands = stands[points_of_arm(CELL, stands)[:, :, 2].min(axis=1) < -50.0]
+    first = make_plan(CELL, a_campaign())[3].approach_deg
+    for goal in (first, home_of(CELL)):
+        stands = stands[~clear_ways(CELL, stands, np.broadcast_to(np.array(goal), stands.shape))]
+    return tuple(stands[0].tolist())
+
+
+def lowest(start: tuple[float, ...], goal: tuple[float, ...]) -> float:
+    """Of arm and tool, finely along the straight way, mm."""
+    share = np.linspace(0.0, 1.0, 2000)[:, None]
+    path = np.array(start) + share * (np.array(goal) - np.array(start))
+    return float(points_of_arm(CELL, path)[:, :, 2].min())
+
+
+def test_a_way_through_the_table_goes_over_home() -> None:
+    start, goal = dipping()
+    goal = tuple(q - 5.0 for q in goal)
+    assert lowest(start, goal) < CELL.robot.table_z_mm
+    way = Transit(CELL).way(start, goal)
+    assert way == [home_of(CELL), goal]
+    for one, other in zip([start, *way], way, strict=False):
+        assert lowest(one, other) > CELL.robot.table_z_mm - 1.0
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_from_every_drawn_stand_to_every_other(seed: int) -> None:
+    campaign = a_campaign(seed=seed, block=[{"count": 6}, {"count": 4, "set": "validation"}])
+    visits = [visit for visit in make_plan(CELL, campaign) if visit.kind == "pose"]
+    check_plan(CELL, visits)
+    transit = Transit(CELL)
+    for one in visits:
+        for other in visits[::3]:  # also in an order that nobody planned
+            at = one.joints_deg
+            for stand in transit.way(at, other.approach_deg):
+                assert lowest(at, stand) > CELL.robot.table_z_mm - 1.0
+                at = stand
+
+
+def test_home_is_high_and_the_cells_own_where_it_has_one() -> None:
+    home = home_of(CELL)
+    assert home is not None
+    assert points_of_arm(CELL, np.array([home]))[0, :, 2].min() > 400.0
+    assert home_of(a_cell(robot__home_deg=[0, 0, 0, 0, 30, 0])) == (0, 0, 0, 0, 30, 0)
+    for home_deg, words in (([0, 0, 0], "has 3 joints"), ([0, 0, 0, 0, 0, 200], "joint 6 at 200 is outside")):
+        with pytest.raises(ConfigError, match=words):
+            a_cell(robot__home_deg=home_deg)
+
+
+def test_a_parked_robot_may_rise_but_not_sink() -> None:
+    low, high = np.array(CELL.robot.limits_deg).T
+    stands = np.random.default_rng(1).uniform(low, high, (4000, 6))
+    height = points_of_arm(CELL, stands)[:, :, 2].min(axis=1)
+    parked = stands[(height < 10.0) & (height > -60.0)]
+    home = np.broadcast_to(np.array(home_of(CELL)), parked.shape)
+    good = clear_ways(CELL, parked, home)
+    assert 0.1 < good.mean() < 1.0  # some must sink first, or sideways: these need a person
+    for one, may in zip(parked[:60], good[:60], strict=True):
+        share = np.linspace(0.0, 1.0, 500)[:, None]
+        path = points_of_arm(CELL, one + share * (home[0] - one))[:, :, 2].min(axis=1)
+        dips = path.min() < path[0] - 3.0
+        assert not (may and dips)
+
+
+def test_a_box_in_the_way_is_gone_round() -> None:
+    cell = a_cell(robot__keep_out=[[[350.0, -30.0, 0.0], [900.0, 30.0, 600.0]]])
+    assert may_stand(cell, np.array([LEFT, RIGHT])).all()
+    assert Transit(CELL).way(LEFT, RIGHT) == [RIGHT]
+    assert Transit(cell).way(LEFT, RIGHT) == [home_of(cell), RIGHT]
+
+
+def test_nowhere_to_go_is_said_before_anything_moves() -> None:
+    wall = [[100.0, -30.0, 0.0], [900.0, 30.0, 1200.0]]
+    behind = a_cell(robot__keep_out=[wall], robot__home_deg=[-90, 0, 0, 0, 0, 0])
+    poses = [list(LEFT), list(RIGHT)]
+    assert may_stand(behind, np.array(poses)).all()
+    visits = make_plan(behind, a_campaign(block=[{"select": "list", "joints_deg": poses}]))
+    with pytest.raises(UnsafePlan, match=r"every way from pose 1 of block 1 .* to pose 2 of block 1"):
+        check_plan(behind, visits)
+    with pytest.raises(NoClearWay, match="clear of table and keep-out boxes"):
+        Transit(behind).way(poses[0], poses[1])
+
+
+def test_the_sequencer_goes_the_way_and_tells(tmp_path: Path) -> None:
+    start, goal = dipping()
+    block = [{"select": "list", "joints_deg": [list(start), list(goal)], "targets": ["T1"]}]
+    stage = Stage(tmp_path, block=block, approach={"offset_deg": -5.0, "sides": "one"})
+    events: list[Event] = []
+    with closing(stage.run):
+        assert stage.execute(events.append).state.value == "succeeded"
+    detours = [event.data for event in events if event.kind == "detour"]
+    assert [tuple(detour["over_deg"]) for detour in detours] == [home_of(CELL)]
+    assert stage.bench.log.count("move") == 2 * 2 + len(detours)
+    for shot in stage.bench.shots.values():
+        if shot.target == "T1":
+            np.testing.assert_allclose(shot.came_from_deg, np.array(shot.joints_deg) - 5.0)
+
+
+def test_a_robot_with_no_way_out_is_jogged_by_a_person(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    class Jogging(SeatingOperator):
+        def ask(self, prompt: object) -> Answer:
+            stage.bench.where = (0.0,) * 6
+            return super().ask(prompt)  # type: ignore[arg-type]
+
+    stage.bench.where = buried()
+    stage.operator = Jogging(stage.bench)
+    with closing(stage.run):
+        assert stage.execute().state.value == "succeeded"
+    assert "no way from" in stage.operator.asked[0]
+    assert "Jog the robot" in stage.operator.asked[0]
+
+
+def test_ends_count() -> None:
+    """A way that ends in the table is none, whatever lies before."""
+    low = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
+    assert not clear_ways(CELL, np.zeros((1, 6)), low)[0]
+    assert clear_ways(CELL, np.zeros((0, 6)), np.zeros((0, 6))).shape == (0,)
