@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 from drivers.abb import AbbArm
 from drivers.abb_conversation import AbbDeadlines
+from drivers.abb_simple import AbbSimpleArm
+from drivers.abb_simple_stream import AbbSimpleDeadlines
 from drivers.b5r import BallbarTest, read_b5r
 from drivers.ctrack import CTrack
 from drivers.emscon import EmsconDeadlines, EmsconTracker
@@ -70,7 +72,12 @@ from drivers.ur_secondary import DhNumbers, Factory
 
 _T = TypeVar("_T")
 
-ROBOTS: Mapping[str, Callable[..., RobotArm]] = {"abb": AbbArm, "fanuc": FanucArm, "ur": UrArm}
+ROBOTS: Mapping[str, Callable[..., RobotArm]] = {
+    "abb": AbbArm,
+    "abb-simple": AbbSimpleArm,
+    "fanuc": FanucArm,
+    "ur": UrArm,
+}
 INSTRUMENTS: Mapping[str, Callable[..., PointMeter]] = {
     "ctrack": CTrack,
     "emscon": EmsconTracker,
@@ -112,6 +119,8 @@ __all__ = [
     "ROBOTS",
     "AbbArm",
     "AbbDeadlines",
+    "AbbSimpleArm",
+    "AbbSimpleDeadlines",
     "AcquisitionError",
     "Answer",
     "BallbarTest",

@@ -168,7 +168,8 @@ class AbbArm:
             except LinkTimeout as error:
                 self._look_behind_silence()
                 error.what_to_do = (
-                    "Check that the RAPID program runs and that no other program is connected to the robot."
+                    "Check that the RAPID program runs, which an emergency stop ends, and that no other program is "
+                    "connected to the robot."
                 )
                 raise
 

@@ -3,7 +3,8 @@
 A pose is the place and turn of a rigid body of reflective targets, given in the frame of the reference body on
 the robot's base, so that the cameras may move. A reading is refused unless it is exactly what was asked for:
 body and reference by name, number of frames, enough targets visible on both (at least 12 on the base, 4 on the
-tool, whose body has 9 or 20), a unit quaternion, little scatter, fresh, with a device clock that advances.
+tool, whose body has 9 or 20), a unit quaternion, little scatter, fresh, with a device clock that advances (what that
+means when the clock steps: `drivers.mbp_session`).
 Millimetres, quaternion scalar first.
 """
 
@@ -74,12 +75,10 @@ class CTrack:
             client, name, "OCMM", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
         )
         self._bodies: dict[str, int] = {}
-        self._last_t_s = -math.inf
 
     def connect(self) -> None:
         """Open and greet. Raises LinkError, ProtocolError, Busy."""
         self.session.connect()
-        self._last_t_s = -math.inf
 
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
@@ -175,9 +174,10 @@ class CTrack:
         sign = math.copysign(1.0 / size, q[0])
         std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
         turn_mrad = value("srot", 0.0)
-        t_s, age_s = value("t", -1e12, 1e12), value("age", 0.0, 1e12)
+        t_s, age_s = value("t", -1e12, 1e12), value("age", -1e12, 1e12)
         seen = int(value("visible", 0, self._bodies[target]))
         seen_base = int(value("rvisible", 0, self._bodies[self._reference]))
+        advanced = self.session.advanced(t_s)
         self.session.void_if_told(_VOID, t_s - samples / self._rate_hz, reply.raw)
         if (seen, seen_base) != (max(seen, self._least[0]), max(seen_base, self._least[1])):
             raise TargetNotSeen(
@@ -190,14 +190,13 @@ class CTrack:
             )
         for bad, why in (
             (value("frames", 0, 1e9) != samples, f"not of {samples} frames"),
-            (age_s > self._age_limit_s, f"{age_s:g} s old"),
-            (t_s <= self._last_t_s, "from a device clock that did not advance"),
+            (not 0.0 <= age_s <= self._age_limit_s, f"{age_s:g} s old"),
+            (not advanced, "from a device clock that did not advance"),
             (max(std) > self._scatter_limits[0], f"scattered by {max(std):g} mm"),
             (turn_mrad > self._scatter_limits[1], f"scattered by {turn_mrad:g} mrad"),
         ):
             if bad:
                 raise NoisyMeasurement(f"pose {why}", device=self.name, command="MEASURE", raw=reply.raw)
-        self._last_t_s = t_s
         return PoseReading(
             target=target,
             xyz_mm=(x, y, z),

@@ -50,12 +50,10 @@ class FaroTracker:
         self.session = MbpSession(
             client, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
         )
-        self._last_t_s = -math.inf
 
     def connect(self) -> None:
         """Open and greet; the head does not move. Raises LinkError, Busy."""
         self.session.connect()
-        self._last_t_s = -math.inf
 
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
@@ -109,10 +107,8 @@ class FaroTracker:
                 fields["target"] = target
             reply = self.session.ask("MEASURE", fields, "measure_s", seconds)
             with self.session.understood():
-                asked = Asked(target, samples, lasts_s, self._last_t_s, *self._limits)
-                reading = point_of(self.session, reply, asked, self.name)
-            self._last_t_s = reading.t_s
-            return reading
+                asked = Asked(target, samples, lasts_s, *self._limits)
+                return point_of(self.session, reply, asked, self.name)
 
     def _point(self, near_mm: Sequence[float]) -> None:
         x, y, z = (float(value) for value in near_mm)

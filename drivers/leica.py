@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from drivers import mbp
-from drivers.errors import ConfigError, NotReady
+from drivers.errors import CommandRefused, ConfigError, NotReady
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
 from drivers.mbp_session import MbpDeadlines, MbpSession
@@ -22,6 +22,7 @@ from drivers.mbp_tracker import FARTHEST_MM, Asked, point_of
 
 # LMF: 12 s for a Standard or Precise point, 2 s more for two faces, 3 s for going there.
 LEICA_DEADLINES = replace(MbpDeadlines(), measure_margin_s=15.0)
+_SMR = "Seat the right SMR or correct reflector_mm in the cell file."
 _PROFILES = ("FAST", "STANDARD", "PRECISE")
 _FACES = {"one": ("1", 1.0), "both": ("BOTH", 2.0)}
 
@@ -66,12 +67,10 @@ class LeicaTracker:
         self.session = MbpSession(
             client, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
         )
-        self._last_t_s = -math.inf
 
     def connect(self) -> None:
         """Open and greet; the head does not move. Raises LinkError, ProtocolError, Busy."""
         self.session.connect()
-        self._last_t_s = -math.inf
 
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
@@ -92,7 +91,11 @@ class LeicaTracker:
                 for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
                     mbp.number(weather, key, low, high)
             self.session.ask("MODE", {"distance": "ADM", "profile": self._profile})
-            reply = self.session.ask("TARGET", {"type": "SMR", "d": self._reflector_mm})
+            try:
+                reply = self.session.ask("TARGET", {"type": "SMR", "d": self._reflector_mm})
+            except CommandRefused as error:
+                error.what_to_do = _SMR
+                raise
             with self.session.understood():
                 told = mbp.number(reply, "d", 0.0, 500.0)
             if told != self._reflector_mm:
@@ -101,7 +104,7 @@ class LeicaTracker:
                     device=self.name,
                     command="TARGET",
                     raw=reply.raw,
-                    what_to_do="Seat the right SMR or correct reflector_mm in the cell file.",
+                    what_to_do=_SMR,
                 )
 
     def disarm(self) -> None:
@@ -129,10 +132,8 @@ class LeicaTracker:
             seconds = lasts_s + self.deadlines.measure_margin_s
             reply = self.session.ask("MEASURE", fields | {"timeout": seconds}, "measure_s", seconds)
             with self.session.understood():
-                asked = Asked(target, samples, lasts_s, self._last_t_s, *self._limits)
-                reading = point_of(self.session, reply, asked, self.name)
-            self._last_t_s = reading.t_s
-            return reading
+                asked = Asked(target, samples, lasts_s, *self._limits)
+                return point_of(self.session, reply, asked, self.name)
 
     def _point(self, near_mm: Sequence[float]) -> None:
         x, y, z = (float(value) for value in near_mm)

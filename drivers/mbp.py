@@ -6,7 +6,8 @@
 
 ASCII, one blank between fields, LF (CR before it ignored), 512 bytes at most. Checksum `*hhhh`:
 CRC-16/CCITT-FALSE over all bytes before the asterisk. Units mm, deg, s, degC, hPa, %RH.
-Every answer names its question; an answer to another one is counted and never used.
+Every answer names its question; an answer to another one is counted and never used. So is a sample: this client
+asks for no stream, but the last one may have left one running, and a careless bridge tells everybody.
 """
 
 from __future__ import annotations
@@ -162,7 +163,11 @@ class MbpClient:
     wire: WireSink | None = None
     clock: Callable[[], float] = time.monotonic
     strangers: int = 0  # answers to other questions, discarded
+    samples: int = 0  # of somebody's stream, discarded
     events: list[Message] = field(default_factory=list)
+    acked: int | None = (
+        None  # how many events came before the last question was acknowledged; None: it was not
+    )
     serial: SerialLink | None = None  # instead of TCP: sums are mandatory, and no number ever comes twice
     link: TcpLink | SerialLink = field(init=False)
     _numbers: itertools.count[int] = field(init=False)
@@ -181,7 +186,17 @@ class MbpClient:
         self._checksum_needed = self.serial is not None
         self.events.clear()
         self.link.open(connect_s=connect_s)
-        hello = self.ask("HELLO", {"proto": 1, "client": "truepose"}, "reply_s", reply_s)
+        try:
+            hello = self.ask("HELLO", {"proto": 1, "client": "truepose"}, "reply_s", reply_s)
+        except CommandRefused as error:
+            self.link.close()
+            raise ProtocolError(
+                f"greeting refused: {error.message}",
+                device=self.device,
+                command="HELLO",
+                raw=error.raw,
+                what_to_do="Update the bridge or this program: they speak different versions of MBP.",
+            ) from error
         self._checksum_needed = self.serial is not None or hello.fields.get("crc") == "1"
         return hello
 
@@ -196,15 +211,20 @@ class MbpClient:
             with self._send_lock:
                 asked = next(self._numbers)
                 self.link.send(encode(asked, command, fields), command=command, send_s=self.send_s)
+            self.acked = None
             end = self.clock() + seconds
             while True:
                 message = self._next(command, deadline, seconds, end)
                 if message.kind == "EVENT":
                     self.events.append(message)
-                elif message.kind in ("OK", "ERR") and message.number == asked:
-                    break
-                elif message.kind != "ACK" or message.number != asked:
+                elif message.kind == "SAMPLE":
+                    self.samples += 1
+                elif message.number != asked:
                     self.strangers += 1
+                elif message.kind == "ACK":
+                    self.acked = len(self.events)
+                else:
+                    break
             if message.kind == "ERR":
                 error = self._error(message, command)
                 if isinstance(error, ProtocolError | LinkTimeout | LinkLost):

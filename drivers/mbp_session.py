@@ -3,11 +3,17 @@
 The session knows what is the same for trackers, cameras and ballbars: that the bridge must be of the right
 kind, that it drops a client silent for 30 s, that a stop may come from any thread in the middle of a question,
 and that an answer which arrives whole and says the impossible ends the connection.
+
+The clock of a device only orders its readings and events; it may be set, step back and forth, or begin anew. A reading
+stamped before the last one of this connection is refused, once: its stamp is what the next one is compared with. A
+stamp that came before is refused always, also on a new connection: it is the same reading again. An event that comes
+between the acknowledgement and the answer voids the reading whatever its stamp says.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -15,10 +21,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drivers import mbp
-from drivers.errors import AcquisitionError, Busy, LinkError, MotionStopped, NotArmed, NotReady, ProtocolError
+from drivers.errors import (
+    AcquisitionError,
+    Busy,
+    EmergencyStop,
+    LinkError,
+    MotionStopped,
+    NotArmed,
+    NotReady,
+    ProtocolError,
+)
 from drivers.interfaces import Identity, InstrumentStatus
 
 _LOG = logging.getLogger(__name__)
+_IMPOSSIBLE = "The answer cannot be a measurement: look at the instrument's own program, then connect again and measure anew."
+_ELSEWHERE = {
+    "proto": "Update the bridge or this program: they speak different versions of MBP.",
+    "kind": "Check that the address belongs to the bridge of this instrument.",
+}
 _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
@@ -61,6 +81,8 @@ class MbpSession:
         self._quit = threading.Event()
         self._heart: threading.Thread | None = None
         self._warned = False
+        self._stamps: set[float] = set()  # of all readings
+        self._last_t_s = -math.inf  # of this connection
 
     # -- connection ---------------------------------------------------------------------------------------
 
@@ -80,9 +102,10 @@ class MbpSession:
                         device=self._name,
                         command="HELLO",
                         raw=hello.raw,
-                        what_to_do="Check that the address belongs to the bridge of this instrument.",
+                        what_to_do=_ELSEWHERE[key],
                     )
             self._hello = hello
+            self._last_t_s = -math.inf
         if self._heartbeat_s is not None:
             self._quit = threading.Event()
             self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
@@ -174,27 +197,42 @@ class MbpSession:
         try:
             yield
         except ProtocolError as error:
-            error.device = self._name
+            error.device, error.what_to_do = self._name, _IMPOSSIBLE
             self.armed = False
             self.client.link.close()
             raise
 
     def void_if_told(self, kinds: Mapping[str, type[AcquisitionError]], since_s: float, raw: bytes) -> None:
-        """Raise the error of the first event of `kinds` that happened at or after `since_s` (device clock)."""
-        for event in self.client.events:
+        """Raise the error of the first event of `kinds` that came during the last question, or happened at or after
+        `since_s` (device clock)."""
+        acked = self.client.acked
+        for i, event in enumerate(self.client.events):
             kind = kinds.get(event.event)
-            if kind is not None and mbp.number(event, "t") >= since_s:
+            during = acked is not None and i >= acked
+            if kind is not None and (during or mbp.number(event, "t") >= since_s):
                 raise kind(f"{event.event} during the reading", device=self._name, command="MEASURE", raw=raw)
+
+    def advanced(self, t_s: float) -> bool:
+        """Whether a reading stamped `t_s` (device clock) can be a new one; the next is compared with it."""
+        new = t_s > self._last_t_s and t_s not in self._stamps
+        self._stamps.add(t_s)
+        self._last_t_s = t_s
+        return new
 
     # -- arming and stopping ------------------------------------------------------------------------------
 
     @contextmanager
     def arming(self) -> Iterator[None]:
-        """Initialise what is off, insist on READY, do what else is needed, then armed. Raises NotReady."""
+        """Initialise what is off, insist on READY, do what else is needed, then armed.
+
+        Raises NotReady, EmergencyStop.
+        """
         with self._lock:
             if self.status().state == "OFF":
                 self.ask("INIT", {}, "init_s", self._limits().init_s)
             state = self.status().state
+            if state == "ESTOP":
+                raise EmergencyStop("instrument is in an emergency stop", device=self._name, command="arm")
             if state != "READY":
                 raise NotReady(f"instrument is {state}", device=self._name, command="arm")
             yield

@@ -1,8 +1,9 @@
 """What the MEASURE answer of an MBP/1 bridge of a tracker must say to be taken as a point.
 
 A reading is refused when it is not exactly what was asked for: other number of samples, status other than
-accurate, too old, a device clock that did not advance, scattered, a point at the origin (what a failed vendor
-call returns), polar and Cartesian coordinates that disagree, or the beam lost within the averaging time.
+accurate, too old, a device clock that did not advance (`drivers.mbp_session` tells what happens when it steps),
+scattered, a point at the origin (what a failed vendor call returns), polar and Cartesian coordinates that disagree, or
+the beam lost within the averaging time.
 """
 
 from __future__ import annotations
@@ -23,12 +24,11 @@ _VOID: Mapping[str, type[AcquisitionError]] = {"BEAM_BROKEN": BeamBroken, "TARGE
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The question: `after_s` is the device clock of the reading before; `lasted_s` the averaging time."""
+    """The question; `lasted_s` is the averaging time."""
 
     target: str
     samples: int
     lasted_s: float
-    after_s: float
     age_limit_s: float
     scatter_limit_mm: float
 
@@ -41,8 +41,8 @@ def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str)
 
     x, y, z = value("x"), value("y"), value("z")
     std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
-    t_s, age_s = value("t", -1e12, 1e12), value("age", 0.0, 1e12)
-    far = math.hypot(x, y, z)
+    t_s, age_s = value("t", -1e12, 1e12), value("age", -1e12, 1e12)
+    advanced, far = session.advanced(t_s), math.hypot(x, y, z)
     for impossible, why in (
         (
             reply.fields.get("target", asked.target) != asked.target,
@@ -60,8 +60,8 @@ def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str)
     for bad, why in (
         (value("n", 0, 1e9) != asked.samples, f"not of {asked.samples} samples"),
         (value("status", 0, 9) != 0, "marked inaccurate"),
-        (age_s > asked.age_limit_s, f"{age_s:g} s old"),
-        (t_s <= asked.after_s, "from a device clock that did not advance"),
+        (not 0.0 <= age_s <= asked.age_limit_s, f"{age_s:g} s old"),
+        (not advanced, "from a device clock that did not advance"),
         (max(std) > asked.scatter_limit_mm, f"scattered by {max(std):g} mm"),
     ):
         if bad:

@@ -7,12 +7,12 @@ the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke
 
 L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
 the calibrator by `zero()`, kept in every reading and never applied behind anybody's back. A reading is refused
-when it is out of stroke, stale, scattered, or when the radio link broke within its time. mm, s, degC.
+when it is out of stroke, stale (`drivers.mbp_session` on clocks that step), scattered, or when the radio link broke
+within its time. mm, s, degC.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -90,12 +90,10 @@ class Qc20w:
         self.session = MbpSession(
             client, name, "BALLBAR", lambda: self.deadlines, heartbeat_s=heartbeat_s, clock=clock
         )
-        self._last_t_s = -math.inf
 
     def connect(self) -> None:
         """Open and greet. Raises LinkError, ProtocolError, Busy."""
         self.session.connect()
-        self._last_t_s = -math.inf
 
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
@@ -179,7 +177,8 @@ class Qc20w:
             if reply.fields.get(key, asked) != asked:
                 raise ProtocolError(f"length of {reply.fields[key]}, asked for {asked}", raw=reply.raw)
         d, sd = value("d", -100.0, 100.0), value("sd", 0.0, 100.0)
-        t_s, age_s, temp = value("t", -1e12, 1e12), value("age", 0.0, 1e12), value("temp", -40.0, 80.0)
+        t_s, age_s, temp = value("t", -1e12, 1e12), value("age", -1e12, 1e12), value("temp", -40.0, 80.0)
+        advanced = self.session.advanced(t_s)
         self.session.void_if_told(_VOID, t_s - samples / self._rate_hz, reply.raw)
         if value("over", -1, 1) != 0 or abs(d) > STROKE_MM:
             raise OutOfRange(
@@ -191,13 +190,12 @@ class Qc20w:
             )
         for bad, why in (
             (value("n", 0, 1e9) != samples, f"not of {samples} values"),
-            (age_s > self._age_limit_s, f"{age_s:g} s old"),
-            (t_s <= self._last_t_s, "from a device clock that did not advance"),
+            (not 0.0 <= age_s <= self._age_limit_s, f"{age_s:g} s old"),
+            (not advanced, "from a device clock that did not advance"),
             (sd > self._scatter_limit_mm, f"scattered by {sd:g} mm"),
         ):
             if bad:
                 raise NoisyMeasurement(f"length {why}", device=self.name, command="READ", raw=reply.raw)
-        self._last_t_s = t_s
         bar = self.calibration
         assert bar is not None  # armed
         warm = 1.0 + bar.expansion_per_k * (temp - REFERENCE_C)

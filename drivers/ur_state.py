@@ -2,7 +2,8 @@
 
 Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is believed
 when the next one confirms it: same modes, and no joint further than its speed carries it in between. The clock
-of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError.
+of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError. So is a
+step of that clock within one question; between two questions it is not looked at.
 
 Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
 """

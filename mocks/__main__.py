@@ -1,4 +1,4 @@
-"""`python -m mocks cell CELL.toml | abb | fanuc | faro | ur`: serve simulated devices until SIGTERM or SIGINT.
+"""`python -m mocks cell CELL.toml | abb | abb-simple | faro | ...`: serve simulated devices until SIGTERM or SIGINT.
 
 Prints one JSON line per endpoint on standard output. Ends with 0; 2 for a wrong file; 1 for a taken port.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 from mocks.cell import Cell
 from mocks.cell_file import CellFile, read_cell
 
-_ALONE = ("abb", "ctrack", "emscon", "fanuc", "faro", "leica", "ur")
+_ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "faro", "leica", "ur")
 DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial")}
 ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device, if not the usual arm
 

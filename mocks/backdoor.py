@@ -5,6 +5,7 @@
     {"do": "break_beam"} {"do": "restore_beam"} {"do": "seat", "target": "T1"} ("target": null: all nests)
     {"do": "hide", "target": "T2"} {"do": "show", "target": "T2"} {"do": "tracker", "state": "WARMING"}
     {"do": "weather", "on": false} {"do": "odd_reading", "fields": {"status": 1}}
+    {"do": "reboot"} {"do": "clock_step", "by_s": -3600} {"do": "stream", "rate": 50} (0: no more)
 
 Answers `{"ok": true, ...}` or `{"ok": false, "error": "..."}`.
 """
@@ -13,11 +14,14 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
+from inspect import isawaitable
 from typing import Any, Protocol
 
 from mocks.abb import MODES, AbbController
 from mocks.tracker_device import TrackerDevice
+
+Order = Callable[[dict[str, Any]], dict[str, Any] | Awaitable[None] | None]
 
 
 class TrackerServer(Protocol):
@@ -37,7 +41,7 @@ class BackDoor:
         self,
         abb: AbbController,
         faro: TrackerServer,
-        further: Mapping[str, Callable[[dict[str, Any]], dict[str, Any] | None]] | None = None,
+        further: Mapping[str, Order] | None = None,
     ) -> None:
         self.abb = abb
         self.faro = faro
@@ -55,11 +59,9 @@ class BackDoor:
     async def do(self, order: dict[str, Any]) -> dict[str, Any]:
         """Carry out one order. Raises ValueError, KeyError, TypeError for a wrong one."""
         what = order["do"]
-        if what == "restart":
-            await self.abb.restart()
-            return {}
-        table: dict[str, Callable[[dict[str, Any]], dict[str, Any] | None]] = {
+        table: dict[str, Order] = {
             "state": self._state,
+            "restart": lambda _: self.abb.restart(),
             "truth": lambda _: {"effects": self.faro.tracker.world.truth},
             "estop": lambda _: self.abb.arm.press_emergency_stop(),
             "supervise": lambda _: self.abb.arm.supervise(),
@@ -77,8 +79,9 @@ class BackDoor:
             **self.further,
         }
         if what not in table:
-            raise ValueError(f"unknown order {what!r}; there are restart, {', '.join(table)}")
-        return table[what](order) or {}
+            raise ValueError(f"unknown order {what!r}; there are {', '.join(table)}")
+        answer = table[what](order)
+        return (await answer if isawaitable(answer) else answer) or {}
 
     def _state(self, order: dict[str, Any]) -> dict[str, Any]:
         arm, tracker = self.abb.arm, self.faro.tracker

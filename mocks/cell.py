@@ -6,20 +6,23 @@ import asyncio
 import threading
 from collections.abc import Callable, Sequence
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
 from mocks.abb import AbbController
+from mocks.abb_simple import SimpleMessageServers
 from mocks.arm_device import ArmDevice
 from mocks.backdoor import BackDoor
 from mocks.cell_file import CellFile
-from mocks.clock import CellClock
+from mocks.clock import CellClock, DeviceClock
 from mocks.ctrack import CTrackBridge, CTrackDevice
 from mocks.emscon import EmsconServer
 from mocks.fanuc import Fanuc
 from mocks.faro import FaroBridge
 from mocks.leica import LeicaBridge
 from mocks.leica_device import LeicaDevice
+from mocks.mbp_bridge import MbpBridge
 from mocks.qc20w import BallbarBridge, BallbarDevice
 from mocks.sockets import Endpoint, Servers
 from mocks.tracker_device import TrackerDevice
@@ -59,9 +62,11 @@ class Cell:
         self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, cell.nests)
         self.abb = AbbController(self.arm, self.clock, stock=stock)
+        self.abb_simple = SimpleMessageServers(self.arm, self.clock)
         robot = self.world.robot
         self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock, coupled=robot.name.startswith("fanuc"))
-        self.ur = UrController(self.arm, self.clock, self.world)
+        self.ur_clock = DeviceClock(self.clock)
+        self.ur = UrController(self.arm, self.ur_clock, self.world)
         self.faro = FaroBridge(self.tracker, self.clock)
         self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, cell.nests, cell.normals))
         self.qc20w = BallbarBridge(
@@ -72,10 +77,41 @@ class Cell:
         self.backdoor = BackDoor(
             self.abb,
             self.leica if "leica" in devices else self.emscon if "emscon" in devices else self.faro,
-            self.ur.orders() | self.ctrack.orders() | self.qc20w.orders() | self.leica.orders(),
+            self.ur.orders()
+            | self.ctrack.orders()
+            | self.qc20w.orders()
+            | self.leica.orders()
+            | {"reboot": self._reboot, "clock_step": self._clock_step, "stream": self._careless_stream},
         )
         self.devices = devices
         self._servers = Servers()
+
+    # -- orders of the back door that mean every device ----------------------------------------------------
+
+    @property
+    def _bridges(self) -> tuple[MbpBridge, ...]:
+        alone = (each.bridge for each in (self.faro, self.leica, self.ctrack, self.qc20w))
+        return *alone, self.qc20w.serial
+
+    async def _reboot(self, order: dict[str, Any]) -> None:
+        """Power off and on: connections reset, counters and clocks begin anew, instruments not initialised."""
+        for each in (self.faro, self.leica, self.ctrack, self.qc20w):
+            each.reboot()
+        self.ur_clock.restart()
+        await self.abb.restart()
+
+    def _clock_step(self, order: dict[str, Any]) -> None:
+        """Every device's own clock jumps by so many seconds."""
+        for clock in (self.ur_clock, *(bridge.clock for bridge in self._bridges)):
+            clock.offset_s += float(order["by_s"])
+
+    def _careless_stream(self, order: dict[str, Any]) -> None:
+        """Every bridge pushes samples to whoever is connected, whoever asked for them; rate 0 ends it."""
+        fields = {key: str(value) for key, value in order.items()}
+        for bridge in self._bridges:
+            bridge.stream(fields if order["rate"] else None, careless=True)
+
+    # -- serving ------------------------------------------------------------------------------------------
 
     async def start(self, port: int = 0) -> list[Endpoint]:
         """Listen; `port` is the first device's, 0 for free ones. Raises OSError when it is taken."""
@@ -88,13 +124,17 @@ class Cell:
                 stock = self.abb.stock
                 ends.append(Endpoint("abb", "open_abb" if stock else "calsrv", one))
                 ends.append(Endpoint("abb-background", "open_abb-log" if stock else "calsrv", two))
+            if "abb-simple" in self.devices:
+                ends += await self.abb_simple.listen(self._servers, port if not ends else 0)
             if "fanuc" in self.devices:
                 ends += await self.fanuc.listen(self._servers, port if not ends else 0)
             if "ur" in self.devices:
                 ends += await self.ur.listen(self._servers, port if not ends else 0)
             if "faro" in self.devices:
                 first = port if not ends else 0
-                ends.append(Endpoint("faro", "mbp1", await self._servers.listen(self.faro.serve, first)))
+                ends.append(
+                    Endpoint("faro", "mbp1", await self._servers.listen(self.faro.bridge.serve, first))
+                )
             for name, protocol, handler in (
                 ("leica", "mbp1", self.leica.bridge.serve),
                 ("emscon", "emscon", self.emscon.serve),

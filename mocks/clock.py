@@ -1,4 +1,4 @@
-"""One clock for a cell: simulated seconds run `time_scale` times faster than those on the wall."""
+"""Clocks of a cell: simulated seconds run `time_scale` times faster than those on the wall; each device has its own."""
 
 from __future__ import annotations
 
@@ -28,3 +28,20 @@ class CellClock:
         except TimeoutError:
             return False
         return True
+
+
+class DeviceClock(CellClock):
+    """What a device stamps its readings with: the cell's time and an offset, which can step. It changes no waiting."""
+
+    def __init__(self, cell: CellClock) -> None:
+        super().__init__(cell.time_scale)
+        self.cell = cell
+        self.offset_s = 0.0
+
+    def now(self) -> float:
+        """Time of the device in s."""
+        return self.cell.now() + self.offset_s
+
+    def restart(self) -> None:
+        """The device was switched on just now."""
+        self.offset_s = -self.cell.now()

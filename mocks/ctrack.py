@@ -160,6 +160,7 @@ class CTrackBridge:
             self._state,
             {"MODELS": self._models, "DYNREF": self._reference},
             {"INIT": self._init, "MEASURE": self._measure},
+            self._sample,
         )
 
     def orders(self) -> dict[str, Any]:
@@ -186,6 +187,20 @@ class CTrackBridge:
         now = self.device.clock.now()
         state = "BUSY" if self.bridge.busy and self.device.state == "READY" else self.device.state
         return f"state={state} " + pairs(T=round(self.device.world.air_c(now), 2))
+
+    def _sample(self, fields: Fields) -> str:
+        """One line of a stream: a body in the frame of the reference."""
+        name = fields.get("model", "T1")
+        if name not in self.device.totals() or self.reference is None:
+            raise BadRequest(322, "no such body, or no reference")
+        pose = self.device.to_reference(self.device.frame(name))
+        x, y, z = (float(v) for v in pose[:3, 3])
+        turned = {f"q{i}": v for i, v in enumerate(quaternion(pose[:3, :3]))}
+        return pairs(model=name, ref=self.reference, x=x, y=y, z=z, **turned)
+
+    def reboot(self) -> None:
+        self.device.state, self.reference = "OFF", None
+        self.bridge.reboot()
 
     def _models(self, fields: Fields) -> str:
         totals = self.device.totals()
@@ -252,6 +267,6 @@ class CTrackBridge:
         answer |= {key: round(float(v), 6) for key, v in zip(("sx", "sy", "sz"), scatter, strict=True)}
         answer |= {"srot": round(turned, 6), "rms": 0.02, "visible": seen[0], "total": totals[name]}
         answer |= {"rvisible": seen[1], "rtotal": totals["base"], "frames": frames}
-        now = self.device.clock.now()
-        answer |= {"t": now, "age": 0.0, "temp": round(self.device.world.air_c(now), 2)}
+        air_c = self.device.world.air_c(self.device.clock.now())
+        answer |= {"t": self.bridge.t(), "age": 0.0, "temp": round(air_c, 2)}
         return pairs(**(answer | odd))

@@ -1,7 +1,9 @@
 """A TCP proxy between driver and simulator that spoils answers, one message at a time.
 
 A message is what arrives from the device up to `boundary`, or one received piece where the protocol has none.
-Requests pass untouched, except in a black hole. Faults are chosen by name, for so many messages or at a rate.
+Requests pass untouched, except in a black hole. Faults are chosen by name, for so many messages or at a rate. What
+only the device can do, counters that begin anew and a clock that steps, it is told through `device`, an order of the
+back door.
 """
 
 from __future__ import annotations
@@ -9,21 +11,32 @@ from __future__ import annotations
 import asyncio
 import random
 import threading
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from types import TracebackType
 
 from mocks.sockets import Servers, drop
 
 GAP_S = 0.01
+STEP_S = 3600.0
 
 
 class Spoiler:
     """One connection: forwards answers to `writer`; each fault is a method that takes one message."""
 
-    def __init__(self, writer: asyncio.StreamWriter, delay_s: float, rng: random.Random) -> None:
+    def __init__(
+        self,
+        writer: asyncio.StreamWriter,
+        delay_s: float,
+        rng: random.Random,
+        device: Callable[..., object],
+        power_off: Callable[[], None],
+    ) -> None:
         self.writer = writer
         self.delay_s = delay_s
         self.rng = rng
+        self.device = device
+        self.power_off = power_off
         self.previous = b""
         self.held = b""
         self.silent = False
@@ -97,6 +110,16 @@ class Spoiler:
         """From now on nothing passes on this connection, which stays open."""
         self.silent = True
 
+    async def reboot(self, data: bytes) -> None:
+        """Every connection is reset, new ones are refused for a while, counters and clock begin anew."""
+        self.power_off()
+        raise ConnectionResetError
+
+    async def clock_step(self, data: bytes) -> None:
+        """Behind this answer the clock of the device jumps, forth or back."""
+        self.device("clock_step", by_s=self.rng.choice((-STEP_S, STEP_S)))
+        await self.send(data)
+
 
 FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
     name: getattr(Spoiler, name)
@@ -117,6 +140,8 @@ FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
         "close",
         "reset",
         "black_hole",
+        "reboot",
+        "clock_step",
     )
 }
 
@@ -125,13 +150,25 @@ class FaultProxy:
     """Proxy in a thread of its own: `with FaultProxy(port) as proxy: proxy.spoil("half", times=1)`."""
 
     def __init__(
-        self, device_port: int, *, boundary: bytes = b"", delay_s: float = 0.2, seed: int = 1, port: int = 0
+        self,
+        device_port: int,
+        *,
+        boundary: bytes = b"",
+        delay_s: float = 0.2,
+        away_s: float = 0.1,
+        seed: int = 1,
+        port: int = 0,
+        device: Callable[..., object] = lambda what, **order: None,
     ) -> None:
         self.device_port = device_port
+        self.device = device
         self.port = port
         self.spoiled = 0
         self._boundary = boundary
         self._delay_s = delay_s
+        self._away_s = away_s  # how long a reboot takes
+        self._back_at = 0.0
+        self._writers: set[asyncio.StreamWriter] = set()
         self._rng = random.Random(seed)
         self._plan: tuple[tuple[str, ...], int | None, float, int] = ((), 0, 1.0, 0)
         self._lock = threading.Lock()
@@ -149,13 +186,25 @@ class FaultProxy:
             self._plan = (faults, times, rate, after)
 
     def heal(self) -> None:
-        """No more faults."""
+        """No more faults; a device that is away comes back at once."""
         self.spoil(times=0)
         self._refusing = False
+        self._back_at = 0.0
 
     def refuse(self) -> None:
         """Accept connections and close them at once, as a device that is booting does."""
         self._refusing = True
+
+    @property
+    def away(self) -> bool:
+        """Whether new connections are refused."""
+        return self._refusing or time.monotonic() < self._back_at
+
+    def _power_off(self) -> None:
+        self._back_at = time.monotonic() + self._away_s
+        self.device("reboot")
+        for writer in self._writers:
+            writer.transport.abort()
 
     def _next_fault(self) -> str | None:
         with self._lock:
@@ -172,10 +221,11 @@ class FaultProxy:
             return self._rng.choice(faults)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        if self._refusing:
+        if self.away:
             return
         device_reader, device_writer = await asyncio.open_connection("127.0.0.1", self.device_port)
-        spoiler = Spoiler(writer, self._delay_s, self._rng)
+        self._writers.add(writer)
+        spoiler = Spoiler(writer, self._delay_s, self._rng, self.device, self._power_off)
         pumps = [
             asyncio.create_task(self._requests(reader, device_writer, spoiler)),
             asyncio.create_task(self._answers(device_reader, spoiler)),
@@ -185,6 +235,7 @@ class FaultProxy:
             if any(isinstance(task.exception(), ConnectionResetError) for task in done):
                 writer.transport.abort()
         finally:
+            self._writers.discard(writer)
             device_writer.close()  # before the first await: this may run while being cancelled itself
             for pump in pumps:
                 pump.cancel()

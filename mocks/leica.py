@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mocks.leica_device import HUMIDITY, PRESSURE_HPA, REFLECTORS_MM, LeicaDevice
-from mocks.mbp import BadRequest, pairs, value
+from mocks.mbp import BadRequest, pairs, place, value
 from mocks.mbp_bridge import Fields, MbpBridge
 
 RATES_HZ = (1.0, 1000.0)
@@ -36,10 +36,15 @@ class LeicaBridge:
                 "SEARCH": self._search,
                 "MEASURE": self._measure,
             },
+            tracker.sample,
         )
 
     def event(self, name: str) -> None:
         self.bridge.event(name)
+
+    def reboot(self) -> None:
+        self.tracker.state = "OFF"
+        self.bridge.reboot()
 
     def orders(self) -> dict[str, Any]:
         """Orders of the back door, beside those of every tracker."""
@@ -101,12 +106,7 @@ class LeicaBridge:
         return ""
 
     async def _point(self, fields: Fields) -> str:
-        if "az" in fields:
-            az, el = math.radians(value(fields, "az")), math.radians(value(fields, "el"))
-            ray = np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
-            self._aimed = value(fields, "r") * ray
-        else:
-            self._aimed = np.array([value(fields, key) for key in "xyz"])
+        self._aimed = np.array(place(fields))
         await self.bridge.wait(1.0, self._look)
         if value(fields, "find", 0.0) == 0.0:
             return "found=0"
@@ -148,7 +148,7 @@ class LeicaBridge:
         r = math.hypot(x, y, z)
         answer: dict[str, object] = {"x": x, "y": y, "z": z}
         answer |= {key: round(float(v), 6) for key, v in zip(("sx", "sy", "sz"), scatter, strict=True)}
-        answer |= {"n": samples, "t": self.tracker.clock.now(), "age": 0.0, "r": r, "status": 0}
+        answer |= {"n": samples, "t": self.bridge.t(), "age": 0.0, "r": r, "status": 0}
         answer |= {
             "temp": self.tracker.air_c(),
             "P": PRESSURE_HPA,

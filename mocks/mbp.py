@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 _REQUEST = re.compile(r"([1-9][0-9]*) ([A-Z_]+)((?: [^ ]+)*)")
@@ -60,3 +61,12 @@ def value(fields: dict[str, str], key: str, default: float | None = None) -> flo
         return float(fields[key])
     except (KeyError, ValueError):
         raise BadRequest(103, f"{key} missing or not a number") from None
+
+
+def place(fields: dict[str, str]) -> tuple[float, float, float]:
+    """Where a POINT request points to, mm: `x y z`, or `az el r` (deg, mm). Raises BadRequest(103)."""
+    if "az" not in fields:
+        return value(fields, "x"), value(fields, "y"), value(fields, "z")
+    az, el = math.radians(value(fields, "az")), math.radians(value(fields, "el"))
+    across, up = value(fields, "r") * math.cos(el), value(fields, "r") * math.sin(el)
+    return across * math.cos(az), across * math.sin(az), up

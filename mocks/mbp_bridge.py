@@ -3,6 +3,10 @@
 Long commands are acknowledged and run beside the reader, so that ABORT and PING are answered meanwhile. A
 second client is told code 120; a client silent for 30 s on the wall is dropped. On a serial line a request
 without its sum is discarded like one with a wrong sum, and a HELLO begins a new conversation.
+
+`STREAM on=1 rate=Hz` pushes samples until `on=0`, another HELLO or the end of the connection; a sample that the client
+does not take, or that the instrument does not have, is left out and its number with it. The back door can leave a
+stream running for whoever comes next, as a careless bridge does.
 """
 
 from __future__ import annotations
@@ -12,15 +16,19 @@ import contextlib
 from collections.abc import Awaitable, Callable, Mapping
 
 from mocks import mbp
-from mocks.clock import CellClock
-from mocks.mbp import BadRequest, pairs
+from mocks.clock import CellClock, DeviceClock
+from mocks.mbp import BadRequest, pairs, value
 
 SILENCE_S = 30.0
+RATES_HZ = (0.1, 1000.0)
+QUICKEST_S = 0.001  # between two samples on the wall, however fast the cell's clock runs
+BACKLOG = 4096  # bytes that a client may leave unread before it misses samples
 Fields = dict[str, str]
 
 
 class MbpBridge:
-    """`short` and `long` answer commands with the text behind OK, or raise BadRequest. `state` of STATUS."""
+    """`short` and `long` answer commands with the text behind OK, `sample` is what a stream tells; all may raise
+    BadRequest. `state` of STATUS."""
 
     def __init__(
         self,
@@ -29,17 +37,36 @@ class MbpBridge:
         state: Callable[[], str],
         short: Mapping[str, Callable[[Fields], str]],
         long: Mapping[str, Callable[[Fields], Awaitable[str]]],
+        sample: Callable[[Fields], str],
     ) -> None:
-        self.clock = clock
+        self.clock = DeviceClock(clock)
         self._hello = hello
         self._state = state
         self._table = dict(short)
         self._long = long
+        self._sample = sample
         self._writer: asyncio.StreamWriter | None = None
         self._events = 0
         self._abort = asyncio.Event()
         self._changed = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
+        self._samples = 0
+        self._stream: asyncio.Task[None] | None = None
+        self._careless = False
+
+    def t(self) -> float:
+        """The clock that readings, events and samples carry."""
+        return self.clock.now()
+
+    def reboot(self) -> None:
+        """The connection is reset; counters and clock begin anew."""
+        self.clock.restart()
+        self._events = self._samples = 0
+        self.stream(None)
+        if self._job is not None:
+            self._job.cancel()
+        if self._writer is not None:
+            self._writer.transport.abort()
 
     # -- serving ------------------------------------------------------------------------------------------
 
@@ -59,6 +86,7 @@ class MbpBridge:
             return  # silent for too long, or a line without end
         finally:
             self._writer = None
+            self._end_stream()
             await self._end_job()
 
     async def serve_serial(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -85,17 +113,47 @@ class MbpBridge:
         self._changed.set()
         if self._writer is not None:
             self._events += 1
-            self._writer.write(mbp.line(f"! {self._events} {name} {pairs(t=self.clock.now())}"))
+            self._writer.write(mbp.line(f"! {self._events} {name} {pairs(t=self.t())}"))
 
     async def wait(self, seconds: float, look: Callable[[], None]) -> None:
         """Simulated time passes; `look` is called at every change and may raise. Raises 110 on ABORT."""
-        end = self.clock.now() + seconds
-        while (left := end - self.clock.now()) > 0:
+        end = self.clock.cell.now() + seconds
+        while (left := end - self.clock.cell.now()) > 0:
             self._changed.clear()
             if self._abort.is_set():
                 raise BadRequest(110, "aborted")
             await self.clock.wait(left, self._changed)
             look()
+
+    # -- stream -------------------------------------------------------------------------------------------
+
+    def stream(self, fields: Fields | None, *, careless: bool = False) -> None:
+        """Push samples from now on, or no more. `careless`: whoever is connected gets them, and nothing but this ends
+        it. Raises BadRequest(103)."""
+        if self._stream is not None:
+            self._stream.cancel()
+            self._stream = None
+        if fields is not None:
+            rate = value(fields, "rate", 10.0)
+            if not RATES_HZ[0] <= rate <= RATES_HZ[1]:
+                raise BadRequest(103, "rate out of range")
+            self._careless = careless
+            self._stream = asyncio.create_task(self._push(fields, rate))
+
+    def _end_stream(self) -> None:
+        if not self._careless:
+            self.stream(None)
+
+    async def _push(self, fields: Fields, rate_hz: float) -> None:
+        while True:
+            await asyncio.sleep(max(1.0 / rate_hz / self.clock.time_scale, QUICKEST_S))
+            self._samples += 1
+            writer = self._writer
+            if writer is None or writer.transport.get_write_buffer_size() > BACKLOG:
+                continue
+            with contextlib.suppress(BadRequest):
+                text = self._sample(fields)
+                writer.write(mbp.line(f"# {self._samples} {pairs(t=self.t())} {text}"))
 
     # -- answering ----------------------------------------------------------------------------------------
 
@@ -113,6 +171,7 @@ class MbpBridge:
                 self._job = asyncio.create_task(self._run(number, self._long[command], fields))
                 return True
             if command == "HELLO":
+                self._end_stream()
                 await self._end_job()
             reply = self._short(command, fields)
         except BadRequest as bad:
@@ -128,7 +187,12 @@ class MbpBridge:
             return self._hello
         if command == "STATUS":
             return self._state()
-        if command in ("PING", "CLEAR", "BYE"):
+        if command == "PING":
+            return pairs(t=self.t())
+        if command in ("CLEAR", "BYE"):
+            return ""
+        if command == "STREAM":
+            self.stream(fields if value(fields, "on") else None)
             return ""
         if command == "ABORT":
             self._abort.set()

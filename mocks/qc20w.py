@@ -147,6 +147,7 @@ class BallbarBridge:
                 "READ": lambda fields: self._read(bridge, fields),
                 "ZERO": lambda _: self._zero(bridge),
             },
+            self._sample,
         )
         return bridge
 
@@ -197,6 +198,11 @@ class BallbarBridge:
         for bridge in (self.bridge, self.serial):
             bridge.event("LINK_UP" if self.device.radio else "LINK_DOWN")
 
+    def reboot(self) -> None:
+        self.device.state = "OFF"
+        for bridge in (self.bridge, self.serial):
+            bridge.reboot()
+
     # -- commands -----------------------------------------------------------------------------------------
 
     def _state(self) -> str:
@@ -216,6 +222,12 @@ class BallbarBridge:
             cert="SIM-0001",
             serial="2Q0001",
         )
+
+    def _sample(self, fields: Fields) -> str:
+        """One line of a stream: what the sensor shows, and whether that is its stop."""
+        self.device.look()
+        d = self.device.deviation(fields.get("base", ""), fields.get("target", ""))
+        return pairs(d=max(-STROKE_MM, min(STROKE_MM, d)), over=(d > STROKE_MM) - (d < -STROKE_MM))
 
     async def _init(self, bridge: MbpBridge) -> str:
         await bridge.wait(2.0, lambda: None)
@@ -240,7 +252,7 @@ class BallbarBridge:
         if device.arm.joints_deg() != before:
             raise BadRequest(303, "bar moved during averaging", retry=True)
         d, sd = device.average(base, target, n)
-        answer: dict[str, object] = {"d": d, "sd": sd, "n": n, "t": device.clock.now(), "age": 0.0}
+        answer: dict[str, object] = {"d": d, "sd": sd, "n": n, "t": bridge.t(), "age": 0.0}
         answer |= {"temp": device.air_c(), "batt": device.battery, "link": -60, "over": 0}
         odd, self.odd = self.odd, {}
         return pairs(**(answer | odd))

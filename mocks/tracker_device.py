@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mocks.arm_device import ArmDevice
 from mocks.clock import CellClock
-from mocks.mbp import BadRequest
+from mocks.mbp import BadRequest, pairs
 from mocks.world import ArmState, World
 from mocks.world.arm import Sight
 
@@ -126,6 +126,14 @@ class TrackerDevice:
             raise BadRequest(310, f"no target within {radius_mm:g} mm", retry=True)
         self.held = nearest
         return nearest
+
+    def sample(self, fields: dict[str, str]) -> str:
+        """One line of a stream: the SMR that the beam holds. Raises BadRequest."""
+        self.check_ready()
+        if self.held is None or self.held in self.hidden:
+            raise BadRequest(302, "target lost", retry=True)
+        x, y, z = (float(v) for v in self.to_tracker(self.true_world(self.held)))
+        return pairs(x=x, y=y, z=z, status=0)
 
     def choose(self, name: str | None) -> str:
         """The nest that a reading of `name` really measures. Raises BadRequest 103, 302."""

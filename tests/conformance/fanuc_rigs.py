@@ -24,7 +24,7 @@ HASTY = replace(
 def fanuc_rig(stack: ExitStack, *, device: str, options: str = "") -> Rig:
     """Question i: go to a pose of its own, and read it back. Text with a stock server."""
     cell = stack.enter_context(CellThread(CELL, stock=True, devices=("fanuc",)))
-    proxy = stack.enter_context(FaultProxy(cell.port(device)))
+    proxy = stack.enter_context(FaultProxy(cell.port(device), device=cell.do))
     arm = FanucArm(f"tcp://127.0.0.1:{proxy.port}?logger={cell.port('fanuc-logger')}{options}")
     stack.callback(arm.disconnect)
 
@@ -43,7 +43,7 @@ def fanuc_rig(stack: ExitStack, *, device: str, options: str = "") -> Rig:
 def fanuc_state_rig(stack: ExitStack) -> Rig:
     """Questions to our server on the second port: is the pendant enabled? Every other time it is."""
     cell = stack.enter_context(CellThread(CELL, devices=("fanuc",)))
-    proxy = stack.enter_context(FaultProxy(cell.port("fanuc-logger")))
+    proxy = stack.enter_context(FaultProxy(cell.port("fanuc-logger"), device=cell.do))
     arm = FanucArm(f"{cell.url('fanuc')}?logger={proxy.port}")
     stack.callback(arm.disconnect)
 

@@ -28,7 +28,7 @@ def _cell(
 ) -> tuple[CellThread, FaultProxy]:
     file = file or CellFile(time_scale=SCALE, effects=("none",))
     cell = stack.enter_context(CellThread(file, devices=(device,)))
-    return cell, stack.enter_context(FaultProxy(cell.port(device), boundary=boundary))
+    return cell, stack.enter_context(FaultProxy(cell.port(device), boundary=boundary, device=cell.do))
 
 
 def leica_rig(stack: ExitStack) -> Rig:

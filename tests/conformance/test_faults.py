@@ -12,13 +12,26 @@ from contextlib import ExitStack
 
 import pytest
 
-from drivers import LinkError, LinkLost, LinkTimeout, ProtocolError, Unmeasurable
+from drivers import (
+    AcquisitionError,
+    CTrack,
+    FaroTracker,
+    LeicaTracker,
+    LinkError,
+    LinkLost,
+    LinkTimeout,
+    NoisyMeasurement,
+    ProtocolError,
+    Qc20w,
+    Unmeasurable,
+)
 from mocks.faultproxy import FAULTS
 from tests.conformance.rig import SLACK_S, Rig
 from tests.conformance.rigs import RIGS
+from tests.drivers.waiting import until
 
 # What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
-CLASSES: dict[str, tuple[type[LinkError], ...]] = {
+CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {
     "delay": (),
     "drip": (),
     "split": (),
@@ -35,11 +48,15 @@ CLASSES: dict[str, tuple[type[LinkError], ...]] = {
     "close": (LinkLost,),
     "reset": (LinkLost,),
     "black_hole": (LinkTimeout,),
+    "reboot": (LinkLost,),
+    "clock_step": (ProtocolError, NoisyMeasurement),
 }
-LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage"}
+LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage", "reboot"}
 UNDETECTABLE = {(name, "flip") for name in ("abb-calsrv", "abb-stock", "leica-emscon")}  # no checksum
+BRIDGED = {"faro-mbp1", "leica-mbp1", "ctrack-mbp1", "qc20w-mbp1", "qc20w-serial"}
+CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime"}  # what they answer carries the clock of the device
 # A stream may lack a package, and half of two is one; on 30003 it goes on behind the answer, unread.
-QUIET = {("ur-rtde", "half"), *(("ur-realtime", fault) for fault in LOUD)}
+QUIET = {("ur-rtde", "half"), ("abb-simple-state", "half"), *(("ur-realtime", fault) for fault in LOUD)}
 
 
 @pytest.fixture(scope="module", params=sorted(RIGS))
@@ -67,7 +84,7 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, after: int) -> None:
     hit = rig.proxy.spoiled
     rig.proxy.spoil(fault, times=1, after=after)
     begin = time.monotonic()
-    failure: LinkError | None = None
+    failure: AcquisitionError | None = None
     for i in range(3):  # the second question meets what the first left behind
         try:
             assert rig.ask(10 + i) <= rig.tolerance
@@ -121,3 +138,64 @@ def test_booting_device(named_rig: tuple[str, Rig]) -> None:
     rig.restart()
     assert time.monotonic() - begin < 1.0 + SLACK_S
     assert rig.ask(1) <= rig.tolerance
+
+
+def ask_often(rig: Rig, first: int) -> None:
+    for i in range(first, first + 5):
+        assert rig.ask(i) <= rig.tolerance
+
+
+def test_working_within_a_second_after_a_reboot(named_rig: tuple[str, Rig]) -> None:
+    """The best of three counts: what is asked of the driver, not of a loaded machine."""
+    _, rig = named_rig
+    took_s = []
+    for round_ in range(3):
+        rig.proxy.heal()
+        rig.be_patient()
+        rig.restart()
+        rig.proxy.spoil("reboot")
+        with pytest.raises(LinkError):
+            ask_often(rig, 10 * round_)
+        until(lambda: not rig.proxy.away)
+        begin = time.monotonic()
+        rig.restart()
+        assert rig.ask(50 + round_) <= rig.tolerance
+        took_s.append(time.monotonic() - begin)
+    assert min(took_s) < 1.0
+
+
+def test_a_clock_that_steps_costs_one_reading(named_rig: tuple[str, Rig]) -> None:
+    """Whoever does not reconnect is not refused for ever either."""
+    name, rig = named_rig
+    if name not in CLOCKED:
+        return
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    assert rig.ask(0) <= rig.tolerance
+    for i, by_s in enumerate((-3600.0, 3600.0, 7200.0, -7200.0, -1e6), start=1):
+        rig.cell.do("clock_step", by_s=by_s)
+        try:
+            miss = rig.ask(i)
+        except NoisyMeasurement:
+            assert by_s < 0.0
+            miss = rig.ask(i)
+        assert miss <= rig.tolerance
+
+
+def test_the_stream_of_somebody_else_is_no_answer(named_rig: tuple[str, Rig]) -> None:
+    name, rig = named_rig
+    if name not in BRIDGED:
+        return
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.cell.do("stream", rate=1000.0, model="T1", base="B1", target="T1")
+    try:
+        for i in range(10):
+            if i % 5 == 0:
+                rig.restart()  # the stream runs before the greeting as well
+            assert rig.ask(i) <= rig.tolerance
+        assert isinstance(rig.driver, FaroTracker | LeicaTracker | CTrack | Qc20w)
+        assert rig.driver.session.client.samples > 10
+    finally:
+        rig.cell.do("stream", rate=0.0)

@@ -23,7 +23,7 @@ def ur_rig(stack: ExitStack, proxied: str) -> Rig:
     device = "ur" if proxied == "rtde" else "ur-realtime"
     # Packets on 30003 begin with their length; on 30004 a question may end without another package to come.
     boundary = (1140).to_bytes(4) if proxied == "realtime" else b""
-    proxy = stack.enter_context(FaultProxy(cell.port(device), boundary=boundary))
+    proxy = stack.enter_context(FaultProxy(cell.port(device), boundary=boundary, device=cell.do))
     ports = {name: cell.port(f"ur-{name}") for name in ("realtime", "secondary", "dashboard")}
     if proxied == "realtime":
         ports["realtime"] = proxy.port

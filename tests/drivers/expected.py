@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import socket
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 
 Pair = tuple[bytes, bytes]
@@ -26,7 +26,7 @@ def shape(reply: bytes) -> bytes:
 class ExpectedDevice:
     """Scripted device on a free port; one connection after another, one list of pairs each."""
 
-    def __init__(self, *conversations: Sequence[Pair]) -> None:
+    def __init__(self, *conversations: Iterable[Pair]) -> None:
         self._conversations = conversations
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._server.getsockname()[1])

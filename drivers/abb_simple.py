@@ -1,0 +1,300 @@
+"""ABB IRC5 that runs ROS-Industrial's abb_driver: `simple_message`, TCP 11000 for motion and 11002 for states.
+
+The state port is two above that of the address, or `tcp://192.168.125.1:11000?state=12002`. Packets are in
+`drivers.abb_simple_packets`, the states in `drivers.abb_simple_stream`. What follows from the protocol:
+
+- A trajectory is acknowledged when it was received, never when it was carried out. A move has ended when two states
+  in a row say that the robot does not move and agree with each other and with the target.
+- A point nearer than 0.1 deg is skipped when it is the first of its trajectory. So each has two: where the robot
+  stands, and the target. External axes are told to stay where they are.
+- Angles are float32 radians: 1.4e-5 deg at 180 deg, in what is sent and in what is read. Speed is told as a duration.
+- The second of two clients is accepted and never heard, and what it sent is carried out when the first goes. So no
+  point is sent on a connection before a stop was answered on it, which moves nothing and is sent by `connect`.
+- The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
+  is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
+- Nothing has a checksum: one state alone is never believed.
+
+Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+from drivers.abb_simple_motion import MotionServer, patiently
+from drivers.abb_simple_packets import END, JOINTS, START, State, raise_if_unfit
+from drivers.abb_simple_stream import AbbSimpleDeadlines, StateStream
+from drivers.errors import (
+    Busy,
+    ConfigError,
+    JointLimit,
+    LinkLost,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.link import WireSink, parse_url
+
+_LOG = logging.getLogger(__name__)
+_WIDEST_DEG = 1000.0
+# Longest arm from a joint axis to the tool, rounded up.
+_LEVER_MM = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
+_RAMP_S = 0.5  # added to every duration: the caps hold while the robot speeds up and slows down
+_AGREE_DEG, _AGREE_M = 0.002, 1e-4  # two states of a standing robot and of its external axes
+_SILENT = "Check that all three ROS programs run on the controller and that no other program is connected to the robot."
+
+
+class AbbSimpleArm:
+    """One ABB robot under abb_driver. Verbs block; `stop` and `status` may be called from any thread."""
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "abb-simple",
+        speed_mm_s: float = 500.0,
+        speed_deg_s: float = 20.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        tolerance_deg: float = 0.05,
+        deadlines: AbbSimpleDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not (speed_mm_s > 0 and speed_deg_s > 0):
+            raise ConfigError(
+                f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=name
+            )
+        if limits_deg is not None and len(limits_deg) != JOINTS:
+            raise ConfigError(f"limits_deg needs {JOINTS} pairs, not {len(limits_deg)}", device=name)
+        address = parse_url(url)
+        state = address.options.get("state", str(address.port + 2))
+        if not state.isdecimal() or not 0 < int(state) < 65536:
+            raise ConfigError(f"state={state!r} in {url!r} is not a port", device=name)
+        self.name = name
+        self._deadlines = deadlines or AbbSimpleDeadlines()
+        self._speed = (speed_mm_s, speed_deg_s)
+        self._limits = limits_deg
+        self._tolerance_deg = tolerance_deg
+        self._clock = clock
+        self._motion = MotionServer(address, name, self._deadlines, wire, clock)
+        behind = replace(address, port=int(state))
+        self._stream = StateStream(behind, f"{name}-state", self._deadlines, wire, clock)
+        self._lock = threading.RLock()
+        self._armed = False
+        self._warned = False
+
+    @property
+    def deadlines(self) -> AbbSimpleDeadlines:
+        """The named waits; may be replaced between questions."""
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: AbbSimpleDeadlines) -> None:
+        self._deadlines = self._stream.deadlines = self._motion.deadlines = deadlines
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    @property
+    def can_stop(self) -> bool:
+        """The motion server reads a stop while another task moves the robot."""
+        return True
+
+    def connect(self) -> None:
+        """Open both ports, see a state, have a stop answered. Nothing moves. Raises LinkError.
+
+        A robot that another client controls ends in LinkTimeout: it accepts and does not answer.
+        """
+        if not self._warned:
+            self._warned = True
+            _LOG.warning(
+                "%s: this ABB driver is unverified on hardware; no watchdog guards a move", self.name
+            )
+        with self._lock:
+            self.disconnect()
+            try:
+                patiently(self._stream.open, self.deadlines.takeover_s, self._clock)
+                self._motion.open()
+                self.position()
+            except LinkTimeout as error:
+                self.disconnect()
+                error.what_to_do = _SILENT
+                raise
+            except BaseException:
+                self.disconnect()
+                raise
+
+    def disconnect(self) -> None:
+        """Close both connections and disarm; never raises."""
+        self._armed = False
+        self._motion.close()
+        self._stream.close()
+
+    def identify(self) -> Identity:
+        """simple_message does not say which robot this is; that it has joints is all that is known."""
+        self.position()
+        return Identity("ABB", "", "", "", "simple_message")
+
+    # -- arming -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Check the controller; allow motion.
+
+        Raises LinkError, SafetyStop, WrongMode, NotReady (the motion program does not run), Busy (it moves).
+        """
+        with self._lock:
+            raise_if_unfit(self._standing("arm"), self.name, "arm")
+            if not self._motion.is_open:
+                raise LinkLost("not connected", device=self.name, command="arm")
+            self._motion.stopped.clear()
+            self._armed = True
+
+    def disarm(self) -> None:
+        """No more motion until armed again; never raises."""
+        self._armed = False
+
+    # -- motion -------------------------------------------------------------------------------------------
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go to these joint angles, wait until the robot stands, read back.
+
+        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown: the robot is told to stop),
+        SafetyStop, WrongMode, MotionStopped, NotReached, Busy (another program moves the robot).
+        """
+        target = tuple(float(q) for q in joints_deg)
+        self._check(target)
+        with self._lock, ExitStack() as undo:
+            if not self._armed:
+                raise NotArmed("motion without arming", device=self.name, command="move_to")
+            undo.callback(self.disarm)  # wherever the robot is now, somebody has to look first
+            here = self._standing("move_to")
+            raise_if_unfit(here, self.name, "move_to")
+            seconds = self._duration(here, target)
+            self._motion.say(START, here.joints_rad, here.external, seconds, "move_to")
+            undo.callback(self._motion.halt_if_possible)
+            goal_rad = [math.radians(q) for q in target]
+            self._motion.say(END, goal_rad, here.external, seconds, "move_to")
+            reached = self._arrival(here, target, seconds)
+            undo.pop_all()
+        return _reading(reached)
+
+    def _arrival(self, here: State, target: Sequence[float], seconds: float) -> State:
+        """The state of a robot that stands at the target, confirmed by the state before.
+
+        Of a move within the tolerance the states before it look like its end: it is given its time.
+        """
+        begin = self._clock()
+        credible = begin + seconds if _off(here.joints_deg, target) <= self._tolerance_deg else begin
+        end = begin + self.deadlines.move_factor * seconds + self.deadlines.move_margin_s
+        rest_since = math.inf
+        number, before = self._stream.following(self._stream.count, "move_to")
+        while True:
+            number, now = self._stream.following(number, "move_to")
+            if self._motion.stopped.is_set():
+                raise MotionStopped("stopped on its way", device=self.name, command="move_to", raw=now.raw)
+            off = _off(now.joints_deg, target)
+            if now.flags == before.flags:
+                raise_if_unfit(now, self.name, "move_to")
+                if _stand(before, now):
+                    rest_since = min(rest_since, self._clock())
+                    if off <= self._tolerance_deg and self._clock() >= credible:
+                        return now
+                else:
+                    rest_since = math.inf
+            before = now
+            rested = self._clock() - max(rest_since, credible)
+            if rested > self.deadlines.still_s or self._clock() > end:
+                limit = "still_s" if rested > self.deadlines.still_s else "move_s"
+                raise NotReached(
+                    f"{off:.3f} deg from where it was sent, given up after {limit}",
+                    device=self.name,
+                    command="move_to",
+                    raw=now.raw,
+                )
+
+    def position(self) -> JointReading:
+        """Where the robot stands: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        return _reading(self._standing("position"))
+
+    def _standing(self, command: str) -> State:
+        return self._confirmed(command, _stand)
+
+    def _confirmed(self, command: str, good: Callable[[State, State], bool]) -> State:
+        """The next state that agrees with the one before it. Raises LinkError, Busy."""
+        end = self._clock() + self.deadlines.settle_s
+        number, before = self._stream.following(self._stream.count, command)
+        while True:
+            number, now = self._stream.following(number, command)
+            if now.flags == before.flags and good(before, now):
+                return now
+            if self._clock() >= end:
+                raise Busy("the robot goes on moving", device=self.name, command=command, raw=now.raw)
+            before = now
+
+    def stop(self) -> None:
+        """Halt the robot now and disarm. From any thread. Raises LinkError."""
+        self._armed = False
+        self._motion.stopped.set()
+        self._motion.halt()
+
+    def status(self) -> RobotStatus:
+        """State of the controller. Raises LinkError."""
+        now = self._confirmed("status", lambda before, now: True)
+        flags = now.flags
+        return RobotStatus(
+            flags.mode,
+            flags.motors_on,
+            flags.emergency_stop,
+            flags.moving,
+            flags.error_code if flags.in_error else None,
+            now.raw,
+        )
+
+    # -- checks -------------------------------------------------------------------------------------------
+
+    def _check(self, target: tuple[float, ...]) -> None:
+        if len(target) != JOINTS:
+            raise JointLimit(
+                f"{len(target)} joints given, {JOINTS} needed", device=self.name, command="move_to"
+            )
+        for i, q in enumerate(target):
+            low, high = self._limits[i] if self._limits is not None else (-_WIDEST_DEG, _WIDEST_DEG)
+            if not low <= q <= high:  # also refuses NaN
+                raise JointLimit(
+                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
+                    device=self.name,
+                    command="move_to",
+                )
+
+    def _duration(self, here: State, target: Sequence[float]) -> float:
+        """Seconds that keep both caps: no joint faster than one, the tool nowhere faster than the other."""
+        far = [abs(a - b) for a, b in zip(here.joints_deg, target, strict=True)]
+        path_mm = sum(math.radians(dq) * lever for dq, lever in zip(far, _LEVER_MM, strict=True))
+        return max(max(far) / self._speed[1], path_mm / self._speed[0]) + _RAMP_S
+
+
+def _off(joints_deg: Sequence[float], target: Sequence[float]) -> float:
+    return max(abs(a - b) for a, b in zip(joints_deg, target, strict=True))
+
+
+def _stand(before: State, now: State) -> bool:
+    """Whether two states in a row are those of a robot that does not move."""
+    external = zip(before.external, now.external, strict=True)
+    return (
+        now.flags.moving is False
+        and _off(before.joints_deg, now.joints_deg) <= _AGREE_DEG
+        and all(math.isclose(a, b, rel_tol=1e-6, abs_tol=_AGREE_M) for a, b in external)
+    )
+
+
+def _reading(state: State) -> JointReading:
+    return JointReading(state.joints_deg, state.resolution_deg, state.raw)

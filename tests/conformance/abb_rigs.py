@@ -1,0 +1,80 @@
+"""Rigs of the ABB: open_abb with a stock server and with ours, and abb_driver with the proxy before either port."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+
+from drivers import AbbArm, AbbDeadlines, AbbSimpleArm, AbbSimpleDeadlines
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from mocks.faultproxy import FaultProxy
+from tests.conformance.rig import SCALE, Rig
+
+PATIENT_ABB = AbbDeadlines(move_margin_s=5.0, ping_s=5.0, reply_s=5.0, stop_s=5.0, quiet_s=0.05)
+HASTY_ABB = replace(PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3)
+PATIENT_SIMPLE = AbbSimpleDeadlines(reply_s=5.0, stop_s=5.0, settle_s=5.0)
+HASTY_SIMPLE = replace(
+    PATIENT_SIMPLE, connect_s=0.3, takeover_s=0.1, reply_s=0.3, stop_s=0.3, settle_s=0.3, move_margin_s=0.3
+)
+FILE = CellFile(time_scale=SCALE, effects=("none",))
+
+
+def goal(i: int) -> tuple[float, ...]:
+    """A pose of its own for question i."""
+    return (10.0 + i % 70, 5.0 + i % 13, -(i % 29) - 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
+
+
+def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
+    """Question i: go to a pose of its own, and read it back."""
+    cell = stack.enter_context(CellThread(FILE, stock=stock))
+    proxy = stack.enter_context(FaultProxy(cell.port("abb"), device=cell.do))
+    arm = AbbArm(f"tcp://127.0.0.1:{proxy.port}?background={cell.port('abb-background')}")
+    stack.callback(arm.disconnect)
+
+    def ask(i: int) -> float:
+        target = goal(i)
+        reached = arm.move_to(target).joints_deg
+        read = arm.position().joints_deg
+        assert cell.cell is not None
+        return max(
+            math.dist(reached, target), math.dist(read, target), math.dist(read, cell.cell.arm.joints_deg())
+        )
+
+    return Rig(arm, proxy, cell, ask, 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s, PATIENT_ABB, HASTY_ABB)
+
+
+def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
+    """Question i: go to a pose of its own, and read it back. Messages have no end mark and no sum."""
+    cell = stack.enter_context(CellThread(FILE, devices=("abb-simple",)))
+    proxy = stack.enter_context(FaultProxy(cell.port(proxied), device=cell.do))
+    ports = {name: cell.port(name) for name in ("abb-simple", "abb-simple-state")} | {proxied: proxy.port}
+    arm = AbbSimpleArm(f"tcp://127.0.0.1:{ports['abb-simple']}?state={ports['abb-simple-state']}")
+    stack.callback(arm.disconnect)
+
+    def ask(i: int) -> float:
+        target = goal(i)
+        reached = arm.move_to(target).joints_deg
+        read = arm.position().joints_deg
+        assert cell.cell is not None
+        truth = cell.cell.arm.joints_deg()
+        return max(
+            abs(a - b) for a, b in zip((*reached, *read, *read), (*target, *target, *truth), strict=True)
+        )
+
+    # 0.002 deg: two states of a standing robot may differ by so much, so a wrong bit below that is believed.
+    longest_s = (
+        2 * HASTY_SIMPLE.reply_s + HASTY_SIMPLE.settle_s + 4 * HASTY_SIMPLE.stop_s + HASTY_SIMPLE.takeover_s
+    )
+    return Rig(arm, proxy, cell, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE)
+
+
+ABB_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+    "abb-calsrv": partial(abb_rig, stock=False),
+    "abb-stock": partial(abb_rig, stock=True),
+    "abb-simple-motion": partial(abb_simple_rig, proxied="abb-simple"),
+    "abb-simple-state": partial(abb_simple_rig, proxied="abb-simple-state"),
+}

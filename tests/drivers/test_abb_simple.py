@@ -1,0 +1,370 @@
+"""The driver for abb_driver against the simulated controller: motion, stop, modes, limits, a second client."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import math
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from drivers import (
+    AbbSimpleArm,
+    AbbSimpleDeadlines,
+    Busy,
+    ConfigError,
+    EmergencyStop,
+    EnableLost,
+    JointLimit,
+    LinkError,
+    LinkLost,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    NotReady,
+    ProtectiveStop,
+    RobotArm,
+    WireLog,
+    WrongMode,
+    open_robot,
+)
+from mocks.abb_simple import LAST, START, STOP, SimpleMessageServers
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from tests.drivers.waiting import in_thread, until
+
+FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
+SLOW = CellFile(time_scale=1.0, effects=("none",))  # moves take seconds, for what happens during one
+FAST = CellFile(time_scale=10_000.0, effects=("none",))
+HASTY = AbbSimpleDeadlines(reply_s=0.4, settle_s=0.3, still_s=0.2, takeover_s=0.2)
+
+
+def connected(cell: CellThread, **options: object) -> AbbSimpleArm:
+    arm = AbbSimpleArm(cell.url("abb-simple"), **options)  # type: ignore[arg-type]
+    arm.connect()
+    return arm
+
+
+def servers(cell: CellThread) -> SimpleMessageServers:
+    assert cell.cell is not None
+    return cell.cell.abb_simple
+
+
+@pytest.fixture
+def slow() -> Iterator[CellThread]:
+    with CellThread(SLOW, devices=("abb-simple",)) as cell:
+        yield cell
+
+
+@pytest.fixture
+def fast() -> Iterator[CellThread]:
+    with CellThread(FAST, devices=("abb-simple",)) as cell:
+        yield cell
+
+
+def test_is_a_robot_arm_and_says_what_it_is(fast: CellThread, caplog: pytest.LogCaptureFixture) -> None:
+    arm = open_robot("abb-simple", fast.url("abb-simple"))
+    assert isinstance(arm, RobotArm)
+    assert arm.unverified_on_hardware
+    with caplog.at_level(logging.WARNING):
+        arm.connect()
+        arm.connect()
+        assert arm.can_stop
+        assert arm.identify().protocol == "simple_message"
+        assert arm.status().mode == "auto"
+        arm.disconnect()
+    assert sum("unverified" in record.message for record in caplog.records) == 1
+
+
+def test_nothing_moves_on_connect(fast: CellThread) -> None:
+    arm = connected(fast)
+    with pytest.raises(NotArmed):
+        arm.move_to((1.0,) * 6)
+    assert [point.sequence for point in servers(fast).received] == [STOP]
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        arm.position()
+
+
+def test_a_move_keeps_both_caps_and_reads_back_in_single_precision(fast: CellThread) -> None:
+    arm = connected(fast, speed_deg_s=30.0, speed_mm_s=400.0)
+    arm.arm()
+    reached = arm.move_to(FAR)
+    assert reached.joints_deg == pytest.approx(FAR, abs=1e-5)
+    assert 0.6e-5 < reached.resolution_deg < 1.4e-5
+    first, last = servers(fast).received[-2:]
+    assert (first.sequence, last.sequence) == (START, LAST)
+    assert first.joints_deg == (0.0,) * 6
+    assert last.duration_s >= 90.0 / 30.0
+    longest_way_mm = math.radians(90 + 60 + 30) * 1000.0 + math.radians(40 + 50 + 60) * 400.0
+    assert last.duration_s >= longest_way_mm / 400.0
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("step", [0.03, 0.09])
+def test_a_step_below_tolerance_or_skipping_is_carried_out(fast: CellThread, step: float) -> None:
+    arm = connected(fast)
+    arm.arm()
+    reached = arm.move_to((step, 0, 0, 0, 0, 0))
+    assert reached.joints_deg[0] == pytest.approx(step, abs=1e-5)
+    assert fast.do("state")["joints_deg"][0] == pytest.approx(step, abs=1e-5)  # type: ignore[index]
+    arm.disconnect()
+
+
+def test_a_step_below_tolerance_is_awaited_though_it_begins_late(slow: CellThread) -> None:
+    servers(slow).throttle_s = 0.4
+    arm = connected(slow)
+    arm.arm()
+    assert arm.move_to((0.03, 0, 0, 0, 0, 0)).joints_deg[0] == pytest.approx(0.03, abs=1e-5)
+    arm.disconnect()
+
+
+def test_stop_ends_a_pending_move(slow: CellThread) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm.stop()
+    with pytest.raises(MotionStopped):
+        move.result(timeout=5)
+    state = slow.do("state")
+    assert not state["moving"]
+    assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=1e-5)
+    arm.disconnect()
+
+
+def test_a_stop_that_overtakes_the_move_keeps_it_from_being_sent(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.arm()
+    arm._motion.stopped.set()
+    with pytest.raises(MotionStopped):
+        arm.move_to(FAR)
+    assert LAST not in [point.sequence for point in servers(fast).received]
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.disconnect()
+
+
+def test_stop_is_repeated_on_a_fresh_connection(slow: CellThread) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm._motion.close()
+    arm.stop()
+    assert not slow.do("state")["moving"]
+    with pytest.raises(MotionStopped):
+        move.result(timeout=5)
+    arm.disconnect()
+
+
+def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(slow: CellThread) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        move.result(timeout=5)
+    assert not slow.do("state")["moving"]
+    assert max(slow.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
+    with pytest.raises(LinkLost):
+        arm.arm()
+
+
+def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    slow.do("estop")
+    with pytest.raises(EmergencyStop):
+        move.result(timeout=5)
+    assert arm.status().emergency_stop
+    with pytest.raises(EmergencyStop):
+        arm.arm()
+    slow.do("restart")
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    assert servers(slow).received[-1].sequence == STOP
+    assert not slow.do("state")["moving"]
+    arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("order", "error"),
+    [
+        ({"what": "mode", "mode": "manual"}, WrongMode),
+        ({"what": "motors", "on": False}, EnableLost),
+        ({"what": "supervise"}, ProtectiveStop),
+    ],
+)
+def test_controller_gives_up_during_a_move(
+    slow: CellThread, order: dict[str, object], error: type[Exception]
+) -> None:
+    arm = connected(slow)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    slow.do(**order)  # type: ignore[arg-type]
+    with pytest.raises(error):
+        move.result(timeout=5)
+    arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("order", "error"),
+    [
+        ({"what": "mode", "mode": "manual"}, WrongMode),
+        ({"what": "motors", "on": False}, WrongMode),
+        ({"what": "supervise"}, NotReady),
+    ],
+)
+def test_arm_refuses_a_controller_that_cannot_move(
+    fast: CellThread, order: dict[str, object], error: type[Exception]
+) -> None:
+    arm = connected(fast)
+    fast.do(**order)  # type: ignore[arg-type]
+    with pytest.raises(error):
+        arm.arm()
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 91.0, -91.0])
+def test_limits_of_the_cell_are_checked_before_anything_is_sent(fast: CellThread, bad: float) -> None:
+    arm = connected(fast, limits_deg=[(-90, 90)] * 6)
+    arm.arm()
+    before = len(servers(fast).received)
+    with pytest.raises(JointLimit):
+        arm.move_to((0, 0, bad, 0, 0, 0))
+    with pytest.raises(JointLimit):
+        arm.move_to((0, 0))
+    assert len(servers(fast).received) == before
+    arm.move_to((90, 0, 0, 0, 0, 0))
+    arm.disconnect()
+
+
+def test_a_limit_of_the_controller_stops_its_program(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.arm()
+    with pytest.raises(ProtectiveStop, match="50027"):
+        arm.move_to((170.0, 0, 0, 0, 0, 0))
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.disconnect()
+
+
+def test_second_client_is_told_and_nothing_it_sent_moves_the_robot(fast: CellThread) -> None:
+    first = connected(fast)
+    second = AbbSimpleArm(fast.url("abb-simple"), deadlines=HASTY)
+    with pytest.raises(LinkTimeout) as caught:
+        second.connect()
+    assert "no other program" in caught.value.what_to_do
+    first.disconnect()
+    second.connect()
+    assert {point.sequence for point in servers(fast).received} == {STOP}
+    second.disconnect()
+
+
+def test_another_client_on_the_motion_port_alone(fast: CellThread) -> None:
+    with socket.create_connection(("127.0.0.1", fast.port("abb-simple"))):
+        arm = AbbSimpleArm(fast.url("abb-simple"), deadlines=HASTY)
+        with pytest.raises(LinkTimeout) as caught:
+            arm.connect()
+    assert "no other program" in caught.value.what_to_do
+
+
+def test_another_program_moves_the_robot(slow: CellThread) -> None:
+    arm = connected(slow, deadlines=HASTY)
+    arm.arm()
+    assert slow.cell is not None
+    slow.cell.arm.start(FAR, rate_deg_s=10.0, tool_mm_s=math.inf)
+    assert arm.status().moving
+    with pytest.raises(Busy):
+        arm.position()
+    with pytest.raises(Busy):
+        arm.move_to((0.0,) * 6)
+    assert {point.sequence for point in servers(slow).received} == {STOP}
+    arm.disconnect()
+
+
+def test_standing_elsewhere_is_no_arrival(fast: CellThread) -> None:
+    arm = connected(fast, deadlines=HASTY)
+    arm.arm()
+    assert fast.cell is not None
+    start = fast.cell.arm.start
+
+    def short(target: tuple[float, ...], rate_deg_s: float, tool_mm_s: float) -> None:
+        start(tuple(0.9 * q for q in target), rate_deg_s, tool_mm_s)
+
+    fast.cell.arm.start = short  # type: ignore[method-assign, assignment]
+    with pytest.raises(NotReached, match="still_s"):
+        arm.move_to(FAR)
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.disconnect()
+
+
+def test_a_move_that_takes_too_long_is_stopped(slow: CellThread) -> None:
+    arm = connected(slow, speed_deg_s=5.0, deadlines=replace(HASTY, move_factor=0.0, move_margin_s=0.3))
+    arm.arm()
+    with pytest.raises(NotReached, match="move_s"):
+        arm.move_to(FAR)
+    assert not slow.do("state")["moving"]
+    arm.disconnect()
+
+
+def test_the_wire_log_has_what_was_said_and_the_states_that_were_used(fast: CellThread) -> None:
+    text = io.StringIO()
+    arm = connected(fast, wire=WireLog(text))
+    arm.arm()
+    reached = arm.move_to(FAR)
+    arm.disconnect()
+    rows = [json.loads(line) for line in text.getvalue().splitlines()]
+    sent = [row["data"] for row in rows if (row["device"], row["dir"]) == ("abb-simple", ">")]
+    assert [len(data) for data in sent] == [68, 68, 68]
+    seen = [row["data"] for row in rows if row["device"] == "abb-simple-state"]
+    assert seen[-1].encode("latin-1") == reached.raw
+
+
+@pytest.mark.parametrize(
+    ("url", "options"),
+    [
+        ("http://h:1", {}),
+        ("tcp://h", {}),
+        ("tcp://h:11000?state=x", {}),
+        ("tcp://h:11000?state=70000", {}),
+        ("tcp://h:11000", {"speed_deg_s": 0}),
+        ("tcp://h:11000", {"limits_deg": [(0, 1)]}),
+        ("tcp://h:11000", {"colour": "red"}),
+    ],
+)
+def test_configuration_errors(url: str, options: dict[str, object]) -> None:
+    with pytest.raises(ConfigError):
+        open_robot("abb-simple", url, **options)
+
+
+def test_simulator_as_a_process() -> None:
+    command = [sys.executable, "-W", "error", "-m", "mocks", "abb-simple", "--time-scale", "10000"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        motion, state, _ = (json.loads(process.stdout.readline()) for _ in range(3))
+        assert (motion["device"], motion["protocol"]) == ("abb-simple", "simple_message")
+        assert state["port"] == motion["port"] + 2
+        arm = AbbSimpleArm(f"tcp://127.0.0.1:{motion['port']}")
+        arm.connect()
+        arm.arm()
+        arm.move_to(FAR)
+        arm.disconnect()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=20) == 0
