@@ -141,9 +141,8 @@ class EmsconTracker:
             state = self.status()
             if state.state != "READY":
                 raise NotReady(f"tracker is {state.state}", device=self.name, command="arm", raw=state.raw)
-            system = self._ask(tpi.GET_SYSTEM_STATUS)
-            if system.values[7] == 0:
-                raise NotReady("no weather station", device=self.name, command="arm", raw=system.raw)
+            if not self.has_weather_station():
+                raise NotReady("no weather station", device=self.name, command="arm")
             self._ask(tpi.SET_COORDINATES, 0)  # right-handed Cartesian
             self._ask(tpi.SET_MODE, 0)  # stationary
             self._ask(tpi.SET_SEARCH, self._search_radius_mm, round(1000 * self.deadlines.point_s / 2))
@@ -291,6 +290,10 @@ class EmsconTracker:
                 raise self._impossible("an unknown state or an impossible weather", ready)
             return InstrumentStatus(_STATES[ready.values[0]], t, p, h, ready.raw)
 
+    def has_weather_station(self) -> bool:
+        """Without one the server goes on telling the weather that it had last. Raises LinkError."""
+        return self._ask(tpi.GET_SYSTEM_STATUS).values[7] != 0
+
     # -- packets ------------------------------------------------------------------------------------------
 
     def _ask(
@@ -356,4 +359,10 @@ class EmsconTracker:
 
     def _impossible(self, why: str, packet: Packet) -> ProtocolError:
         self._link.close()
-        return ProtocolError(f"tracker tells {why}", device=self.name, command="measure", raw=packet.raw)
+        return ProtocolError(
+            f"tracker tells {why}",
+            device=self.name,
+            command="measure",
+            raw=packet.raw,
+            what_to_do="The answer cannot be a measurement: look at the tracker's own program, then connect again.",
+        )

@@ -72,7 +72,7 @@ class LinkTimeout(LinkError):
     """No complete answer before the named deadline."""
 
     code = 1001
-    advice = "Check that the device is on and its program is running, then let the program connect again."
+    advice = "Check that the device is on, its program runs and the address is its own, then connect again."
 
 
 class LinkLost(LinkError):
@@ -141,6 +141,7 @@ class Busy(Refused):
     """Another client holds the device, or it is still busy with something else."""
 
     code = 3002
+    exit_code = 4
     advice = "Close the other program that uses the device, then try again."
 
 

@@ -122,7 +122,11 @@ def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
         raise WrongMode("teach pendant is enabled", **where, raw=status.raw)
     if status.motors_on is False:
         kind = EnableLost if command == "move_to" else WrongMode
-        raise kind("servo power off", **where, raw=status.raw)
+        raise kind("servo power off, or pendant enabled", **where, raw=status.raw)
+    facility, number = divmod(status.error_number or 0, 1000)
+    if facility:
+        stands, text = alarm(facility, number)
+        raise stands(text, **where, raw=status.raw)
 
 
 class Looker:

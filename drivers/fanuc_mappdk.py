@@ -261,8 +261,11 @@ class MappdkController:
         look = Looker(self._look_for(move), self._clock)
         try:
             self._main.ask(request, _MOVED, deadline="move_s", seconds=move.seconds, meanwhile=look)
-        except NotReady:  # our motion program knows that it cannot move; the state knows why
+        except NotReady as error:  # our motion program knows that it cannot move; the state knows why
             raise_if_unfit(self.status(), self.name, "move_to")
+            error.what_to_do = (
+                "Clear the alarm on the pendant, start the robot's programs again, then confirm."
+            )
             raise
 
     def _look_for(self, move: Move) -> Callable[[], None]:

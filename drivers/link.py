@@ -279,7 +279,7 @@ class TcpLink:
         left = end - self._clock()
         if left <= 0:
             raise LinkTimeout(
-                f"no complete answer within {deadline} = {seconds:g} s",
+                f"no complete answer within {deadline} = {seconds:.3g} s",
                 device=self.device,
                 command=command,
                 raw=self._buffer,

@@ -117,7 +117,7 @@ class SerialLink:
                 )
             if self._clock() >= end:
                 raise LinkTimeout(
-                    f"no complete answer within {deadline} = {seconds:g} s",
+                    f"no complete answer within {deadline} = {seconds:.3g} s",
                     device=self.device,
                     command=command,
                     raw=self._buffer,

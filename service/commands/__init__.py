@@ -10,6 +10,7 @@ from service.commands import (
     convert,
     demo,
     diagnose,
+    doctor,
     export,
     identify,
     mock,
@@ -34,6 +35,7 @@ app.command("select")(select.select)
 app.command("compensate")(compensate.compensate_command)
 app.command("export")(export.export_command)
 app.command("validate")(validate.validate_command)
+app.command("doctor")(doctor.doctor_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
 app.command("mock")(mock.mock)
 app.command("serve")(serve.serve)

@@ -15,7 +15,7 @@ from service.simulated_cell import command_of
 
 
 def mock(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="abb, faro, ..., or 'cell'.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="abb, abb-simple, faro, ..., or 'cell'.")],
     cell: Annotated[
         Path | None, typer.Argument(metavar="[CELL.toml]", help="All devices of this cell, for 'cell'.")
     ] = None,

@@ -197,7 +197,7 @@ class FakeArm:
         self.armed = False
 
     def identify(self) -> Identity:
-        return Identity("fake", "arm", "1", "1", "none")
+        return Identity("ABB", "IRB 120", "1", "1", "none")
 
     def arm(self) -> None:
         self.bench.call("arm arm")

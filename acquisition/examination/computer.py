@@ -1,0 +1,115 @@
+"""The computer beside the cell: its calendar, its SQLite, room for the record, who else moves the robot, who answers.
+
+SQLite 3.7.0 to 3.51.2 can damage a write-ahead log that two connections write and reset at once (sqlite.org, "The
+WAL-reset bug", 2026-03-13). A record has one writer, so it is safe from that; a database browser on it is not.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import sys
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+from acquisition.cell import Cell
+from acquisition.examination.finding import Chart
+from acquisition.run import LEAST_FREE_BYTES
+from drivers.errors import LinkLost, StorageError
+
+_FIXED = (3, 51, 3)
+_MEGABYTE = 1_000_000
+_EARLIEST = datetime(2026, 11, 1, tzinfo=UTC)  # no computer that runs this program can stand before it
+
+
+def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
+    """`record`: the folder in which records are to be made. Writes into `chart`."""
+    _calendar(chart)
+    _sqlite(chart)
+    _room(chart, record)
+    _operator(cell, chart)
+    for role, url in (("robot", cell.robot.url), ("instrument", cell.instrument.url)):
+        if "://" not in url:
+            _serial_port(chart, role, url)
+
+
+def _calendar(chart: Chart) -> None:
+    now = datetime.now(UTC)
+    shown = f"{now:%Y-%m-%d %H:%M:%S} UTC"
+    if now < _EARLIEST:
+        chart.note("clock", f"the calendar says {shown}", "Set date and time: every record bears them.")
+    else:
+        chart.ok("clock", shown)
+
+
+def _sqlite(chart: Chart) -> None:
+    version = sqlite3.sqlite_version
+    if sqlite3.sqlite_version_info < _FIXED:
+        chart.note(
+            "sqlite",
+            f"SQLite {version}, before {'.'.join(map(str, _FIXED))}",
+            "Open no record with another program while a campaign runs: that can damage its log.",
+        )
+    else:
+        chart.ok("sqlite", f"SQLite {version}")
+
+
+def _room(chart: Chart, record: Path) -> None:
+    """A file is written and taken away again, in the folder or in the one in which it would be made."""
+    folder = record.absolute()
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        free = shutil.disk_usage(folder).free
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0" * 4096)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        chart.fault("record", StorageError(f"{folder} cannot be written: {error.strerror or error}"))
+        return
+    if free < LEAST_FREE_BYTES:
+        least = LEAST_FREE_BYTES // _MEGABYTE
+        chart.fault(
+            "record", StorageError(f"{folder}: {free // _MEGABYTE} MB free, a campaign needs {least}")
+        )
+    else:
+        chart.ok("record", f"{folder} can be written, {free / 1000 / _MEGABYTE:.1f} GB free")
+
+
+def _operator(cell: Cell, chart: Chart) -> None:
+    if sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty():
+        chart.ok("operator", "a terminal, on which prompts can be answered")
+    elif cell.instrument.one_smr:
+        chart.note(
+            "operator",
+            "no terminal, and one_smr asks a person to move the SMR",
+            "Start campaigns in a terminal or from the operator page, else the first prompt ends them.",
+        )
+    else:
+        chart.ok("operator", "no terminal: prompts are for the operator page")
+
+
+def _serial_port(chart: Chart, role: str, port: str) -> None:
+    if os.name != "posix":  # COM5 is no file; opening it tells
+        return
+    if not Path(port).exists():
+        chart.fault(
+            "serial",
+            LinkLost(
+                f"there is no port {port} for the {role}",
+                what_to_do="Plug the adapter in, or bind the radio.",
+            ),
+        )
+    elif not os.access(port, os.R_OK | os.W_OK):
+        chart.fault(
+            "serial",
+            LinkLost(
+                f"this user may not open {port}",
+                what_to_do=f"Add the user to the group that owns {port} (often dialout), then log in again.",
+            ),
+        )
+    else:
+        chart.ok("serial", f"{port} exists and may be opened")

@@ -1,0 +1,120 @@
+"""What an examination writes down: one finding a check, with what was found and what to do about it.
+
+ok     as it should be
+note   a campaign can run; somebody should know
+fault  a campaign would be refused or could not be trusted; `code` and `error` are those of `drivers.errors`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeVar
+
+from drivers.errors import AcquisitionError, ConfigError, LinkError, SafetyStop, StorageError
+
+Level = Literal["ok", "note", "fault"]
+Tell = Callable[[str], None]
+_T = TypeVar("_T")
+
+HEALTHY, FAILED, WRONG_CELL, NOT_AVAILABLE, UNSAFE = 0, 1, 2, 4, 5
+_WORST_FIRST = (UNSAFE, WRONG_CELL, NOT_AVAILABLE, FAILED)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """`device`: robot, instrument or computer. `check`: a stable name within it."""
+
+    device: str
+    check: str
+    level: Level
+    found: str
+    do: str = ""
+    code: int | None = None
+    error: str | None = None
+    exit_code: int = HEALTHY
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values, for programs."""
+        names = ("device", "check", "level", "found", "do", "code", "error")
+        return {name: getattr(self, name) for name in names}
+
+
+class Chart:
+    """The findings of one device, in the order in which they were made. `tell` hears what is asked next."""
+
+    def __init__(self, device: str, tell: Tell) -> None:
+        self.device = device
+        self.findings: list[Finding] = []
+        self._tell = tell
+
+    def tell(self, check: str) -> None:
+        """What is asked now, for people who wait."""
+        self._tell(f"{self.device}: {check}")
+
+    def ok(self, check: str, found: str) -> None:
+        self.findings.append(Finding(self.device, check, "ok", found))
+
+    def note(self, check: str, found: str, do: str = "") -> None:
+        self.findings.append(Finding(self.device, check, "note", found, do))
+
+    def fault(self, check: str, error: AcquisitionError) -> None:
+        self.findings.append(
+            Finding(
+                self.device,
+                check,
+                "fault",
+                error.message,
+                error.what_to_do,
+                error.code,
+                type(error).__name__,
+                exit_code_of(error),
+            )
+        )
+
+    def ask(self, check: str, question: Callable[[], _T]) -> _T | None:
+        """The answer, or None after writing down why there is none. Raises LinkError, written down as well."""
+        self.tell(check)
+        try:
+            return question()
+        except LinkError as error:
+            self.fault(check, error)
+            raise
+        except AcquisitionError as error:
+            self.fault(check, error)
+            return None
+
+
+def exit_code_of(error: AcquisitionError) -> int:
+    """Of the command line, by the family of the error."""
+    if isinstance(error, SafetyStop):
+        return UNSAFE
+    if isinstance(error, ConfigError):
+        return WRONG_CELL
+    return FAILED if isinstance(error, StorageError) else NOT_AVAILABLE
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Everything that was found in one cell."""
+
+    cell: str
+    simulated: bool
+    seconds: float
+    findings: Sequence[Finding] = field(default_factory=list)
+
+    @property
+    def faults(self) -> list[Finding]:
+        """What stands against a campaign."""
+        return [finding for finding in self.findings if finding.level == "fault"]
+
+    @property
+    def notes(self) -> list[Finding]:
+        """What somebody should know."""
+        return [finding for finding in self.findings if finding.level == "note"]
+
+    @property
+    def exit_code(self) -> int:
+        """Unsafe before a wrong cell file before a missing device before a full disk; 0 when healthy."""
+        found = {fault.exit_code for fault in self.faults}
+        return next((code for code in _WORST_FIRST if code in found), HEALTHY)

@@ -1,0 +1,172 @@
+"""The instrument: who answers, is it ready or still warming, its weather, clock, battery, and what it measures with.
+
+Nothing is armed, pointed or set. A tracker's reflector is told to it when it is armed and not before: which SMR sits
+in which nest is for a person to see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+from acquisition.cell import Cell
+from acquisition.examination.finding import Chart
+from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
+from acquisition.identity import match_instrument
+from drivers.details import Details, details_of
+from drivers.errors import Busy, ConfigError, EmergencyStop, LinkError, NotReady
+from drivers.interfaces import InstrumentStatus, LengthMeter, PointMeter
+from drivers.qc20w import STROKE_MM
+
+Instrument = PointMeter | LengthMeter
+_TRACKERS = ("emscon", "faro", "leica")  # whose wavelength depends on the air
+_USUAL: Mapping[str, tuple[str, str, float, float]] = {
+    "t_air_c": ("air", "degC", 10.0, 40.0),
+    "pressure_hpa": ("pressure", "hPa", 700.0, 1080.0),
+    "humidity_percent": ("humidity", "%", 5.0, 95.0),
+}
+_BATTERY_LOW, _BATTERY_EMPTY = 20.0, 5.0
+_REFERENCE, _REFERENCE_LEAST = "base", 12  # body on the robot's foot, and targets that it needs
+
+
+def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: Place) -> None:
+    """Writes into `chart`, ends when the link breaks, and disconnects."""
+    try:
+        if meet(instrument, chart, place, lambda who: match_instrument(cell, who)):
+            _examine(cell, instrument, chart, place.time_scale)
+    except LinkError:
+        return  # it stands in the chart, and nothing more can be asked
+    finally:
+        instrument.disconnect()
+
+
+def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float) -> None:
+    first = read_clock(instrument, chart)
+    status = chart.ask("status", instrument.status)
+    if status is not None:
+        told = chart.ask("details", partial(details_of, instrument, status)) or Details()
+        _state(chart, status.state)
+        if told.weather_station is False:  # what is told then is old
+            status = replace(status, t_air_c=None, pressure_hpa=None, humidity_percent=None)
+        _weather(chart, status, needed=cell.instrument.driver in _TRACKERS)
+        if told.battery_percent is not None:
+            _battery(chart, told.battery_percent)
+        if told.bar_mm is not None and cell.instrument.measures_lengths:
+            _bar(chart, told.bar_mm, cell.instrument.nominal_mm)
+        if told.bodies:
+            _bodies(cell, chart, told)
+    untold = [] if compare_clocks(instrument, chart, first, time_scale) else ["clock"]
+    if cell.instrument.driver in _TRACKERS:
+        untold.append("which SMR is seated")
+    if untold:
+        chart.ok("untold", f"this protocol does not tell: {', '.join(untold)}")
+
+
+def _state(chart: Chart, state: str) -> None:
+    if state == "READY":
+        chart.ok("state", "ready")
+    elif state == "OFF":
+        chart.note(
+            "state",
+            "not initialised",
+            "A campaign initialises it, which takes minutes and moves its head; or do it now in its own program.",
+        )
+    elif state == "ESTOP":
+        chart.fault("state", EmergencyStop("instrument is in an emergency stop"))
+    elif state == "BUSY":
+        chart.fault("state", Busy("instrument is busy with something else"))
+    elif state == "WARMING":
+        chart.fault(
+            "state",
+            NotReady(
+                "instrument is warming up", what_to_do="Wait until it is warm; its maker says how long."
+            ),
+        )
+    else:
+        chart.fault(
+            "state",
+            NotReady(
+                f"instrument is in state {state}",
+                what_to_do="Open the maker's own program, clear the error there, and close that program again.",
+            ),
+        )
+
+
+def _weather(chart: Chart, status: InstrumentStatus, *, needed: bool) -> None:
+    told = {name: getattr(status, name) for name in _USUAL}
+    shown = ", ".join(
+        f"{what} {told[name]:.1f} {unit}"
+        for name, (what, unit, *_) in _USUAL.items()
+        if told[name] is not None
+    )
+    missing = [what for name, (what, *_) in _USUAL.items() if told[name] is None]
+    odd = [
+        what
+        for name, (what, _, low, high) in _USUAL.items()
+        if told[name] is not None and not low <= told[name] <= high
+    ]
+    if needed and missing:
+        chart.fault(
+            "weather",
+            NotReady(
+                f"the weather station does not tell {', '.join(missing)}",
+                what_to_do="Plug the weather station in and switch it on: 1 degC of air is 1 um/m of distance.",
+            ),
+        )
+    elif odd:
+        chart.note(
+            "weather",
+            f"{shown}: {' and '.join(odd)} is unusual",
+            "Compare with another thermometer or barometer; check the unit of the weather station.",
+        )
+    elif shown:
+        chart.ok("weather", shown)
+
+
+def _battery(chart: Chart, percent: float) -> None:
+    if percent < _BATTERY_EMPTY:
+        chart.fault("battery", NotReady(f"battery at {percent:.0f} %", what_to_do="Change the battery."))
+    elif percent < _BATTERY_LOW:
+        chart.note("battery", f"{percent:.0f} %", "Have a fresh battery at hand before a long campaign.")
+    else:
+        chart.ok("battery", f"{percent:.0f} %")
+
+
+def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float) -> None:
+    if abs(calibrated_mm - nominal_mm) > STROKE_MM:
+        chart.fault(
+            "ballbar",
+            NotReady(
+                f"the bar is calibrated to {calibrated_mm:g} mm, the cell needs {nominal_mm:g} mm",
+                what_to_do="Mount the extension bar that the cell file asks for, or correct nominal_mm there.",
+            ),
+        )
+    else:
+        chart.ok("ballbar", f"calibrated to {calibrated_mm:.4f} mm, the cell needs {nominal_mm:g} mm")
+
+
+def _bodies(cell: Cell, chart: Chart, told: Details) -> None:
+    """A camera knows bodies by their names: those of the tool and of the nests must be among them."""
+    unknown = [name for name in (*cell.tool.targets, *cell.nests) if name not in told.bodies]
+    least = told.bodies.get(_REFERENCE, 0)
+    if unknown:
+        chart.fault(
+            "bodies",
+            ConfigError(
+                f"no body {', '.join(unknown)}; the instrument knows {', '.join(told.bodies)}",
+                what_to_do="Teach these bodies in the instrument's program, or use its names in the cell file.",
+            ),
+        )
+    elif least < _REFERENCE_LEAST:
+        chart.fault(
+            "bodies",
+            NotReady(
+                f"reference '{_REFERENCE}' has {least} targets, needed {_REFERENCE_LEAST}",
+                what_to_do="Stick more reflective targets on the base and teach the reference body again.",
+            ),
+        )
+    else:
+        chart.ok(
+            "bodies", f"reference of {least} targets; all of the cell's {len(told.bodies) - 1} are known"
+        )

@@ -1,0 +1,84 @@
+"""What is asked of every device alike: does it answer, who is it, and what does its clock say?
+
+Nothing is armed, moved or set; connecting greets, and nothing more.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition.examination.clocks import APART_S, ClockReading, examine_clock
+from acquisition.examination.finding import Chart
+from acquisition.identity import Match, OtherDevice
+from drivers.details import clock_of
+from drivers.errors import AcquisitionError, SafetyStop
+from drivers.interfaces import Device, Identity
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a device is looked for, and how fast its clock should run: 1, but for simulators."""
+
+    name: str
+    simulated: bool = False
+    time_scale: float = 1.0
+
+
+def meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match]) -> bool:
+    """Connect and compare with the cell file; whether there is more to ask. Raises LinkError."""
+    begun = time.monotonic()
+    try:
+        chart.tell("link")
+        device.connect()
+    except AcquisitionError as error:
+        chart.fault("safety" if isinstance(error, SafetyStop) else "link", error)
+        return False
+    chart.ok("link", f"{place.name} answers, {time.monotonic() - begun:.2f} s")
+    who = chart.ask("identity", device.identify)
+    if who is not None:
+        _compare(chart, who, match(who))
+        if who.simulated and not place.simulated:
+            chart.note("simulated", "a simulator answers, no device", "Correct the url in the cell file.")
+    if device.unverified_on_hardware:
+        chart.note(
+            "driver",
+            "this driver has not been tried on hardware yet",
+            "Compare its first readings with the pendant or the maker's own program.",
+        )
+    return True
+
+
+def _compare(chart: Chart, who: Identity, match: Match) -> None:
+    parts = (
+        f"{who.maker} {who.model}".strip(),
+        f"serial {who.serial}" if who.serial else "no serial number told",
+        f"software {who.firmware}" if who.firmware else "",
+        who.protocol,
+    )
+    chart.ok("identity", ", ".join(part for part in parts if part))
+    if match.agrees:
+        chart.ok("model", match.text)
+    elif match.agrees is None:
+        chart.note("model", match.text, "Compare the type plate with the cell file.")
+    else:
+        chart.fault("model", OtherDevice(match.text))
+
+
+def read_clock(device: Device, chart: Chart) -> ClockReading | None:
+    """None where the device does not tell its clock. Raises LinkError."""
+    asked, utc = time.monotonic(), time.time()
+    told = chart.ask("clock", lambda: clock_of(device))
+    return None if told is None else ClockReading(told, asked, time.monotonic(), utc)
+
+
+def compare_clocks(device: Device, chart: Chart, first: ClockReading | None, time_scale: float) -> bool:
+    """A second reading, APART_S after the first; whether there was one to compare. Raises LinkError."""
+    if first is None:
+        return False
+    time.sleep(max(0.0, first.answered_s + APART_S - time.monotonic()))
+    second = read_clock(device, chart)
+    if second is not None:
+        examine_clock(chart, first, second, time_scale)
+    return True

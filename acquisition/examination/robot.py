@@ -1,0 +1,185 @@
+"""The robot: who answers, is it the one of the cell file, could it move, can it be stopped, where does it stand?
+
+Nothing is armed, moved or set. What its protocol does not tell is said in one line, so that silence is not taken for
+good news.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acquisition.cell import Cell
+from acquisition.examination.finding import Chart
+from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
+from acquisition.identity import OtherDevice, match_robot
+from acquisition.workspace import above_table, outside_boxes, points_of_arm
+from calib.units import DEG
+from drivers.details import Details, details_of
+from drivers.errors import Busy, CannotStop, EmergencyStop, LinkError, SafetyStop, WrongMode
+from drivers.interfaces import RobotArm, RobotStatus
+from drivers.ur_secondary import DhNumbers
+
+_MOVED_DEG = 0.02
+_DH_OFF_MM = 0.5
+
+
+def examine_robot(cell: Cell, robot: RobotArm, chart: Chart, place: Place) -> None:
+    """Writes into `chart`, ends when the link breaks, and disconnects."""
+    try:
+        if meet(robot, chart, place, lambda who: match_robot(cell, who)):
+            _examine(cell, robot, chart, place.time_scale)
+    except LinkError:
+        return  # it stands in the chart, and nothing more can be asked
+    finally:
+        robot.disconnect()
+
+
+def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> None:
+    stood = chart.ask("position", robot.position)
+    first = read_clock(robot, chart)
+    status = chart.ask("status", robot.status)
+    if status is not None:
+        told = chart.ask("details", lambda: details_of(robot, status)) or Details()
+        _fitness(chart, status, told)
+        _warmth(chart, told)
+        if told.nominal is not None:
+            _geometry(cell, chart, told.nominal)
+    if stood is not None:
+        _position(cell, chart, stood.joints_deg)
+    _stop(robot, chart)
+    has_clock = compare_clocks(robot, chart, first, time_scale)
+    stands = chart.ask("motion", robot.position)
+    if status is not None and stood is not None and stands is not None:
+        _motion(chart, status, _apart(stood.joints_deg, stands.joints_deg))
+    if status is not None:
+        _untold(chart, status, has_clock=has_clock)
+
+
+def _fitness(chart: Chart, status: RobotStatus, told: Details) -> None:
+    """Mode, safety and motors, each in its own line."""
+    if status.mode == "manual":
+        chart.fault("mode", WrongMode("controller in manual mode"))
+    elif status.mode == "auto":
+        chart.ok("mode", "automatic")
+    stopped = isinstance(told.trouble, SafetyStop)
+    if told.trouble is not None and (stopped or not status.emergency_stop):
+        chart.fault("safety" if stopped else "program", told.trouble)
+    elif status.emergency_stop:
+        chart.fault("safety", EmergencyStop("emergency stop pressed"))
+    elif status.emergency_stop is not None:
+        chart.ok("safety", "no emergency stop")
+    if status.motors_on:
+        chart.ok("motors", "on")
+    elif status.motors_on is not None and (status.emergency_stop or told.trouble is not None):
+        chart.note("motors", "off", "They come back when what stands above is put in order.")
+    elif status.motors_on is not None:
+        chart.fault("motors", WrongMode("motors off"))
+    if told.trouble is None and not status.emergency_stop and status.error_number:
+        chart.note("alarm", f"the controller shows number {status.error_number}", "Read it on the pendant.")
+    if told.speed_share is not None and told.speed_share < 1.0:
+        chart.note(
+            "speed",
+            f"the speed slider stands at {told.speed_share:.0%}",
+            "Push it up, or every move takes longer than the forecast says.",
+        )
+
+
+def _geometry(cell: Cell, chart: Chart, nominal: DhNumbers) -> None:
+    """The DH lengths that the controller calculates with, against the robot file."""
+    robot = cell.robot.model
+    if robot.convention != "dh" or robot.joints != len(nominal.a_mm):
+        return
+    off = np.abs(np.array([nominal.a_mm, nominal.d_mm]) - np.array([robot.a, robot.d])).max()
+    if off > _DH_OFF_MM:
+        chart.fault(
+            "geometry", OtherDevice(f"its DH lengths differ from those of {robot.name} by up to {off:.1f} mm")
+        )
+    else:
+        chart.ok("geometry", f"its DH lengths are those of {robot.name}")
+
+
+def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
+    """Where no such robot can stand, it is another one or its joint matrix is; the cell's limits are narrower."""
+    robot = cell.robot.model
+    shown = " ".join(f"{q:.2f}" for q in joints_deg) + " deg"
+    joints = np.array(joints_deg)
+    if len(joints) != robot.joints:
+        chart.fault("position", OtherDevice(f"it has {len(joints)} joints, {robot.name} has {robot.joints}"))
+        return
+    reach = np.array([robot.lower, robot.upper]) / DEG
+    low, high = np.array(cell.robot.limits_deg).T
+    impossible = np.flatnonzero((joints < reach[0]) | (joints > reach[1]))
+    outside = np.flatnonzero((joints < low) | (joints > high))
+    points = points_of_arm(cell, joints[None, :])
+    if impossible.size:
+        i = int(impossible[0])
+        chart.fault(
+            "position",
+            OtherDevice(
+                f"joint {i + 1} stands at {joints[i]:.2f} deg, {robot.name} reaches {reach[0, i]:g} to {reach[1, i]:g}",
+                what_to_do="Check model and joint_coupling of the cell file, and the robot's own zero marks.",
+            ),
+        )
+    elif outside.size:
+        i = int(outside[0])
+        chart.note(
+            "position",
+            f"{shown}; joint {i + 1} is outside the cell's {low[i]:g} to {high[i]:g}",
+            "Jog the robot within the limits before a campaign: nobody has checked its way there.",
+        )
+    elif not (above_table(cell, points)[0] and outside_boxes(cell, points)[0]):
+        chart.note(
+            "position",
+            f"{shown}; arm or tool below the table or in a keep-out box of the cell file",
+            "Jog the robot clear before a campaign, or correct table_z_mm and keep_out.",
+        )
+    else:
+        chart.ok("position", f"{shown}, within the limits of the cell")
+
+
+def _stop(robot: RobotArm, chart: Chart) -> None:
+    if robot.can_stop:
+        chart.ok("stop", "the program can stop it")
+    else:
+        chart.note("stop", "the program cannot stop it", CannotStop.advice)
+
+
+def _motion(chart: Chart, status: RobotStatus, moved_deg: float) -> None:
+    if status.moving or moved_deg > _MOVED_DEG:
+        chart.fault(
+            "motion",
+            Busy(
+                f"the robot is moving, {moved_deg:.2f} deg since the first look",
+                what_to_do="Find out who moves it, and stop that program first.",
+            ),
+        )
+    else:
+        chart.ok("motion", "it stands still")
+
+
+def _warmth(chart: Chart, told: Details) -> None:
+    """Where the controller tells it. Whether the arm is warm enough, the readings of a campaign show."""
+    if told.temperatures_c:
+        low, high = (f"{of(told.temperatures_c):.0f}" for of in (min, max))
+        chart.ok("warm_up", f"joints at {low if low == high else f'{low} to {high}'} degC")
+
+
+def _untold(chart: Chart, status: RobotStatus, *, has_clock: bool) -> None:
+    """Silence is not taken for good news."""
+    unfit = {
+        "mode": status.mode == "unknown",
+        "emergency stop": status.emergency_stop is None,
+        "motors": status.motors_on is None,
+    }
+    silent = [name for name, untold in unfit.items() if untold]
+    told = ", ".join([*silent, *([] if has_clock else ["clock"])])
+    if silent:
+        chart.note("untold", f"this protocol does not tell: {told}", "Look at the pendant.")
+    elif told:
+        chart.ok("untold", f"this protocol does not tell: {told}")
+
+
+def _apart(one: Sequence[float], other: Sequence[float]) -> float:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
