@@ -1,7 +1,9 @@
-"""What people and watchdogs may ask of a running campaign, from any thread: to pause, or to stop now.
+"""What people and watchdogs may ask of a running campaign, from any thread.
 
-Pausing waits for the reading in hand. Stopping tells the robot at once, over its own connection, and never
-depends on anything that the sequencer is waiting for.
+pause          after the reading in hand, for which the robot may still have to go to its pose
+rest           pause, and begin no other motion: what is under way ends by itself
+stop           the robot is told at once, over its own connection, whatever the sequencer is waiting for
+new station    the instrument is moved: nests before poses
 """
 
 from __future__ import annotations
@@ -23,13 +25,16 @@ class Stopping(Exception):
 
 
 class Control:
-    """The two orders, and waits that they end."""
+    """The orders, and waits that they end."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._stop = threading.Event()
+        self._now = threading.Event()  # rest or stop
         self._any = threading.Event()
         self._reason = ON_REQUEST
+        self._mutex = threading.Lock()
+        self._station: str | None = None
         self._watchers: list[Callable[[], None]] = []
 
     @property
@@ -52,10 +57,30 @@ class Control:
         self._any.set()
         self._tell()
 
-    def stop(self) -> None:
-        self._stop.set()
+    def rest(self, reason: str) -> None:
+        """Nobody answers for the robot any more: it ends the move it makes, and nothing else begins."""
+        if not self._any.is_set():
+            self._reason = reason
+        self._now.set()
         self._any.set()
         self._tell()
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._now.set()
+        self._any.set()
+        self._tell()
+
+    def new_station(self, reason: str) -> None:
+        """The instrument is moved: before the next pose its nests are to be measured."""
+        with self._mutex:
+            self._station = reason
+
+    def take_new_station(self) -> str | None:
+        """Why the nests are to be measured now; None, or None from now on."""
+        with self._mutex:
+            reason, self._station = self._station, None
+            return reason
 
     def _tell(self) -> None:
         for watcher in tuple(self._watchers):
@@ -68,9 +93,11 @@ class Control:
             raise Pausing(self._reason)
 
     def check_stop(self) -> None:
-        """Raises Stopping."""
+        """Before and after every single motion and measurement. Raises Stopping, and Pausing to come to rest."""
         if self._stop.is_set():
             raise Stopping
+        if self._now.is_set():
+            raise Pausing(self._reason)
 
     def wait(self, seconds: float) -> None:
         """Campaign seconds. Raises Stopping or Pausing when asked meanwhile."""
@@ -78,6 +105,6 @@ class Control:
         self.check()
 
     def settle(self, seconds: float) -> None:
-        """Campaign seconds with the robot standing; a pause waits for the reading. Raises Stopping."""
-        self._clock.wait(seconds, self._stop)
+        """Campaign seconds with the robot standing; a pause waits for the reading. Raises as `check_stop`."""
+        self._clock.wait(seconds, self._now)
         self.check_stop()

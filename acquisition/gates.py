@@ -5,7 +5,8 @@
     nest check   the nests are measured again after so many readings; when one is beyond the limit from where the
                  world frame has it, a person decides
     zero         the ballbar is read in its calibrator before the first visit and after so many readings
-    new station  before the first reading of a block that asks for it, the instrument is set up anew
+    new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
+                 moved, it is set up anew
 
 What is measured anew, the sequencer measures: the gates only say when. Lengths mm, times s.
 """
@@ -62,6 +63,7 @@ class Gates:
         Raises Pausing, Stopping, NoOperator, StorageError, and what measuring nests raises.
         """
         self._set_up_for(planned)
+        self._set_up_where_it_is_now()
         check = self._campaign.nest_check
         between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
         if check is not None and between and self._since_nests >= check.every:
@@ -97,6 +99,13 @@ class Gates:
             )
             self._measured_nests("a new station of the instrument")
             self._station = station
+
+    def _set_up_where_it_is_now(self) -> None:
+        """Ordered in mid-campaign (`Run.restation`); the order may come before the instrument is touched."""
+        if (reason := self._control.take_new_station()) is None:
+            return
+        self._ask("Set up the instrument where it is to stand, then confirm: the nests are measured there.")
+        self._measured_nests(f"a new station of the instrument{f': {reason}' if reason else ''}")
 
     def _measured_nests(self, reason: str) -> None:
         self._measure_nests(reason)

@@ -27,6 +27,7 @@ from acquisition.devices import Devices
 from acquisition.errors import UnsafePlan
 from acquisition.export import export
 from acquisition.follow_up import campaign_table, in_cell
+from acquisition.lease import Lease
 from acquisition.merge import Part, frame_of_part, merge
 from acquisition.plan import DECIMALS
 from acquisition.poses import draw_poses
@@ -55,9 +56,16 @@ from drivers.errors import ConfigError
 FEW = 1  # poses that are corrected at once where the model follows time or temperature
 _NEW_POSES = 77  # random stream, beside those of the plan
 
+Create = Callable[[Path, Cell, Campaign, bool], AbstractContextManager[Run]]
 Guard = Callable[[Run], AbstractContextManager[None]]
 Say = Callable[[str], None]
 Listen = Callable[[Run], Callable[[Event], None]]
+ResumedBy = Callable[[Run, Outcome], str | None]
+
+
+def new_run(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
+    """A campaign of the loop in a record of its own. Raises as `Run.create`."""
+    return Run.create(record, cell, campaign, simulated=simulated)
 
 
 class LoopEnded(Exception):
@@ -70,7 +78,12 @@ class LoopEnded(Exception):
 
 @dataclass(frozen=True)
 class Equipment:
-    """What the loop works with. `guard` is entered around every execution, `listen` hears its events."""
+    """What the loop works with.
+
+    guard is entered around every execution and listen hears its events; lease tells by whose leave it moves. create
+    makes the record of a campaign, given where the loop would have it. resumed_by is asked when a campaign was
+    paused: it waits for a person, and tells who said go on; None ends the loop.
+    """
 
     cell: Cell
     devices: Devices
@@ -78,6 +91,9 @@ class Equipment:
     simulated: bool = False
     guard: Guard = lambda run: nullcontext()
     listen: Listen = lambda run: lambda event: None
+    lease: Callable[[], Lease | None] = lambda: None
+    create: Create = new_run
+    resumed_by: ResumedBy = lambda run, outcome: None
 
 
 @dataclass(frozen=True)
@@ -126,11 +142,7 @@ def close_loop(
     poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
     the readings cannot be used, ConfigError or UnsafePlan before anything moves.
     """
-    if equipment.cell.robot.coupling != "none":
-        raise ConfigError(
-            f"the loop cannot correct a robot whose joints are coupled ({equipment.cell.robot.coupling}) yet: "
-            "measure, diagnose, and correct its programs with 'truepose compensate'"
-        )
+    check_loop(equipment.cell)
     say("campaign 1: calibration and validation poses")
     first = measure(equipment, campaign, folder / "campaign1")
     data = export(first.record, folder / "data.csv")
@@ -150,6 +162,15 @@ def close_loop(
         followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
+
+
+def check_loop(cell: Cell) -> None:
+    """Raises ConfigError for a cell whose instrument shows no landing."""
+    if cell.instrument.measures_lengths:
+        raise ConfigError(
+            f"the loop needs an instrument that measures points, the {cell.instrument.name} measures distances: "
+            "measure, diagnose, and correct programs with 'truepose compensate'"
+        )
 
 
 def follow_up_of(cell: Cell, diagnosis: Diagnosis) -> FollowUp | None:
@@ -180,15 +201,21 @@ def _rivals_in_words(planned: FollowUp) -> str:
 
 def measure(equipment: Equipment, campaign: Campaign, record: Path) -> Measured:
     """Measure one campaign from beginning to end. Raises LoopEnded, ConfigError, UnsafePlan, RecordError."""
-    with (
-        Run.create(record, equipment.cell, campaign, simulated=equipment.simulated) as run,
-        equipment.guard(run),
-    ):
+    with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
         began_s = equipment.clock.now()
-        outcome = run.execute(equipment.devices, equipment.clock, equipment.listen(run))
+        outcome = _executed(equipment, run)
+        while outcome.state is State.PAUSED and (by := equipment.resumed_by(run, outcome)) is not None:
+            run.resume(by=by)
+            outcome = _executed(equipment, run)
+        measured = Measured(run.folder, began_s)
     if outcome.state is not State.SUCCEEDED:
         raise LoopEnded(outcome)
-    return Measured(record, began_s)
+    return measured
+
+
+def _executed(equipment: Equipment, run: Run) -> Outcome:
+    with equipment.guard(run):
+        return run.execute(equipment.devices, equipment.clock, equipment.listen(run), lease=equipment.lease())
 
 
 def verify(

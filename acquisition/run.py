@@ -22,11 +22,12 @@ from acquisition.campaign import Campaign, campaign_of_record
 from acquisition.cell import Cell, cell_of_record
 from acquisition.check import check_plan
 from acquisition.clock import Clock, ScaledClock
-from acquisition.control import Control, Pausing, Stopping
+from acquisition.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.desk import Desk
 from acquisition.devices import Devices
 from acquisition.errors import NotResumed
 from acquisition.forecast import Forecast
+from acquisition.identity import check_identity
 from acquisition.lease import Lease, only_mover
 from acquisition.plan import Visit, make_plan
 from acquisition.rig import Met, Rig
@@ -143,7 +144,8 @@ class Run:
     ) -> Outcome:
         """Measure what is left; blocks. `clock` None: real, or scaled for a simulated run.
 
-        lease: of an owner who beats; when it ends, the run pauses. None: the caller lives as long as this call.
+        lease: of an owner who beats; when it ends, the robot comes to rest and the run is paused. None: the caller
+        lives as long as this call.
         Raises RobotInUse, NotResumed where nobody resumed it, StorageError where the record cannot even be
         started; later errors of devices and record are in the outcome.
         """
@@ -238,19 +240,23 @@ class Run:
         return lambda: Moment(clock.utc(), base + clock.now())
 
     def _met(self, met: Met) -> None:
-        """Told before anything moves: a robot that no program can stop needs a hand at its button."""
+        """Told before anything moves: a robot that no program can stop needs a hand at its button.
+
+        Raises OtherDevice where it is not the device of the cell file.
+        """
         self._store.tell(
             "connected", role=met.role, **asdict(met.who), can_stop=met.can_stop, read_deg=met.read_deg
         )
+        check_identity(self.cell, met.role, met.who)
 
     def _owner_is_silent(self, lease: Lease, control: Control) -> None:
-        control.pause(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
+        control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
         with suppress(StorageError):  # the pause counts; where it cannot be noted the run pauses for that
             self._store.command("pause", f"watchdog of {lease.owner}")
 
     # -- from any thread ----------------------------------------------------------------------------------
 
-    def pause(self, by: str = "", key: str | None = None) -> None:
+    def pause(self, by: str = "", key: str | None = None, reason: str = ON_REQUEST) -> None:
         """End after the reading in hand. `key`: an idempotency key; the second time nothing happens."""
         try:
             new = self._store.command("pause", by, key)
@@ -260,7 +266,28 @@ class Run:
             with self._mutex:
                 execution = self._execution
             if execution is not None:
-                execution.control.pause()
+                execution.control.pause(reason)
+
+    def restation(self, by: str = "", reason: str = "", key: str | None = None) -> None:
+        """The instrument is moved: its nests are measured again before the next pose, or on resuming.
+
+        Of a running campaign the operator is asked first to set the instrument up; readings taken before the order
+        keep the world frame they had. `key`: an idempotency key. Raises NotResumed for a campaign that has ended.
+        """
+        with self._mutex:
+            state, execution = self._store.state, self._execution
+        if state.final:
+            raise NotResumed(
+                f"the campaign has {state.value}: nothing is left to be measured from a new station",
+                command="restation",
+                what_to_do="Start a new record; it begins with the nests.",
+            )
+        with self._store.changing() as db:  # both or none
+            if not self._store.command("restation", by, key):
+                return
+            self._store.note(db, "restation", by=by, reason=reason)
+        if execution is not None:  # else the next execution begins with the nests
+            execution.control.new_station(reason)
 
     def resume(self, by: str = "", key: str | None = None) -> None:
         """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states."""
@@ -307,6 +334,11 @@ class Run:
         if execution is None:
             raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
         execution.desk.answer(prompt_id, answer, by, reason)
+
+    @property
+    def folder(self) -> Path:
+        """Of the record."""
+        return self._store.database.path.parent
 
     def status(self) -> RunStatus:
         """State, progress, prompt, last reading."""

@@ -18,6 +18,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Input that cannot be used ends with one message on standard error and no traceback.
     """
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:  # while modules are loaded; inside a command Typer turns it into the same code
+        return exit_codes.INTERRUPTED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     # Threads of the linear algebra library spin while they wait for each other: on a shared two-core PC they make
     # fits of this size five to ten times slower. Whoever wants them sets the variables. They are read when numpy
     # is first imported, hence the late imports below.
@@ -39,8 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(str(error), exit_codes.USAGE)
     except AcquisitionError as error:
         return _complain(f"{error.message.rstrip('.')}. {error.what_to_do}", error.exit_code)
-    except KeyboardInterrupt:  # outside a command; inside one Typer turns it into the same code
-        return exit_codes.INTERRUPTED
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}.", exit_codes.FAILED)
     return exit_codes.DONE

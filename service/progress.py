@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from acquisition import Event, Run, RunStatus
 from drivers.operator import TerminalOperator
-from service.terminal import Terminal
+from service.terminal import Terminal, duration
 from service.wording import counted
 
 LINES = 20  # of progress in a log, where nobody wants one a reading
@@ -18,6 +18,7 @@ _TOLD = {
     "warming_up": "warming up: measuring the reference pose again",
     "warm": "the arm is warm",
     "nests_checked": "the nests were checked",
+    "restation": "the instrument is moved: its nests come before the next pose",
     "reconnect": "connection lost, connecting again",
     "nests_again": "measuring the nests again",
     "instrument_moved": "the instrument has moved: the nests give its new place",
@@ -41,6 +42,10 @@ class Progress:
         elif event.kind == "connected":
             if not event.data["can_stop"] and event.data["role"] == "robot":
                 self._terminal.note("This robot cannot be stopped by the program: keep a hand at its button.")
+        elif event.kind == "command" and event.data["verb"] == "pause":
+            self._terminal.note("Pausing after the reading in hand. Ctrl-C once more stops the robot now.")
+        elif event.kind == "reading" and event.data["set"] == "nest":
+            self._terminal.say(f"nest {event.data['target']} measured")
         elif event.kind in ("reading", "skipped"):
             self._tell(self._run.status())
         elif event.kind in _TOLD:
@@ -56,9 +61,7 @@ class Progress:
 
 
 def _left(seconds: float | None) -> str:
-    if seconds is None:
-        return ""
-    return f", {seconds:.0f} s left" if seconds < 100.0 else f", {seconds / 60.0:.0f} min left"
+    return "" if seconds is None else f", {duration(seconds)} left"
 
 
 @contextmanager

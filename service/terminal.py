@@ -11,6 +11,7 @@ from types import TracebackType
 
 from rich.console import Console
 from rich.status import Status
+from rich.text import Text
 
 PIPED_WIDTH = 120  # columns where nobody's terminal says how wide it is
 
@@ -25,6 +26,24 @@ def _console(*, stderr: bool) -> Console:
         highlight=False,
         width=None if stream.isatty() else PIPED_WIDTH,
     )
+
+
+def duration(seconds: float) -> str:
+    """For people: "42 s", "17 min", "3.4 h"."""
+    for unit, length, most in (("s", 1.0, 100.0), ("min", 60.0, 100.0)):
+        if seconds < most * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds / 3600.0:.1f} h"
+
+
+class _Step:
+    """A step and for how long the command has run, looked up whenever the line is drawn."""
+
+    def __init__(self, step: str, begin: float) -> None:
+        self._step, self._begin = step, begin
+
+    def __rich__(self) -> Text:
+        return Text(f"{self._step} ({duration(time.monotonic() - self._begin)})")
 
 
 class Terminal:
@@ -60,13 +79,13 @@ class Terminal:
     def begin(self, step: str) -> None:
         """Show the spinner, on a terminal; again after `rest`."""
         if self._err.is_terminal and self._status is None:
-            self._status = self._err.status(step)
+            self._status = self._err.status(_Step(step, self._begin))
             self._status.start()
 
     def say(self, step: str) -> None:
         """Tell which step has begun."""
         if self._status is not None:
-            self._status.update(f"{step} ({time.monotonic() - self._begin:.0f} s)")
+            self._status.update(_Step(step, self._begin))
         else:
             self._err.print(f"truepose: {step}", soft_wrap=True)
 

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
 
 import acquisition
-from acquisition import Outcome, Run, RunStatus, pausing_on_interrupt, read_campaign, read_cell, read_status
+from acquisition import (
+    Campaign,
+    Cell,
+    Outcome,
+    Run,
+    RunStatus,
+    pausing_on_interrupt,
+    read_campaign,
+    read_cell,
+    read_status,
+)
 from acquisition.database import FILE as RECORD_FILE
+from acquisition.errors import RecordError, RecordInUse, UnsafePlan
 from acquisition.merge import export_together
+from acquisition.store import Store
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
@@ -44,7 +58,16 @@ def run_command(
     """Measure a campaign: every pose is checked before the first motion."""
     options.check_outputs({"--json": json}, inputs=(cell, campaign))
     the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
-    with Run.create(record, the_cell, the_campaign, simulated=simulate) as run:
+    if record.exists() and not record.is_dir():
+        raise ConfigError(f"--record {record}: is a file", what_to_do="Name a new folder.")
+    _refuse_begun(record, the_cell, the_campaign)
+    try:
+        run = Run.create(record, the_cell, the_campaign, simulated=simulate)
+    except RecordError:
+        raise
+    except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
+        raise type(error)(f"{campaign}: {error.message}", what_to_do=error.what_to_do) from error
+    with run:
         _execute(run, record, json, simulate=simulate)
 
 
@@ -63,6 +86,33 @@ def resume_command(record: Record, simulate: Simulate = False, json: options.Jso
         _execute(run, record, json, simulate=simulate)
 
 
+@app.command("restation")
+def restation_command(
+    record: Record,
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
+    json: options.Json = None,
+) -> None:
+    """Say that the instrument is moved, while the campaign is paused: it goes on with the nests."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    try:
+        run = Run.open(record)
+    except RecordInUse as error:
+        raise RecordInUse(
+            error.message,
+            what_to_do="Press Ctrl-C there, which pauses it; move the instrument, then resume: that measures the nests "
+            "first. A run of 'truepose serve' takes POST /runs/{id}/restation instead.",
+        ) from error
+    with run:
+        run.restation(by="terminal", reason=reason)
+        status = run.status()
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(f"{status.name}: noted. The nests are measured before the next pose.")
+        if status.state in ("paused", "stopped"):
+            terminal.note(_how_to_go_on(record, simulate=status.simulated))
+    write_json(_document(record, status), json)
+
+
 @app.command("status")
 def status_command(record: Record, json: options.Json = None) -> None:
     """Show how far a campaign is, also while another program runs it."""
@@ -70,8 +120,27 @@ def status_command(record: Record, json: options.Json = None) -> None:
     status = read_status(record)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.rest()
-        terminal.out.print(in_words(status))
+        terminal.out.print(in_words(status), soft_wrap=True)
     write_json(_document(record, status), json)
+
+
+@app.command("events")
+def events_command(
+    record: Record,
+    out: Annotated[
+        Path | None,
+        typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all; else standard output."),
+    ] = None,
+) -> None:
+    """Write what has happened, one JSON object a line, oldest first; also while another program runs it."""
+    if out is not None:
+        options.check_outputs({"OUT.jsonl": out}, inputs=(record / RECORD_FILE,))
+        acquisition.export_events(record, out)
+        return
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "events.jsonl"
+        acquisition.export_events(record, file)
+        sys.stdout.write(file.read_text(encoding="utf-8"))
 
 
 @app.command("export")
@@ -107,6 +176,29 @@ def export_command(
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
 
 
+def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
+    """Raises RecordError where DIR holds a campaign: what it measures was settled when it was begun."""
+    if not (record / RECORD_FILE).is_file():
+        return
+    store = Store.open(record, writer=False)
+    try:
+        row = store.campaign
+    finally:
+        store.close()
+    go_on = f"truepose campaign resume {record}{' --simulate' if row['simulated'] else ''}"
+    edited = [name for name, now in (("cell", cell), ("campaign", campaign)) if row[name] != now.source]
+    if edited:
+        raise RecordError(
+            f"{record}: was begun with another {' and another '.join(edited)} than the file says now",
+            what_to_do="Give a new folder to measure what the files say; "
+            f"the campaign as it was begun goes on with: {go_on}",
+        )
+    raise RecordError(
+        f"{record}: holds this campaign already",
+        what_to_do=f"Go on with it: {go_on}; or give a new folder to measure it once more.",
+    )
+
+
 def _execute(run: Run, record: Path, json: str | None, *, simulate: bool) -> None:
     """Execute to the end, a pause or a stop, and leave with the contract's exit code."""
     with ExitStack() as stack:
@@ -122,16 +214,20 @@ def _execute(run: Run, record: Path, json: str | None, *, simulate: bool) -> Non
         outcome = run.execute(devices, on_event=progress)
         terminal.rest()
         status = run.status()
-        terminal.out.print(in_words(status))
+        terminal.out.print(in_words(status), soft_wrap=True)
         if outcome.error is not None:
             terminal.note(_complaint(outcome.error, progress.prompt))
         if status.state in ("paused", "stopped"):
-            terminal.note(f"Go on with: truepose campaign resume {record}{' --simulate' if simulate else ''}")
+            terminal.note(_how_to_go_on(record, simulate=simulate))
         elif status.done > status.skipped:
             terminal.note(f"Next: truepose campaign export {record} OUT.csv")
     write_json(_document(record, status, outcome), json)
     if outcome.exit_code != exit_codes.DONE:
         raise typer.Exit(outcome.exit_code)
+
+
+def _how_to_go_on(record: Path, *, simulate: bool) -> str:
+    return f"Go on with: truepose campaign resume {record}{' --simulate' if simulate else ''}"
 
 
 def _complaint(error: AcquisitionError, prompt: str | None) -> str:

@@ -9,7 +9,17 @@ from importlib.metadata import version
 import anyio.to_thread
 from fastapi import FastAPI
 
-from service.http import cell_routes, data_routes, job_routes, problems, prompt_routes, run_routes
+from service.http import (
+    cell_routes,
+    data_routes,
+    job_routes,
+    loop_routes,
+    page,
+    problems,
+    prompt_routes,
+    run_routes,
+    target_routes,
+)
 from service.http.gate import Gate
 from service.http.openapi import describe
 from service.http.settings import Settings
@@ -38,8 +48,17 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
         lifespan=lifespan,
     )
-    for routes in (cell_routes, run_routes, prompt_routes, data_routes, job_routes):
+    for routes in (
+        cell_routes,
+        run_routes,
+        prompt_routes,
+        loop_routes,
+        data_routes,
+        job_routes,
+        target_routes,
+    ):
         app.include_router(routes.router, prefix=PREFIX)
+    app.include_router(page.router)
     problems.install(app)
     app.add_middleware(Gate, settings=settings)
     describe(app)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+from fastapi import Body as BodyOf
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Name = Annotated[str, Field(max_length=200)]
@@ -46,6 +47,50 @@ class TakeLease(Body):
 
     holder: Annotated[str, Field(min_length=1, max_length=200)]
     seconds: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False, strict=False)] = 30.0
+
+
+class NewLoop(NewRun):
+    """As a run, and how many new poses shall verify the correction."""
+
+    poses: Annotated[int, Field(ge=1, le=500)] = 20
+
+
+class Why(Body):
+    """What a person has to say about an order; may be left out."""
+
+    reason: Annotated[str, Field(max_length=500)] = ""
+
+
+class Export(Body):
+    """May be left out. `with`: ids of runs measured later in the same cell, brought into one data set."""
+
+    later: Annotated[list[Name], Field(max_length=100, alias="with")] = Field(default_factory=list)
+    name: Name = ""
+
+
+WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
+ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
+
+
+class TargetsToCorrect(Body):
+    """One of `csv` and `targets`: joint angles `j1_deg` ..., or poses `x_mm` ... `rot_z` with their `config`."""
+
+    csv: Annotated[str, Field(max_length=10_000_000, description="As in TARGETS.csv.")] = ""
+    targets: Annotated[list[dict[str, Any]], Field(max_length=50_000)] = Field(default_factory=list)
+    conditions: Annotated[str, Field(max_length=1000)] = Field(
+        default="", description="KEY=VALUE,...: side, approach, temperature, time, mass, cog, series."
+    )
+    tool: Annotated[str, Field(max_length=200)] = Field(
+        default="", description="x,y,z,w,p,r of the tool that poses are meant for, mm and deg."
+    )
+    inverse: bool = Field(default=False, description="From actual to nominal: taught on the real robot.")
+    keep_refused: bool = False
+
+    @model_validator(mode="after")
+    def _one_table(self) -> TargetsToCorrect:
+        if bool(self.csv) == bool(self.targets):
+            raise ValueError("give either csv or targets")
+        return self
 
 
 class OfDataset(Body):
@@ -90,6 +135,48 @@ class RunShown(Answered):
     error: dict[str, Any] | None
 
 
+class LoopShown(Answered):
+    """A closed loop. `step`: what it does now; `run`: that of `runs` which is in hand; `result`: once it is through."""
+
+    id: str
+    name: str
+    created_utc: str
+    state: str
+    state_code: int
+    reason: str
+    version: int
+    step: str
+    steps: list[str]
+    runs: list[str]
+    run_id: str | None
+    run: RunShown | None
+    dataset_id: str | None
+    dry_run: bool
+    simulated: bool
+    problem: dict[str, Any] | None
+    result: dict[str, Any] | None
+    report: str | None
+
+
+class CorrectedTargets(Answered):
+    """Corrected targets, as `csv` and as `rows`, and what became of each (`truepose-compensation/1`)."""
+
+    format: str
+    model: str
+    robot: str
+    direction: str
+    conditions: dict[str, Any]
+    corrected: int
+    refused: int
+    empty: int
+    largest_move_mm: float | None
+    largest_quantisation_mm: float | None
+    targets: list[dict[str, Any]]
+    warnings: list[str]
+    csv: str
+    rows: list[dict[str, Any]]
+
+
 class LeaseShown(Answered):
     """The motion lease; `lease_id` is only told to its holder."""
 
@@ -111,6 +198,7 @@ class CellShown(Answered):
     nests: list[str]
     simulated: bool
     run_id: str | None
+    loop_id: str | None
     lease: LeaseShown | None
 
 
@@ -164,6 +252,10 @@ class Health(Answered):
 
 class Runs(Answered):
     runs: list[RunShown]
+
+
+class Loops(Answered):
+    loops: list[LoopShown]
 
 
 class Prompts(Answered):

@@ -3,38 +3,57 @@
     RECORD/runs/ID/record.sqlite3    a run, by `acquisition`
     RECORD/runs/ID/dry_run.json      a campaign that was only checked
 
+One thread at a time uses the robot: that of a run, or that of a closed loop with its runs one after another.
 Nothing is executed when the book is opened: runs that were going on when the program ended come back paused.
 """
 
 from __future__ import annotations
 
-import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acquisition import Campaign, Cell, Devices, Event, Run, RunStatus, State, checked_plan, read_status
+from acquisition import (
+    Campaign,
+    Cell,
+    Devices,
+    Event,
+    Lease,
+    Run,
+    RunStatus,
+    State,
+    read_status,
+)
+from acquisition.control import ON_REQUEST
 from acquisition.errors import RecordError, RecordInUse
-from calib.files import replace_file
 from drivers.errors import AcquisitionError
-from service.files import as_json
+from service.http import dry_runs
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
 from service.plain import finite
-from service.wording import counted
 
-DRY_RUN = "dry_run.json"
 PAUSE_S = 15.0  # for the reading in hand when the service ends; then the robot is stopped
+STOP_S = 60.0  # longer than any deadline of a device
 FINISH_S = 5.0
+STOPPED_S = 0.5  # so long the answer to a stop waits for the run to have ended
+SERVICE_ENDS = "The service was ended."
 
 
 @dataclass
 class _Execution:
-    run_id: str
+    """What uses the robot. `run_id`: empty while a loop is between two runs; `begun`: that run can be paused."""
+
     thread: threading.Thread
+    run_id: str
+    loop_id: str = ""
     begun: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def what(self) -> str:
+        return f"loop {self.loop_id}" if self.loop_id else f"run {self.run_id}"
 
 
 class Book:
@@ -52,7 +71,7 @@ class Book:
 
     def _recover(self, name: str) -> None:
         try:
-            if not (self._folder / name / DRY_RUN).is_file() and State(self._look(name).state).active:
+            if dry_runs.read(self._folder / name) is None and State(self._look(name).state).active:
                 self._runs[name] = Run.open(self._folder / name)
         except RecordInUse:
             return  # the command line runs it; it can be looked at
@@ -79,7 +98,7 @@ class Book:
     def document(self, name: str) -> dict[str, Any]:
         """The contract's document of a run. Raises Problem 404."""
         self._known(name)
-        dry = self._dry(name)
+        dry = dry_runs.read(self._folder / name)
         if dry is not None:
             return dry
         self._let_finish(name)
@@ -97,13 +116,15 @@ class Book:
         execution = self._execution
         if execution is None or execution.run_id != name or not execution.begun.is_set():
             return
+        if execution.loop_id:
+            return  # which goes on
         if not State(self._runs[name].status().state).active:
             execution.thread.join(FINISH_S)
 
     def get(self, name: str) -> Run:
         """The run itself, opened where it is not. Raises Problem 404 and 409 (dry run), RecordInUse."""
         self._known(name)
-        if self._dry(name) is not None:
+        if dry_runs.read(self._folder / name) is not None:
             raise Problem(
                 409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103
             )
@@ -121,40 +142,15 @@ class Book:
         if not safe_id(name) or not (self._folder / name).is_dir():
             raise not_found("run", name)
 
-    def _dry(self, name: str) -> dict[str, Any] | None:
-        file = self._folder / name / DRY_RUN
-        return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
-
     # -- making and executing ----------------------------------------------------------------------------
 
     def check(self, cell: Cell, campaign: Campaign, name: str) -> str:
         """A dry run: everything is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
-        visits = checked_plan(cell, campaign)
-        total = sum(len(visit.targets) for visit in visits if visit.kind == "pose")
-        folder = self._folder / new_id()
-        folder.mkdir()
-        done = State.SUCCEEDED
-        document = {
-            "id": folder.name,
-            "name": name or cell.name,
-            "state": done.value,
-            "state_code": done.code,
-            "reason": f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
-            "version": 1,
-            "done": 0,
-            "total": total,
-            "skipped": 0,
-            "prompt": None,
-            "last_reading": None,
-            "seconds_left": None,
-            "simulated": self._simulated,
-            "dry_run": True,
-            "error": None,
-        }
-        replace_file(folder / DRY_RUN, as_json(document))
-        return folder.name
+        own = new_id()
+        dry_runs.keep(self._folder / own, cell, campaign, name, simulated=self._simulated)
+        return own
 
-    def start(self, cell: Cell, campaign: Campaign, name: str) -> str:
+    def start(self, cell: Cell, campaign: Campaign, name: str, lease: Lease) -> str:
         """Make a run and let the robot move. Raises Problem 409 while another uses the robot, ConfigError ..."""
         with self._mutex:
             self.refuse_busy()
@@ -164,10 +160,10 @@ class Book:
                 self._folder / run_id, cell, campaign, simulated=self._simulated, name=name or cell.name
             )
             self._runs[run_id] = run
-            self._begin(run_id, run, devices)
+            self._begin(run_id, run, devices, lease)
         return run_id
 
-    def resume(self, name: str, by: str, cell: Cell) -> None:
+    def resume(self, name: str, cell: Cell, lease: Lease) -> None:
         """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse."""
         run = self.get(name)
         if (
@@ -193,32 +189,41 @@ class Book:
                 )
             devices = self._open_devices(run.cell)
             if status.state != State.READY.value:
-                run.resume(by=by)
-            self._begin(name, run, devices)
+                run.resume(by=lease.owner)
+            self._begin(name, run, devices, lease)
 
     def refuse_busy(self) -> None:
-        """Raises Problem 409 with the id of the run that uses the robot."""
+        """Raises Problem 409 with the ids of the run and the loop that use the robot."""
         execution = self._execution
         if execution is not None:
+            ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
             raise Problem(
                 409,
-                f"The robot is busy with run {execution.run_id}.",
-                "Wait until that run has ended, or pause or stop it.",
+                f"The robot is busy with {execution.what}.",
+                "Wait until that has ended, or stop it."
+                if execution.loop_id
+                else "Wait until that has ended, or pause or stop it.",
                 code=8105,
                 headers={"Retry-After": "5"},
-                run_id=execution.run_id,
+                **{name: value for name, value in ids.items() if value},
             )
 
     @property
     def busy_with(self) -> str | None:
         """The id of the run that uses the robot."""
         execution = self._execution
-        return None if execution is None else execution.run_id
+        return None if execution is None else execution.run_id or None
 
-    def _begin(self, name: str, run: Run, devices: Devices) -> None:
+    @property
+    def lent_to(self) -> str | None:
+        """The id of the loop that uses the robot."""
+        execution = self._execution
+        return None if execution is None else execution.loop_id or None
+
+    def _begin(self, name: str, run: Run, devices: Devices, lease: Lease) -> None:
         def work() -> None:
             try:
-                outcome = run.execute(devices, on_event=heard)
+                outcome = run.execute(devices, on_event=heard, lease=lease)
                 if outcome.error is not None:
                     self._errors[name] = outcome.error
             except AcquisitionError as error:
@@ -230,41 +235,97 @@ class Book:
         def heard(_: Event) -> None:
             execution.begun.set()
 
-        execution = _Execution(name, threading.Thread(target=work, name=f"run {name}"))
+        execution = _Execution(threading.Thread(target=work, name=f"run {name}"), name)
         self._errors.pop(name, None)
         self._execution = execution
         execution.thread.start()
 
+    # -- for a loop --------------------------------------------------------------------------------------
+
+    def lend(self, loop_id: str, work: Callable[[], None]) -> None:
+        """Let a loop use the robot until `work`, in a thread of its own, ends. Raises Problem 409."""
+
+        def whole() -> None:
+            try:
+                work()
+            finally:
+                self._execution = None
+
+        with self._mutex:
+            self.refuse_busy()
+            # Not waited for when the program ends: between its runs a loop computes for many seconds.
+            thread = threading.Thread(target=whole, name=f"loop {loop_id}", daemon=True)
+            self._execution = _Execution(thread, "", loop_id)
+            thread.start()
+
+    @contextmanager
+    def run_of_loop(self, name: str, title: str, cell: Cell, campaign: Campaign) -> Iterator[Run]:
+        """A run of the loop that has the robot, listed and ordered about like any other."""
+        execution = self._execution
+        assert execution is not None
+        with self._mutex:
+            run = Run.create(self._folder / name, cell, campaign, simulated=self._simulated, name=title)
+            self._runs[name] = run  # stays open: others look at it
+            execution.begun.clear()
+            execution.run_id = name
+        try:
+            yield run
+        finally:
+            execution.run_id = ""
+
+    def begun(self) -> None:
+        """The run of the loop executes: orders reach it."""
+        execution = self._execution
+        if execution is not None:
+            execution.begun.set()
+
+    def not_begun(self) -> None:
+        """The run of the loop rests: a pause waits until it executes again."""
+        execution = self._execution
+        if execution is not None:
+            execution.begun.clear()
+
+    def join(self, seconds: float) -> bool:
+        """Wait so long for whoever uses the robot; whether it is free."""
+        execution = self._execution
+        if execution is not None:
+            execution.thread.join(seconds)
+        return self._execution is None
+
     # -- orders to whatever runs -------------------------------------------------------------------------
 
-    def pause(self, name: str, by: str) -> None:
+    def pause(self, name: str, by: str, reason: str = ON_REQUEST) -> None:
         """The run ends after the reading in hand. Raises Problem, RecordInUse, StorageError."""
         run, execution = self.get(name), self._execution
         if execution is not None and execution.run_id == name:
             execution.begun.wait(FINISH_S)  # a run that has not begun yet cannot be paused, and would go on
-        run.pause(by=by)
+        run.pause(by=by, reason=reason)
 
-    def pause_all(self, by: str) -> None:
+    def pause_all(self, by: str, reason: str) -> None:
         """The run that uses the robot ends after the reading in hand."""
+        if (name := self.busy_with) is not None:
+            self.pause(name, by, reason)
+
+    def stop(self, name: str, by: str) -> list[AcquisitionError]:
+        """The robot halts now and the run ends. Returns what could not be stopped. Raises Problem, RecordInUse."""
+        problems = self.get(name).stop(by=by)
         execution = self._execution
-        if execution is not None:
-            self.pause(execution.run_id, by)
+        if execution is not None and execution.run_id == name and not execution.loop_id:
+            execution.thread.join(STOPPED_S)
+        return problems
 
     def stop_all(self, by: str) -> None:
         """The run that uses the robot ends now."""
-        execution = self._execution
-        if execution is not None:
-            self._runs[execution.run_id].stop(by=by)
+        if (name := self.busy_with) is not None:
+            self._runs[name].stop(by=by)
 
     def close(self) -> None:
         """Pause, after a while stop, what runs; give every record up."""
-        execution = self._execution
-        if execution is not None:
-            self.pause_all(by="service ends")
-            execution.thread.join(PAUSE_S)
-            if execution.thread.is_alive():
+        if self.busy_with is not None:
+            self.pause_all("service ends", SERVICE_ENDS)
+            if not self.join(PAUSE_S):
                 self.stop_all(by="service ends")
-                execution.thread.join()
+                self.join(STOP_S)
         with self._mutex:
             for run in self._runs.values():
                 run.close()

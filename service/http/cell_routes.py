@@ -37,23 +37,25 @@ def get_cell(here: Here) -> dict[str, Any]:
         "nests": list(cell.nests),
         "simulated": here.settings.simulated is not None,
         "run_id": here.book.busy_with,
+        "loop_id": here.book.lent_to,
         "lease": None if held is None else _shown(held, ""),
     }
 
 
 @router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
 def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dict[str, Any]:
-    """Take the motion lease, or keep it: repeat this before it expires, or a run is stopped."""
+    """Take the motion lease, or keep it: repeat this before it expires, or the robot rests and its run is paused."""
     held = here.lease.take(body.holder, body.seconds, lease_id)
     return _shown(held, held.id)
 
 
 @router.delete("/cell/lease", operation_id="giveLeaseBack", status_code=204)
 def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
-    """Give the lease back; a run pauses after the reading in hand."""
+    """Give the lease back; a run pauses after the reading in hand, a loop also between two runs."""
     holder = here.lease.give_back(lease_id)
     if holder is not None:
-        here.book.pause_all(by=f"{holder} gave the lease back")
+        whole = here.book if here.book.lent_to is None else here.loops
+        whole.pause_all(holder, f"{holder} gave the motion lease back.")
     return Response(status_code=204)
 
 
@@ -61,6 +63,6 @@ def _shown(held: Held, lease_id: str) -> dict[str, Any]:
     return {
         "holder": held.holder,
         "expires_utc": utc_text(held.expires_utc),
-        "seconds": held.seconds,
+        "seconds": held.beats.seconds,
         "lease_id": lease_id,
     }

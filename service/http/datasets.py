@@ -10,12 +10,14 @@ import json
 import shutil
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import acquisition
 from acquisition import read_status
+from acquisition.errors import RecordError
+from acquisition.merge import export_together
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from calib.files import replace_file
@@ -45,15 +47,32 @@ class Datasets:
 
         return self._keep(write, name or "upload", run_id=None, simulated=False)
 
-    def export(self, record: Path, run_id: str) -> dict[str, Any]:
-        """The readings of a run up to now. Raises RecordError where there are none."""
-        status = read_status(record)
-        return self._keep(
-            lambda folder: acquisition.export(record, folder / CSV),
-            status.name,
-            run_id=run_id,
-            simulated=status.simulated,
-        )
+    def keep(self, data: Path, name: str, *, simulated: bool) -> dict[str, Any]:
+        """A copy of a data set that this program has made."""
+
+        def write(folder: Path) -> None:
+            shutil.copyfile(data, folder / CSV)
+            shutil.copyfile(data.with_suffix(".toml"), folder / TOML)
+
+        return self._keep(write, name, run_id=None, simulated=simulated)
+
+    def export(self, records: Sequence[Path], name: str) -> dict[str, Any]:
+        """The readings of a run up to now, with those of later runs in the same cell as one data set.
+
+        Raises RecordError where there are none, or where they were measured in different cells.
+        """
+        first, *later = records
+        statuses = [read_status(record) for record in records]
+        if len({status.simulated for status in statuses}) > 1:
+            raise RecordError("simulated and real readings do not belong into one data set")
+
+        def write(folder: Path) -> None:
+            if later:
+                export_together(records, folder / CSV)
+            else:
+                acquisition.export(first, folder / CSV)
+
+        return self._keep(write, name or statuses[0].name, run_id=first.name, simulated=statuses[0].simulated)
 
     def _keep(
         self, write: Callable[[Path], object], name: str, *, run_id: str | None, simulated: bool

@@ -18,7 +18,7 @@ from service.http import problems
 from service.http.problems import Problem
 from service.http.settings import Settings
 
-OPEN = ("/api/v1/health", "/openapi.json")  # tell nothing about the cell
+OPEN = ("/", "/api/v1/health", "/openapi.json")  # tell nothing about the cell
 _TOO_LARGE = "The request is larger than {} MB."
 _SPLIT = "Send less at once; a data set can be split into series."
 

@@ -29,6 +29,7 @@ from service.worker import JOB, MODEL, PROBLEM, REPORT, RESULT
 JOB_TIMEOUT_S = 900.0
 MOST_WAITING = 50
 _FOLDERS = {"identification": "identifications", "diagnosis": "diagnoses"}
+_WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
 
 class Jobs:
@@ -117,15 +118,22 @@ class Jobs:
         return self._file(name, REPORT, "report")
 
     def model(self, name: str) -> dict[str, Any]:
-        """The model that a job has found. Raises Problem 404."""
+        """The model that a job or a loop has found. Raises Problem 404."""
         return json.loads(self._file(name, MODEL, "model"))
 
+    def model_file(self, name: str) -> Path:
+        """Where it stands. Raises Problem 404."""
+        return self._path(name, MODEL, "model")
+
     def _file(self, name: str, file_name: str, what: str) -> str:
-        for folder in _FOLDERS.values():
+        return self._path(name, file_name, what).read_text(encoding="utf-8")
+
+    def _path(self, name: str, file_name: str, what: str) -> Path:
+        for folder in _WITH_RESULTS:
             done = self._record / folder / name
             # The result is written last: with it everything is there.
-            if safe_id(name) and (done / RESULT).is_file():
-                return (done / file_name).read_text(encoding="utf-8")
+            if safe_id(name) and (done / RESULT).is_file() and (done / file_name).is_file():
+                return done / file_name
         raise Problem(404, f"There is no {what} {name!r} (yet).", "Wait until its diagnosis has succeeded.")
 
     def _work(self) -> None:

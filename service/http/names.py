@@ -10,8 +10,9 @@ _SAFE = re.compile(r"[0-9A-Za-z][0-9A-Za-z-]{0,63}")
 
 
 def new_id() -> str:
-    """For instance `20261121-170459-3f9a1c07`."""
-    return f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{secrets.token_hex(4)}"
+    """For instance `20261121-170459-3f9a1c07b2e`: day, time of day, microseconds and chance."""
+    now = datetime.now(UTC)
+    return f"{now:%Y%m%d-%H%M%S}-{now.microsecond:05x}{secrets.token_hex(3)}"
 
 
 def safe_id(name: str) -> bool:

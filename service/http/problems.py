@@ -135,13 +135,19 @@ def data_place(error: DataError) -> dict[str, Any]:
     return {name: value for name, value in (("line", error.line), ("key", error.key)) if value is not None}
 
 
+def of_error(error: AcquisitionError | DataError) -> dict[str, Any]:
+    """The members of a problem for what devices, record and files refuse."""
+    if isinstance(error, DataError):
+        return document(422, data_text(error), error.do, **data_place(error))
+    status = next((code for kind, code in _STATUS if isinstance(error, kind)), 409)
+    told = {"device": error.device, "name": type(error).__name__}
+    return document(status, error.message.rstrip(".") + ".", error.what_to_do, error.code or None, **told)
+
+
 def _of_acquisition(request: Request, error: Exception) -> Response:
     assert isinstance(error, AcquisitionError)
-    status = next((code for kind, code in _STATUS if isinstance(error, kind)), 409)
-    text = error.message.rstrip(".") + "."
-    return response(
-        status, text, error.what_to_do, error.code or None, device=error.device, name=type(error).__name__
-    )
+    told = of_error(error)
+    return JSONResponse(told, told["status"], media_type=MEDIA_TYPE)
 
 
 def _of_fault(request: Request, error: Exception) -> Response:

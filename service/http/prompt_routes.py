@@ -13,7 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from acquisition import Event, Run
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
-from service.http.bodies import Prompts, RunShown
+from service.http.bodies import Prompts, RunShown, WhyBody
 from service.http.headers import IdempotencyKey
 from service.http.idempotency import fingerprint, reply
 from service.http.problems import Problem
@@ -44,15 +44,20 @@ def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
     "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunShown
 )
 def answer_prompt(
-    here: Here, run_id: str, prompt_id: str, verb: Verb, idempotency_key: IdempotencyKey = ""
+    here: Here, run_id: str, prompt_id: str, verb: Verb, body: WhyBody, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:
-    """Answer a prompt. 409 when it is not, or no longer, being asked."""
+    """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked."""
 
     def work() -> JSONResponse:
         held = here.lease.current
         run = here.book.get(run_id)
         try:
-            run.answer(prompt_id, Answer(verb.value), by="http" if held is None else held.holder)
+            run.answer(
+                prompt_id,
+                Answer(verb.value),
+                by="http" if held is None else held.holder,
+                reason=body.reason,
+            )
         except UnknownPrompt as error:
             open_now = run.status().prompt
             more = {} if open_now is None else {"open_prompt_id": open_now["id"]}
@@ -60,7 +65,7 @@ def answer_prompt(
         return reply(200, here.book.document(run_id))
 
     path = f"{RUNS}/{run_id}/prompts/{prompt_id}/{verb.value}"
-    return here.keys.once(idempotency_key, fingerprint(path), work)
+    return here.keys.once(idempotency_key, fingerprint(path, body.model_dump()), work)
 
 
 def _run(here: Here, run_id: str) -> Run:

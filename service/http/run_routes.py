@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from fastapi import APIRouter
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, PlainTextResponse
 
-from service.http.bodies import DatasetShown, NewRun, Runs, RunShown
+from acquisition import export_events
+from service.http.bodies import DatasetShown, ExportBody, NewRun, Runs, RunShown, WhyBody
 from service.http.campaigns import campaign_of
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
@@ -16,6 +19,7 @@ from service.http.state import Here, Service
 router = APIRouter(tags=["runs"])
 RUNS = "/api/v1/runs"
 FINAL = ("succeeded", "failed")
+LINES = "application/x-ndjson"
 
 
 def accepted(here: Service, run_id: str, **more: Any) -> JSONResponse:
@@ -35,10 +39,9 @@ def create_run(
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
         if body.dry_run:
             return accepted(here, here.book.check(cell, campaign_of(table), body.name))
-        with here.permission_to_move(lease_id):
-            here.book.refuse_busy()
-            run_id = here.book.start(cell, campaign_of(table), body.name)
-        return accepted(here, run_id)
+        held = here.lease.needed(lease_id)
+        here.book.refuse_busy()
+        return accepted(here, here.book.start(cell, campaign_of(table), body.name, held.beats))
 
     return here.keys.once(idempotency_key, fingerprint(RUNS, body.model_dump()), work)
 
@@ -65,7 +68,7 @@ async def pause_run(here: Here, run_id: str) -> JSONResponse:
     """The run ends after the reading in hand; it can be resumed."""
 
     def work() -> JSONResponse:
-        here.book.pause(run_id, by=_who(here))
+        here.book.pause(run_id, by=who(here))
         return accepted(here, run_id)
 
     return await here.urgent(work)
@@ -79,11 +82,29 @@ def resume_run(
 
     def work() -> JSONResponse:
         here.book.path(run_id)
-        with here.permission_to_move(lease_id) as holder:
-            here.book.resume(run_id, holder, here.cell)
+        here.book.resume(run_id, here.cell, here.lease.needed(lease_id).beats)
         return accepted(here, run_id)
 
     return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/resume"), work)
+
+
+@router.post(
+    "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunShown
+)
+def restation_run(
+    here: Here, run_id: str, body: WhyBody, idempotency_key: IdempotencyKey = ""
+) -> JSONResponse:
+    """The instrument is moved: the nests are measured again before the next pose, or on resuming.
+
+    A run that goes on asks first to set the instrument up; what it has measured before keeps its world frame. Pause,
+    or order this before the instrument is touched.
+    """
+
+    def work() -> JSONResponse:
+        here.book.get(run_id).restation(by=who(here), reason=body.reason)
+        return accepted(here, run_id)
+
+    return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/restation", body.model_dump()), work)
 
 
 @router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunShown)
@@ -91,24 +112,45 @@ async def stop_run(here: Here, run_id: str) -> JSONResponse:
     """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped."""
 
     def work() -> JSONResponse:
-        problems = here.book.get(run_id).stop(by=_who(here))
+        problems = here.book.stop(run_id, by=who(here))
         return accepted(here, run_id, problems=[problem.as_dict() for problem in problems])
 
     return await here.urgent(work)
 
 
 @router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
-def export_run(here: Here, run_id: str, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """The readings up to now as a data set."""
+def export_run(
+    here: Here, run_id: str, body: ExportBody, idempotency_key: IdempotencyKey = ""
+) -> JSONResponse:
+    """The readings up to now as a data set; `with` adds runs measured later in the same cell, a follow-up say."""
 
     def work() -> JSONResponse:
-        here.book.get(run_id)  # a dry run has none
-        dataset = here.datasets.export(here.book.path(run_id), run_id)
+        runs = [run_id, *body.later]
+        for each in runs:
+            here.book.get(each)  # a dry run has none
+        dataset = here.datasets.export([here.book.path(each) for each in runs], body.name)
         return reply(201, dataset, location=f"/api/v1/datasets/{dataset['id']}")
 
-    return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/dataset"), work)
+    asked = fingerprint(f"{RUNS}/{run_id}/dataset", body.model_dump())
+    return here.keys.once(idempotency_key, asked, work)
 
 
-def _who(here: Service) -> str:
+@router.get(
+    "/runs/{run_id}/events.jsonl",
+    operation_id="downloadEvents",
+    response_class=PlainTextResponse,
+    responses={200: {"content": {LINES: {"schema": {"type": "string"}}}}},
+)
+def download_events(here: Here, run_id: str) -> PlainTextResponse:
+    """What has happened up to now, oldest first, one JSON object a line."""
+    here.book.get(run_id)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "events.jsonl"
+        export_events(here.book.path(run_id), file)
+        return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
+
+
+def who(here: Service) -> str:
+    """By whom an order came, for the record."""
     held = here.lease.current
     return "http" if held is None else f"http ({held.holder} holds the lease)"

@@ -13,6 +13,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service import exit_codes
+from service.http.book import SERVICE_ENDS
 from service.http.settings import Settings
 
 GRACE_S = 3  # for answers under way when the service ends
@@ -36,7 +37,8 @@ class Server(uvicorn.Server):
         service = getattr(self._app.state, "service", None)
         if service is not None:
             service.closing = True
-            threading.Thread(target=service.book.pause_all, args=("service ends",), daemon=True).start()
+            order = ("service ends", SERVICE_ENDS)
+            threading.Thread(target=service.book.pause_all, args=order, daemon=True).start()
         # Not by the method above us, which raises the signal again in the end: the simulators must be ended first.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True

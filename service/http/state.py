@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Annotated, TypeVar
 
 import anyio
@@ -18,6 +17,7 @@ from service.http.datasets import Datasets
 from service.http.idempotency import Keys
 from service.http.jobs import Jobs
 from service.http.lease import Lease
+from service.http.loops import Loops
 from service.http.problems import Problem
 from service.http.settings import Settings
 
@@ -39,7 +39,14 @@ class Service:
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
         self.jobs = Jobs(record)
-        self.lease = Lease(lambda holder: self.book.stop_all(by=f"lease of {holder} expired"))
+        self.lease = Lease()
+        self.loops = Loops(
+            record / "loops",
+            self.book,
+            self.datasets,
+            self._open_devices,
+            simulated=settings.simulated is not None,
+        )
         self.closing = False
         # Threads of their own: a hundred clients that wait must never keep a stop from being heard.
         self._waiters = anyio.CapacityLimiter(WAITERS)
@@ -55,13 +62,6 @@ class Service:
         if self.settings.cell is None:
             raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
         return self.settings.cell
-
-    @contextmanager
-    def permission_to_move(self, lease_id: str) -> Iterator[str]:
-        """For what sets a robot in motion: the holder of the lease. Raises Problem 409 where there is none."""
-        yield self.lease.needed(lease_id)
-        if self.lease.current is None:  # it ran out meanwhile, when there was nothing to be stopped yet
-            self.book.stop_all(by="lease expired")
 
     async def changed(self, wait: Callable[[float], bool], seconds: float) -> None:
         """Until `wait(slice)` is true, the service ends, or so many seconds have passed."""
@@ -81,7 +81,7 @@ class Service:
     def close(self) -> None:
         """Pause what runs, give everything up."""
         self.closing = True
-        self.lease.close()
+        self.loops.close()
         self.book.close()
         self.jobs.close()
         self.keys.close()

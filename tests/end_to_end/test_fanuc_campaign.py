@@ -10,7 +10,9 @@ import pytest
 
 from acquisition.campaign import read_campaign
 from acquisition.cell import read_cell
+from acquisition.clock import ScaledClock
 from acquisition.export import export
+from acquisition.loop import Equipment, close_loop
 from acquisition.run import Run
 from calib.dataset import read_dataset
 from calib.identify import identify
@@ -60,3 +62,19 @@ def test_measured_exported_identified(tmp_path: Path) -> None:
     held = dataset.validation_rows
     miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
     assert np.sqrt(np.mean(miss**2)) < 0.1
+
+
+def test_the_loop_is_closed_on_coupled_joints(tmp_path: Path) -> None:
+    """Joint 3 of the model is turned by two of the controller; its backlash is found and corrected on the robot."""
+    path = fanuc_cell(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('effects = ["none"]', 'effects = ["backlash:j3"]'), encoding="utf-8")
+    cell = read_cell(path)
+    campaign = read_campaign(campaign_file(tmp_path, calibration=50, validation=15, warm_up_s=0.0))
+    with simulated_cell(cell) as simulated:
+        equipment = Equipment(cell, simulated.open(cell), ScaledClock(cell.time_scale), simulated=True)
+        result = close_loop(equipment, campaign, tmp_path / "loop", poses=10)
+    assert [found.effect.label for found in result.diagnosis.effects] == ["backlash:j3"]
+    assert result.verification.uncorrected is not None
+    assert result.verification.uncorrected.rms > 1.0
+    assert result.verification.ratio < 1.25

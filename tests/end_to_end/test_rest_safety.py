@@ -67,11 +67,19 @@ def test_stop_in_mid_move_and_a_holder_who_falls_silent(tmp_path: Path) -> None:
         until(lambda: simulated.do("state")["moving"])
         service.lease(seconds=1.0)  # the last sign of life
         began = time.monotonic()
-        shown = service.until(f"/runs/{run}", "stopped", seconds=10.0)
-        assert time.monotonic() - began < 2.0
-        assert not simulated.do("state")["moving"]
+        shown = service.until(f"/runs/{run}", "paused", seconds=20.0)
+        assert time.monotonic() - began > 1.0
+        assert shown["reason"] == "anna was not heard of for 1 s."
+        rests = simulated.do("state")
+        assert not rests["moving"]
         assert shown["done"] < shown["total"]
         assert service.client.get("/cell").json()["lease"] is None
+        problem(service.client.post(f"/runs/{run}/resume"), 409)
+        service.lease("bert")
+        assert simulated.do("state")["joints_deg"] == rests["joints_deg"]
+        assert service.client.post(f"/runs/{run}/resume").status_code == 202
+        until(lambda: simulated.do("state")["moving"])
+        assert service.client.post(f"/runs/{run}/stop").status_code == 202  # needs no lease
 
 
 def test_killed_in_mid_run_it_comes_back_paused_and_moves_only_when_resumed(tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(["campaign", "run", *arguments, "--simulate", "--json", str(tmp_path / "r.json")]) == 0
     shown = capsys.readouterr()
     assert "succeeded, 9 of 9 readings, SIMULATED" in shown.out
+    assert "nest N3 measured\n" in shown.err
     assert "9 of 9 readings" in shown.err
     assert "\x1b" not in shown.err
     document = json.loads((tmp_path / "r.json").read_text("utf-8"))
@@ -79,7 +80,11 @@ def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert len(read_dataset(out)) == 9
     capsys.readouterr()
     for words, code, message in (
-        (["run", *arguments, "--simulate"], 2, "there is a record already"),
+        (
+            ["run", *arguments, "--simulate"],
+            2,
+            "holds this campaign already. Go on with it: truepose campaign resume",
+        ),
         (["resume", str(record)], 2, "Add --simulate"),
         (["resume", str(record), "--simulate"], 1, "finished; nothing to resume"),
         (["status", str(tmp_path)], 2, "there is no record"),
@@ -146,6 +151,7 @@ def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, 
     assert document["state"] == state
     assert document["done"] < document["total"]
     assert "campaign resume" in complaint
+    assert "Ctrl-C once more stops the robot now." in complaint
     if times == 1:
         assert main(["campaign", "resume", str(tmp_path / "record"), "--simulate"]) == 0
 

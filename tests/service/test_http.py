@@ -140,6 +140,9 @@ def test_an_unsafe_pose_is_refused_with_its_name(service: Served) -> None:
         "/reports/..",
         "/reports/nothing",
         "/models/nothing",
+        "/loops/nothing",
+        "/loops/..",
+        "/runs/nothing/events.jsonl",
         "/nothing",
     ],
 )
@@ -149,8 +152,10 @@ def test_what_is_not_there_is_404(service: Served, path: str) -> None:
 
 def test_orders_to_runs_that_are_not_there_are_404(service: Served) -> None:
     service.lease()
-    for verb in ("pause", "resume", "stop", "dataset", "prompts/p/confirm"):
+    for verb in ("pause", "resume", "stop", "dataset", "restation", "prompts/p/confirm"):
         problem(service.client.post(f"/runs/nothing/{verb}"), 404)
+    for verb in ("pause", "resume", "stop"):
+        problem(service.client.post(f"/loops/nothing/{verb}"), 404)
     problem(service.client.post("/diagnoses", json={"dataset_id": "nothing"}), 404)
     problem(service.client.request("PATCH", "/runs"), 405)
     service.client.delete("/cell/lease")
@@ -167,7 +172,7 @@ KEYS = ("campaign", "campaign_id", "dry_run", "name", "holder", "seconds", "data
 @settings(max_examples=80)
 @given(
     path=st.sampled_from(
-        ["/runs", "/campaigns", "/cell/lease", "/diagnoses", "/identifications", "/datasets"]
+        ["/runs", "/loops", "/campaigns", "/cell/lease", "/diagnoses", "/identifications", "/datasets"]
     ),
     body=JSON | st.dictionaries(st.sampled_from(KEYS), JSON, max_size=4),
 )
@@ -198,7 +203,7 @@ def test_a_dry_run_is_the_default_and_moves_nothing(service: Served) -> None:
     )
     assert service.client.get("/cell").json()["run_id"] is None
     service.lease()
-    for verb in ("pause", "resume", "stop", "dataset"):
+    for verb in ("pause", "resume", "stop", "dataset", "restation"):
         problem(service.client.post(f"/runs/{run['id']}/{verb}"), 409)
     service.client.delete("/cell/lease")
 
@@ -274,7 +279,16 @@ def test_openapi_suits_client_generators(service: Served) -> None:
     assert "itemSchema" not in text
     assert "event-stream" not in text
     assert "HTTPValidationError" not in text
-    for name in ("NewRun", "NewCampaign", "TakeLease", "OfDataset"):
+    for name in (
+        "NewRun",
+        "NewLoop",
+        "NewCampaign",
+        "TakeLease",
+        "OfDataset",
+        "Why",
+        "Export",
+        "TargetsToCorrect",
+    ):
         assert "anyOf" not in json.dumps(document["components"]["schemas"][name])
     assert document["components"]["schemas"]["NewRun"]["properties"]["dry_run"]["default"] is True
     assert all("default" in op["responses"] for op in operations)

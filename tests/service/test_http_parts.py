@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import threading
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -22,43 +21,48 @@ from service.http.problems import Problem
 from service.http.settings import Settings
 from service.plain import finite, utc_text
 from tests.drivers.waiting import in_thread, until
+from tests.service.lease_clock import LeaseClock
 
 
-@pytest.fixture
-def silent() -> Iterator[tuple[Lease, list[str]]]:
-    lost: list[str] = []
-    lease = Lease(lost.append)
-    with closing(lease):
-        yield lease, lost
-
-
-def test_silence_is_told_once_and_frees_the_lease(silent: tuple[Lease, list[str]]) -> None:
-    lease, lost = silent
-    first = lease.take("anna", 0.05, "")
-    until(lambda: lost == ["anna"])
+def test_silence_frees_the_lease_for_another() -> None:
+    clock = LeaseClock()
+    lease = Lease(clock)
+    lapsed: list[str] = []
+    first = lease.take("anna", 30.0, "")
+    with first.beats.watched(lambda: lapsed.append("anna")):
+        clock.pass_by(29.0)
+        assert lease.needed(first.id) is first
+        with pytest.raises(Problem, match="held by anna"):
+            lease.take("bert", 30.0, "")
+        clock.pass_by(2.0)
+        until(lambda: lapsed == ["anna"])
     with pytest.raises(Problem, match="Nobody holds"):
         lease.needed("")
     second = lease.take("bert", 60.0, "")
     assert second.id != first.id
     with pytest.raises(Problem, match="held by bert"):
         lease.needed(first.id)
-    assert lease.needed(second.id) == lease.needed("") == "bert"
-    assert lost == ["anna"]
+    assert lease.needed(second.id) is lease.needed("") is second
 
 
-def test_a_lease_given_back_is_not_lost(silent: tuple[Lease, list[str]]) -> None:
-    lease, lost = silent
-    lease.take("anna", 0.2, "")
+def test_a_lease_given_back_belongs_to_nobody() -> None:
+    lease = Lease(LeaseClock())
+    lease.take("anna", 30.0, "")
     assert lease.give_back("") == "anna"
-    lease.take("bert", 0.05, "")
-    until(lambda: lost == ["bert"])
+    assert lease.current is None
+    assert lease.give_back("") is None
+    assert lease.take("bert", 30.0, "").holder == "bert"
 
 
-def test_a_lease_that_is_prolonged_lives(silent: tuple[Lease, list[str]]) -> None:
-    lease, lost = silent
-    held = lease.take("anna", 0.05, "")
-    assert lease.take("anna", 60.0, held.id).id == held.id
-    until(lambda: lost == [] and lease.current is not None and lease.current.seconds == 60.0)
+def test_a_lease_that_is_taken_again_goes_on() -> None:
+    clock = LeaseClock()
+    lease = Lease(clock)
+    held = lease.take("anna", 30.0, "")
+    again = lease.take("anna", 60.0, held.id)
+    assert again.id == held.id
+    assert again.beats is held.beats  # what a run watches
+    assert held.beats.left_s == 60.0
+    assert again.expires_utc == clock.utc() + 60.0
 
 
 def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> None:
@@ -147,6 +151,10 @@ def test_plain_values() -> None:
 
 
 def test_ids() -> None:
-    assert safe_id(new_id())
+    ids = [new_id() for _ in range(1000)]
+    assert all(safe_id(name) for name in ids)
+    assert len(set(ids)) == 1000
+    order = sorted(range(1000), key=lambda i: (ids[i][:21], i))
+    assert order == list(range(1000))  # by time, to the microsecond
     for name in ("", ".", "..", "a/b", "-a", "a\n", ".hidden", "a" * 65, "a\x00"):
         assert not safe_id(name)

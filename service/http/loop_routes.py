@@ -1,0 +1,97 @@
+"""Closed loops: made, looked at, paused, resumed, stopped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from service.http.bodies import Loops, LoopShown, NewLoop
+from service.http.campaigns import campaign_of
+from service.http.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.idempotency import fingerprint, reply
+from service.http.loops import ENDED
+from service.http.run_routes import who
+from service.http.state import Here, Service
+
+router = APIRouter(tags=["loops"])
+LOOPS = "/api/v1/loops"
+
+
+def _accepted(here: Service, loop_id: str, **more: Any) -> JSONResponse:
+    document = here.loops.document(loop_id) | more
+    return reply(202, document, location=f"{LOOPS}/{loop_id}", retry_after=1)
+
+
+@router.post("/loops", operation_id="createLoop", status_code=202, response_model=LoopShown)
+def create_loop(
+    here: Here, body: NewLoop, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Check a loop (`dry_run`, the default), or go through it: that moves the robot and needs the lease.
+
+    A campaign is measured and diagnosed; where something is ambiguous, poses that tell it apart are measured too; then
+    corrected targets of new poses are driven and measured. Its campaigns are runs, in `runs`.
+    """
+
+    def work() -> JSONResponse:
+        cell = here.cell
+        table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        if body.dry_run:
+            return _accepted(here, here.loops.check(cell, campaign_of(table), body.name))
+        held = here.lease.needed(lease_id)
+        return _accepted(here, here.loops.start(cell, campaign_of(table), body.name, body.poses, held.beats))
+
+    return here.keys.once(idempotency_key, fingerprint(LOOPS, body.model_dump()), work)
+
+
+@router.get("/loops", operation_id="listLoops", response_model=Loops)
+def list_loops(here: Here) -> dict[str, Any]:
+    """Every loop, newest first."""
+    return {"loops": here.loops.documents()}
+
+
+@router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
+async def get_loop(here: Here, loop_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A loop; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+    document = await here.waiting(lambda: here.loops.document(loop_id))
+    if wait and document["version"] <= after and document["state"] not in {state.value for state in ENDED}:
+        await here.changed(lambda seconds: here.loops.wait(loop_id, after, seconds) > after, wait)
+        document = await here.waiting(lambda: here.loops.document(loop_id))
+    return document
+
+
+@router.post("/loops/{loop_id}/pause", operation_id="pauseLoop", status_code=202, response_model=LoopShown)
+async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
+    """The loop rests after the reading in hand; between two campaigns, after the step in hand."""
+
+    def work() -> JSONResponse:
+        here.loops.pause(loop_id, by=who(here))
+        return _accepted(here, loop_id)
+
+    return await here.urgent(work)
+
+
+@router.post("/loops/{loop_id}/resume", operation_id="resumeLoop", status_code=202, response_model=LoopShown)
+def resume_loop(
+    here: Here, loop_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Go on where it was; the robot moves, so this needs the lease. A run of a loop is resumed with its loop."""
+
+    def work() -> JSONResponse:
+        here.loops.document(loop_id)
+        here.loops.resume(loop_id, here.lease.needed(lease_id).beats)
+        return _accepted(here, loop_id)
+
+    return here.keys.once(idempotency_key, fingerprint(f"{LOOPS}/{loop_id}/resume"), work)
+
+
+@router.post("/loops/{loop_id}/stop", operation_id="stopLoop", status_code=202, response_model=LoopShown)
+async def stop_loop(here: Here, loop_id: str) -> JSONResponse:
+    """The robot halts now and the loop ends. Needs no lease. `problems`: what could not be stopped."""
+
+    def work() -> JSONResponse:
+        problems = here.loops.stop(loop_id, by=who(here))
+        return _accepted(here, loop_id, problems=[problem.as_dict() for problem in problems])
+
+    return await here.urgent(work)

@@ -1,0 +1,185 @@
+"""Closed loops: measure, diagnose, follow up, correct, drive, verify; `RECORD/loops/ID/loop.json` and the results.
+
+Their campaigns are runs like any others (`RECORD/runs/ID-campaign1`). A loop that was cut off by the end of the
+service has failed; its runs come back paused.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from acquisition import Campaign, Cell, Devices, Lease, State, checked_plan
+from acquisition.loop import LoopResult, check_loop
+from calib.files import replace_file
+from drivers.errors import AcquisitionError
+from service import loop_results
+from service.files import as_json
+from service.http.book import Book
+from service.http.datasets import Datasets
+from service.http.dry_runs import readings_of
+from service.http.loop_work import ABOUT, LoopWork
+from service.http.names import new_id, safe_id
+from service.http.problems import Problem, not_found
+from service.plain import utc_text
+from service.wording import counted
+from service.worker import RESULT
+
+ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
+CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
+
+
+class Loops:
+    """The loops of one record directory. Thread-safe."""
+
+    def __init__(
+        self,
+        folder: Path,
+        book: Book,
+        datasets: Datasets,
+        open_devices: Callable[[Cell], Devices],
+        *,
+        simulated: bool,
+    ) -> None:
+        self._folder, self._book, self._datasets = folder, book, datasets
+        self._open_devices, self._simulated = open_devices, simulated
+        self._work: dict[str, LoopWork] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in self.ids():
+            document = self._read(name)
+            if State(document["state"]) not in ENDED:
+                self._write(document | _state(State.FAILED) | {"reason": CUT_OFF, "run_id": None})
+
+    def ids(self) -> list[str]:
+        """Newest first."""
+        names = (p.name for p in self._folder.iterdir() if safe_id(p.name) and (p / ABOUT).is_file())
+        return sorted(names, reverse=True)
+
+    def documents(self) -> list[dict[str, Any]]:
+        """Every loop, newest first."""
+        return [self.document(name) for name in self.ids()]
+
+    def document(self, name: str) -> dict[str, Any]:
+        """The document of a loop, with that of the run in hand. Raises Problem 404."""
+        self._known(name)
+        work = self._work.get(name)
+        document = self._read(name) if work is None else work.document
+        run = None if document["run_id"] is None else self._book.document(document["run_id"])
+        if run is not None and State(document["state"]).active and State(run["state"]).active:
+            document |= _state(State(run["state"]))  # a question to a person is one of the loop
+        result = self._folder / name / RESULT
+        done = document["state"] == State.SUCCEEDED.value and not document["dry_run"]
+        return document | {
+            "run": run,
+            "result": json.loads(result.read_text(encoding="utf-8")) if done else None,
+            "report": f"/api/v1/reports/{name}" if done else None,
+        }
+
+    def wait(self, name: str, after: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds for one beyond `after`. Raises Problem 404."""
+        self._known(name)
+        work = self._work.get(name)
+        return self._read(name)["version"] if work is None else work.wait(after, seconds)
+
+    # -- making -------------------------------------------------------------------------------------------
+
+    def check(self, cell: Cell, campaign: Campaign, name: str) -> str:
+        """A dry run: its first campaign is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
+        check_loop(cell)
+        _, total = readings_of(cell, campaign)
+        reason = f"Checked only: {counted(total, 'reading')} in the first campaign; nothing has moved."
+        document = self._new(name or cell.name, dry_run=True)
+        self._write(document | _state(State.SUCCEEDED) | {"reason": reason})
+        return document["id"]
+
+    def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: Lease) -> str:
+        """Begin a loop; the robot moves. Raises Problem 409 while it is busy, ConfigError, UnsafePlan."""
+        check_loop(cell)
+        checked_plan(cell, campaign)
+        self._book.refuse_busy()
+        devices = self._open_devices(cell)
+        document = self._new(name or cell.name, dry_run=False)
+        own, folder = document["id"], self._folder / document["id"]
+
+        def done(result: LoopResult) -> Mapping[str, Any]:
+            loop_results.write(result, folder, simulated=self._simulated)
+            kept = self._datasets.keep(result.data, document["name"], simulated=self._simulated)
+            return {"dataset_id": kept["id"]}
+
+        work = LoopWork(folder, document | _state(State.RUNNING), self._book, cell, devices, lease, done)
+        try:
+            self._book.lend(own, lambda: work(campaign, poses))
+        except Problem:  # another was quicker
+            shutil.rmtree(folder)
+            raise
+        self._work[own] = work
+        return own
+
+    def _new(self, name: str, *, dry_run: bool) -> dict[str, Any]:
+        own = new_id()
+        (self._folder / own).mkdir()
+        return {
+            "id": own,
+            "name": name,
+            "created_utc": utc_text(time.time()),
+            "version": 1,
+            "reason": "",
+            "step": "",
+            "steps": [],
+            "run_id": None,
+            "runs": [],
+            "dataset_id": None,
+            "dry_run": dry_run,
+            "simulated": self._simulated,
+            "problem": None,
+        }
+
+    # -- orders -------------------------------------------------------------------------------------------
+
+    def pause(self, name: str, by: str) -> None:
+        """Raises Problem 404, 409 where the loop has ended."""
+        self._going_on(name).pause(by)
+
+    def pause_all(self, by: str, reason: str) -> None:
+        """The loop that has the robot, also where it is between two runs."""
+        work = self._work.get(self._book.lent_to or "")
+        if work is not None:
+            work.pause(by, reason)
+
+    def resume(self, name: str, lease: Lease) -> None:
+        """Raises Problem 404, 409 where the loop is not paused."""
+        self._going_on(name).resume(lease)
+
+    def stop(self, name: str, by: str) -> list[AcquisitionError]:
+        """Needs no lease. Returns what could not be stopped. Raises Problem 404, 409 where the loop has ended."""
+        return self._going_on(name).stop(by)
+
+    def _going_on(self, name: str) -> LoopWork:
+        self._known(name)
+        work = self._work.get(name)
+        if work is None or State(work.document["state"]) in ENDED:
+            raise Problem(409, "The loop has ended.", "Look at its runs and results.", code=8110)
+        return work
+
+    def close(self) -> None:
+        """The service ends: nothing new begins."""
+        for work in self._work.values():
+            work.close()
+
+    def _known(self, name: str) -> None:
+        if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
+            raise not_found("loop", name)
+
+    def _read(self, name: str) -> dict[str, Any]:
+        return json.loads((self._folder / name / ABOUT).read_text(encoding="utf-8"))
+
+    def _write(self, document: Mapping[str, Any]) -> None:
+        replace_file(self._folder / document["id"] / ABOUT, as_json(dict(document)))
+
+
+def _state(state: State) -> dict[str, Any]:
+    return {"state": state.value, "state_code": state.code}

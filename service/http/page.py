@@ -1,0 +1,47 @@
+"""The operator page: one file, which a browser may run because its scripts and styles have the hashes told here.
+
+It holds nothing of the cell and needs no token; what it shows it asks for with the token that a person pastes. The
+Content-Security-Policy lets it talk to this service and to nobody else.
+Source: Content Security Policy Level 3 (W3C), hashes of inline scripts and styles.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from pathlib import Path
+
+from fastapi import APIRouter
+from fastapi.responses import HTMLResponse
+
+router = APIRouter()
+FILE = Path(__file__).parents[1] / "static" / "operator.html"
+
+
+def policy_of(page: str) -> str:
+    """The Content-Security-Policy for a page: its own inline scripts and styles, its own service, nothing else."""
+    script, style = (_hashes(page, tag) for tag in ("script", "style"))
+    return (
+        f"default-src 'none'; script-src {script}; style-src {style}; connect-src 'self'; img-src data:; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+
+
+def _hashes(page: str, tag: str) -> str:
+    parts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
+    digests = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in parts)
+    return " ".join(f"'sha256-{digest}'" for digest in digests)
+
+
+@router.get("/", include_in_schema=False)
+def operator_page() -> HTMLResponse:
+    """The page."""
+    page = FILE.read_text(encoding="utf-8")
+    headers = {
+        "Content-Security-Policy": policy_of(page),
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cache-Control": "no-store",
+    }
+    return HTMLResponse(page, headers=headers)

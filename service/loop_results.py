@@ -1,0 +1,53 @@
+"""What a closed loop leaves behind: result, model, corrected targets and report, in one folder.
+
+result.json  model.json  targets.csv  report.html, beside data.csv and data.toml of the loop
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from acquisition.loop import LoopResult
+from acquisition.rehearsal import targets_csv
+from calib.files import replace_file
+from calib.model_file import save_model
+from service import documents
+from service.files import as_json
+from service.worker import MODEL, REPORT, RESULT
+
+TARGETS = "targets.csv"
+
+
+def write(result: LoopResult, folder: Path, *, simulated: bool) -> None:
+    """Write them; the result comes last, so that with it everything is there. Raises OSError."""
+    from service.report import diagnosis_report  # drawing takes long to import
+
+    document = document_of(result, simulated=simulated)
+    if result.diagnosis.final.converged:
+        save_model(folder / MODEL, result.diagnosis.final, result.diagnosis)
+    replace_file(folder / TARGETS, targets_csv(result.targets))
+    replace_file(
+        folder / REPORT,
+        diagnosis_report(
+            result.diagnosis,
+            document,
+            simulated=simulated,
+            verified=result.verification,
+            followed_up=result.followed_up,
+        ),
+    )
+    replace_file(folder / RESULT, as_json(document))
+
+
+def document_of(result: LoopResult, *, simulated: bool) -> dict[str, Any]:
+    """The diagnosis (`truepose-diagnosis/1`) with `verification`, and `followed_up` where poses were added."""
+    from service.report import verification
+
+    document = documents.of_diagnosis(result.diagnosis) | {
+        "simulated": simulated,
+        "verification": verification.document_of(result.verification),
+    }
+    if result.followed_up is not None:
+        document["followed_up"] = documents.of_middle_step(result.followed_up)
+    return document

@@ -1,0 +1,122 @@
+"""A browser without a window, driven over the Chrome DevTools Protocol: evaluate, type, take a picture.
+
+Source: https://chromedevtools.github.io/devtools-protocol/ and RFC 6455 for the frames, of which one client that
+sends and reads short texts needs little.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from tests.drivers.waiting import until
+
+CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
+QUIET = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync --remote-debugging-port=0 --window-size=1280,1150"
+)
+
+
+class Page:
+    """One tab. `told`: what the browser had to say by itself, a violated policy for instance."""
+
+    def __init__(self, address: str) -> None:
+        parts = urlsplit(address)
+        self._link = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=20.0)
+        key = base64.b64encode(os.urandom(16)).decode()
+        self._link.sendall(
+            f"GET {parts.path} HTTP/1.1\r\nHost: {parts.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        self._in = self._link.makefile("rb")
+        assert b" 101 " in self._in.readline()
+        while self._in.readline() != b"\r\n":
+            pass
+        self._number = 0
+        self.told: list[dict[str, Any]] = []
+        for domain in ("Page", "Runtime", "Log"):
+            self.do(f"{domain}.enable")
+
+    def do(self, method: str, **params: Any) -> dict[str, Any]:
+        """One command and its result."""
+        self._number += 1
+        text = json.dumps({"id": self._number, "method": method, "params": params}).encode()
+        size = bytes([0xFE]) + struct.pack("!H", len(text)) if len(text) > 125 else bytes([0x80 | len(text)])
+        mask = os.urandom(4)
+        masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(text))
+        self._link.sendall(b"\x81" + size + mask + masked)
+        while True:
+            answer = json.loads(self._frame())
+            if answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                return answer["result"]
+            self.told.append(answer)
+
+    def _frame(self) -> bytes:
+        head = self._in.read(2)
+        size = head[1] & 0x7F
+        if size > 125:
+            size = int.from_bytes(self._in.read(2 if size == 126 else 8), "big")
+        return self._in.read(size)
+
+    def value(self, script: str) -> Any:
+        """Of an expression, awaited."""
+        got = self.do("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in got, got
+        return got["result"].get("value")
+
+    def text(self, selector: str) -> str:
+        return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
+
+    def press(self, key: str) -> None:
+        """A key, to whatever has the focus."""
+        codes = {"Escape": 27, "Enter": 13, "Tab": 9}
+        extra = {"text": "\r"} if key == "Enter" else {}
+        for kind in ("keyDown", "keyUp"):
+            more = extra if kind == "keyDown" else {}
+            self.do("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes[key], **more)
+
+    def type(self, text: str) -> None:
+        self.do("Input.insertText", text=text)
+
+    def picture(self, file: Path) -> None:
+        file.write_bytes(base64.b64decode(self.do("Page.captureScreenshot")["data"]))
+
+    def close(self) -> None:
+        self._in.close()
+        self._link.close()
+
+
+@contextmanager
+def browser(url: str, folder: Path) -> Iterator[Page]:
+    """The page at `url`; `folder` for the browser's own files."""
+    assert CHROMIUM is not None
+    command = [CHROMIUM, *QUIET.split(), f"--user-data-dir={folder}", "about:blank"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            file = folder / "DevToolsActivePort"
+            until(lambda: file.is_file() and "\n" in file.read_text("utf-8"), 40.0)
+            port = file.read_text("utf-8").splitlines()[0]
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=20.0) as listed:
+                (tab,) = [each for each in json.load(listed) if each["type"] == "page"]
+            page = Page(tab["webSocketDebuggerUrl"])
+            try:
+                page.do("Page.navigate", url=url)
+                until(lambda: page.value("location.href + document.readyState") == f"{url}complete", 20.0)
+                yield page
+            finally:
+                page.close()
+        finally:
+            process.terminate()

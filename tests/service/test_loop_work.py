@@ -1,0 +1,198 @@
+"""Orders to a closed loop between its runs, where nothing moves and nothing else would hear them; and its end."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.campaign import Campaign
+from acquisition.lease import Lease
+from acquisition.loop import Equipment, LoopResult, Say, measure
+from drivers.errors import ConfigError
+from service.http import loop_work
+from service.http.book import Book
+from service.http.datasets import Datasets
+from service.http.loop_work import ABOUT, LoopWork
+from service.http.loops import CUT_OFF, Loops
+from service.http.problems import Problem
+from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
+from tests.drivers.waiting import until
+from tests.service.lease_clock import LeaseClock
+
+ABOUT_IT: dict[str, Any] = {
+    "id": "the-loop",
+    "name": "night",
+    "version": 1,
+    "state": "running",
+    "state_code": 2,
+    "reason": "",
+    "steps": [],
+    "runs": [],
+    "run_id": None,
+    "simulated": True,
+    "dry_run": False,
+    "problem": None,
+}
+QUICK: dict[str, Any] = {"settle_s": 0.0}
+
+
+@dataclass
+class Stage:
+    """A loop of which the test is the author: `play` is what `close_loop` would do."""
+
+    folder: Path
+    monkeypatch: pytest.MonkeyPatch
+    bench: Bench = field(default_factory=lambda: Bench(a_cell()))
+
+    def __post_init__(self) -> None:
+        self.book = Book(self.folder / "runs", lambda cell: devices_of(self.bench), simulated=True)
+        (self.folder / "loop").mkdir()
+
+    def play(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
+        def close_loop(
+            equipment: Equipment, campaign: Campaign, folder: Path, *, poses: int, say: Say
+        ) -> None:
+            scene(equipment, campaign, folder, say)
+
+        self.monkeypatch.setattr(loop_work, "close_loop", close_loop)
+        lease = Lease("anna", 30.0, LeaseClock())
+        cell, devices = self.bench.cell, devices_of(self.bench)
+        return LoopWork(self.folder / "loop", ABOUT_IT, self.book, cell, devices, lease, _nothing_more)
+
+    def begin(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
+        work = self.play(scene)
+        self.book.lend("the-loop", lambda: work(a_campaign(**QUICK), 1))
+        return work
+
+
+def _nothing_more(result: LoopResult) -> dict[str, Any]:
+    return {}
+
+
+@pytest.fixture
+def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+    stage = Stage(tmp_path, monkeypatch)
+    with closing(stage.book):
+        yield stage
+
+
+def test_a_pause_between_two_runs_rests_before_the_next_moves(stage: Stage) -> None:
+    computing, computed = threading.Event(), threading.Event()
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        say("computing")
+        computing.set()
+        computed.wait(20.0)
+        measure(equipment, campaign, folder / "campaign_2")
+
+    work = stage.begin(scene)
+    computing.wait(20.0)
+    work.pause("anna", "anna gave the motion lease back.")
+    assert work.document["state"] == "running"  # until the step has ended
+    computed.set()
+    until(lambda: work.document["state"] == "paused")
+    assert work.document["reason"] == "anna gave the motion lease back."
+    assert stage.bench.calls == 0
+    work.pause("anna")  # already
+    work.resume(Lease("bert", 30.0, LeaseClock()))
+    until(lambda: work.document["state"] == "succeeded")
+    assert work.document["runs"] == ["the-loop-campaign-2"]
+    shown = stage.book.document("the-loop-campaign-2")
+    assert (shown["state"], shown["name"]) == ("succeeded", "night, campaign 2")
+    with pytest.raises(Problem, match="only a paused one"):
+        work.resume(Lease("bert", 30.0, LeaseClock()))
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_a_stop_between_two_runs_ends_it_without_another_move(stage: Stage, paused: bool) -> None:
+    computing, computed = threading.Event(), threading.Event()
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        computing.set()
+        computed.wait(20.0)
+        measure(equipment, campaign, folder / "campaign2")
+
+    work = stage.begin(scene)
+    computing.wait(20.0)
+    if paused:
+        work.pause("anna")
+        computed.set()
+        until(lambda: work.document["state"] == "paused")
+    assert work.stop("anybody") == []
+    computed.set()
+    until(lambda: stage.book.lent_to is None)
+    assert (work.document["state"], work.document["reason"]) == ("stopped", "Stopped on request.")
+    assert stage.bench.calls == 0
+
+
+def test_a_paused_run_of_a_loop_goes_on_where_it_was(stage: Stage) -> None:
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        measure(equipment, campaign, folder / "campaign1")
+
+    stage.bench.faults[10] = lambda: stage.book.pause_all("anna", "Lunch.")
+    work = stage.begin(scene)
+    until(lambda: work.document["state"] == "paused")
+    assert work.document["reason"] == "Lunch."
+    assert stage.book.document("the-loop-campaign1")["done"] == 1
+    with pytest.raises(Problem, match="loop the-loop"):
+        stage.book.refuse_busy()
+    work.resume(Lease("bert", 30.0, LeaseClock()))
+    until(lambda: work.document["state"] == "succeeded")
+    shown = stage.book.document("the-loop-campaign1")
+    assert shown["done"] == shown["total"]
+    assert len(stage.bench.shots) == shown["total"] + 2 * 3  # nests twice, no reading twice
+
+
+def test_what_is_refused_and_what_breaks_stands_in_the_document(stage: Stage) -> None:
+    def refuse(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        raise ConfigError("no")
+
+    def break_down(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        raise ZeroDivisionError
+
+    work = stage.play(refuse)
+    work(a_campaign(), 1)
+    assert (work.document["state"], work.document["problem"]["status"]) == ("failed", 422)
+    work = stage.play(break_down)
+    with pytest.raises(ZeroDivisionError):
+        work(a_campaign(), 1)
+    assert (work.document["state"], work.document["run_id"]) == ("failed", None)
+    assert "fault of this program" in work.document["reason"]
+
+
+def test_the_end_of_the_service_ends_it(stage: Stage) -> None:
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        measure(equipment, campaign, folder / "campaign1")
+
+    def end() -> None:
+        work.close()
+        stage.book.pause_all("service ends", "The service was ended.")
+
+    stage.bench.faults[10] = end
+    work = stage.begin(scene)
+    until(lambda: stage.book.lent_to is None)
+    assert (work.document["state"], work.document["reason"]) == ("failed", "The service was ended.")
+    assert stage.book.document("the-loop-campaign1")["state"] == "paused"
+
+
+def test_a_loop_that_was_cut_off_has_failed(stage: Stage, tmp_path: Path) -> None:
+    folder = tmp_path / "loops" / "the-loop"
+    folder.mkdir(parents=True)
+    (folder / ABOUT).write_text(json.dumps(ABOUT_IT | {"run_id": "the-loop-campaign1"}), "utf-8")
+    datasets = Datasets(tmp_path / "datasets")
+    loops = Loops(
+        tmp_path / "loops", stage.book, datasets, lambda cell: devices_of(stage.bench), simulated=True
+    )
+    shown = loops.document("the-loop")
+    assert (shown["state"], shown["reason"], shown["run"]) == ("failed", CUT_OFF, None)
+    with pytest.raises(Problem, match="has ended"):
+        loops.stop("the-loop", "anna")
+    with pytest.raises(Problem, match="no loop"):
+        loops.document("another")
