@@ -1,11 +1,13 @@
 # Each target does all its own set-up on a machine that has Python 3.11 or newer and make.
 PYTHON ?= python3
+# Three test processes for two cores: the drivers' tests mostly wait (docs/decisions/0004).
+JOBS ?= 3
 VENV := .venv
 BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check counterparts fuzz conformance bench clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -24,8 +26,21 @@ check: $(VENV)/.installed
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+# Programs that nobody here wrote, for the tests to talk to; where one cannot be installed its tests skip.
+counterparts: $(VENV)/.installed
+	$(BIN)/python -m tests.counterparts
+
 test: check
-	$(BIN)/python -m pytest
+	-$(BIN)/python -m tests.counterparts
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+
+# 100,000 cases for every parser, more than an hour.
+fuzz: $(VENV)/.installed
+	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz --timeout=0
+
+# Every driver under every fault of the proxy, 400 questions each, about a quarter of an hour.
+conformance: $(VENV)/.installed
+	$(BIN)/python -m tests.conformance
 
 # The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).
 bench: $(VENV)/.installed
@@ -33,4 +48,4 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m tests.benchmarks peers
 
 clean:
-	rm -rf $(VENV) .bench build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .counterparts build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -107,7 +107,7 @@ def _features(root: ElementTree.Element, where: str) -> list[Feature]:
     for element in root.iter("FEATURE"):
         name, text = element.get("NAME", ""), (element.text or "").strip()
         try:
-            value = float(text)
+            value = float(text.replace("_", "?"))  # Python reads 1_5 as 15
         except ValueError as error:
             raise ConfigError(f"{where}: feature {name!r} is {text!r}, not a number") from error
         if not math.isfinite(value):

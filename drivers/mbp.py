@@ -145,7 +145,7 @@ def number(message: Message, key: str, low: float = -math.inf, high: float = mat
     if text is None:
         raise ProtocolError(f"field {key} missing", raw=message.raw)
     try:
-        value = float(text)
+        value = float(text.replace("_", "?"))  # Python reads 1_5 as 15
     except ValueError as error:
         raise ProtocolError(f"{key}={text} is not a number", raw=message.raw) from error
     if not math.isfinite(value) or not low <= value <= high:

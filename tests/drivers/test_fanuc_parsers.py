@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import socket
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -15,8 +13,9 @@ from drivers import AcquisitionError, FanucDeadlines
 from drivers.fanuc_mappdk import MappdkController, sealed
 from drivers.fanuc_modbus import ModbusController, answers_to
 from drivers.fanuc_registers import HmiProfile, IoProfile
-from drivers.link import Address, TcpLink
+from drivers.link import Address
 from mocks.fanuc_mappdk import sealed as seal
+from tests.drivers.hearing import hearing
 
 DEADLINES = FanucDeadlines(reply_s=5.0)
 NONES = b",j=none" * 3
@@ -24,26 +23,6 @@ GOOD = b"0:" + b",".join(b"j=%8.3f" % q for q in (10.5, -20.25, 0, -0.131, 90, -
 POSE = b"0:x= 475.000,y=   0.000,z= 375.000,w= 180.000,p= -90.000,r=   0.000"
 HMI = struct.pack(">HHHBBB", 1, 0, 41, 1, 3, 38) + struct.pack(">19H", *([0, 0x4128] * 9), 1)
 TEXT = st.text("0123456789:j=xyzwpr,. -none", max_size=60).map(str.encode)
-
-
-@contextmanager
-def hearing(link: TcpLink, *answers: bytes) -> Iterator[None]:
-    """A link whose device gives these answers, whatever it is asked, and hangs up."""
-    ours, theirs = socket.socketpair()
-    link._socket = ours
-    left = list(answers)
-
-    def send(request: bytes, *, command: str, send_s: float) -> None:
-        theirs.sendall(left.pop(0))
-        if not left:
-            theirs.close()
-
-    link.send = send  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        link.close()
-        theirs.close()
 
 
 def text_joints(*answers: bytes) -> tuple[float, ...]:

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import AcquisitionError, ConfigError, ProtocolError, mbp
+from drivers import AbbArm, AbbDeadlines, AcquisitionError, ConfigError, ProtocolError, mbp
 from drivers.abb_conversation import parse_numbered
 from drivers.link import parse_url
 from mocks import mbp as bridge
+from tests.drivers.hearing import hearing
 
 NAMES = st.text(string.ascii_lowercase, min_size=1, max_size=8)
 VALUES = st.one_of(
@@ -124,6 +125,46 @@ def test_calsrv_answers_to_other_questions(ok: int, number: int, code: int) -> N
     if (number, code) != (17, 202):
         with pytest.raises(ProtocolError):
             parse_numbered(line, 202, 17)
+
+
+STOCK = b"4 1 10.50 -20.25 0.00 -0.13 90.00 -179.99"
+STOCK_TEXT = st.text("0123456789 .-#", max_size=60).map(str.encode)
+
+
+def stock_position(*answers: bytes, reply_s: float = 5.0) -> tuple[float, ...] | None:
+    """What a stock server's answers to joints and ping are taken for; None: an error of ours."""
+    arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=reply_s))
+    with hearing(arm._main.link, *answers):
+        try:
+            return arm.position().joints_deg
+        except AcquisitionError:
+            return None
+
+
+@given(st.one_of(st.binary(max_size=150), STOCK_TEXT, STOCK_TEXT.map(lambda rest: b"4 1 " + rest)))
+def test_any_bytes_as_open_abb(data: bytes) -> None:
+    joints = stock_position(data, b"0 1 ", reply_s=0.002)  # an answer that lacks its end costs the deadline
+    if joints is not None:
+        assert [float(field) for field in data.split()] == [4.0, 1.0, *joints]
+
+
+@given(st.binary(min_size=1, max_size=20), st.integers(0, len(STOCK) - 1))
+def test_more_or_less_than_an_answer_of_open_abb(more: bytes, length: int) -> None:
+    assert stock_position(STOCK, b"0 1 ") == (10.5, -20.25, 0.0, -0.13, 90.0, -179.99)
+    assert stock_position(STOCK + more, b"0 1 ") is None
+    assert stock_position(STOCK, more) is None or more == b"0 1 "
+    assert stock_position(STOCK[:length]) is None
+
+
+@given(st.one_of(st.binary(max_size=150), STOCK_TEXT))
+def test_any_bytes_as_the_log_of_open_abb(data: bytes) -> None:
+    arm = AbbArm("tcp://127.0.0.1:1")
+    with hearing(arm._back.link, data, unasked=True):
+        try:
+            joints = arm._back.log_joints()
+        except AcquisitionError:
+            return
+    assert len(joints) == 6
 
 
 @given(st.text(max_size=40))

@@ -9,14 +9,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers import ProtocolError
+from drivers import LinkError, ProtocolError, UrDeadlines
+from drivers.link import Address
 from drivers.ur_motion import move_program
 from drivers.ur_realtime import LENGTHS, parse_packet
-from drivers.ur_rtde import parse_data, parse_text
+from drivers.ur_rtde import Rtde, encode, parse_data, parse_text
 from drivers.ur_secondary import parse_configuration, parse_kinematics, parse_version, split_packages
 from drivers.ur_state import ROBOT_MODES, UrState, Witness, agree
 from mocks.ur_packets import Dh, configuration, kinematics, package, realtime_packet, version_message
 from mocks.ur_script import ScriptError, ScriptReader, parse_call, parse_program
+from tests.drivers.hearing import hearing
 
 ANGLES = st.lists(st.floats(-6.3, 6.3), min_size=6, max_size=6).map(tuple)
 SPEEDS = st.lists(st.floats(-3.2, 3.2), min_size=6, max_size=6).map(tuple)
@@ -107,6 +109,29 @@ def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
     assert (now.robot_mode, now.safety_mode, now.runtime_state, now.echo) == (7, 1, 1, 3)
 
 
+@given(
+    st.sampled_from([b"", encode(b"S"[0], b"\1"), encode(b"S"[0], b"\1") + encode(b"U"[0], rtde(1.0))]),
+    st.one_of(
+        st.binary(max_size=230),
+        st.binary(max_size=216).map(lambda body: encode(b"U"[0], b"\1" + body)),
+        st.tuples(st.sampled_from(b"VvOISPUM"), st.binary(max_size=20)).map(lambda each: encode(*each)),
+    ),
+)
+def test_any_bytes_of_an_rtde_stream(head: bytes, tail: bytes) -> None:
+    """One state is never believed, and whatever follows it is not the next one."""
+    stream = Rtde(Address("h", 1), "ur", UrDeadlines(reply_s=5.0), None)
+    stream._recipe, stream._echoed = 1, True
+    with hearing(stream._link, head + tail), pytest.raises(LinkError), stream.watch("position") as witness:
+        witness.state()
+
+
+@given(st.binary(max_size=80))
+def test_any_bytes_as_the_beginning_of_rtde(data: bytes) -> None:
+    stream = Rtde(Address("h", 1), "ur", UrDeadlines(reply_s=5.0), None)
+    with hearing(stream._link, data), pytest.raises(LinkError):
+        stream.open()
+
+
 def states(*packets: bytes) -> Witness:
     queue = [parse_packet(packet) for packet in packets]
 
@@ -150,7 +175,7 @@ def test_text_of_the_guide() -> None:
     assert parse_text(b"\x05hello\x04RTDE\x02") == "RTDE: hello"
 
 
-@given(st.binary(max_size=700))
+@given(st.one_of(st.binary(max_size=200), st.binary(min_size=220, max_size=700)))
 def test_any_bytes_on_the_secondary_port(data: bytes) -> None:
     for parser in (split_packages, parse_version, parse_configuration, parse_kinematics):
         try:

@@ -1,8 +1,6 @@
 """ur-rtde (SDU Robotics, C++) against an RTDE server, in an environment and a process of its own.
 
-    python -m venv .bench/ur_rtde && .bench/ur_rtde/bin/pip install ur-rtde==1.6.5
-
-Called as `.bench/ur_rtde/bin/python ur_rtde_peer.py`: for every line on standard input it prints what it reads
+Called as `.counterparts/ur-rtde/bin/python ur_rtde_peer.py`: for every line on standard input it prints what it reads
 from 127.0.0.1:30004, as one JSON line of joints (rad), joint targets (rad), robot mode and safety mode.
 """
 

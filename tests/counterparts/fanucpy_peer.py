@@ -1,8 +1,6 @@
-"""fanucpy against a MAPPDK server, in an environment of its own (it needs numpy below 2).
+"""fanucpy against a MAPPDK server, in an environment of its own.
 
-    python -m venv .bench/fanucpy && .bench/fanucpy/bin/pip install fanucpy==0.1.14
-
-Called as `.bench/fanucpy/bin/python fanucpy_peer.py PORT`: moves the robot to ten poses and prints what it reads
+Called as `.counterparts/fanucpy/bin/python fanucpy_peer.py PORT`: moves the robot to ten poses and prints what it reads
 after each, as one JSON line of joints and pose.
 """
 

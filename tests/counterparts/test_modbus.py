@@ -1,16 +1,13 @@
-"""The Fanuc against programs that nobody here wrote: pymodbus's client and server, fanucpy, mbpoll."""
+"""The Fanuc on Modbus against programs that nobody here wrote: pymodbus's own client and server, mbpoll."""
 
 from __future__ import annotations
 
 import asyncio
-import json
-import math
 import shutil
 import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,8 +20,6 @@ from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.waiting import until
 
-ROOT = Path(__file__).parents[2]
-FANUCPY = ROOT / ".bench" / "fanucpy" / "bin" / "python"
 FAST = CellFile(robot="fanuc-lrmate200ic", time_scale=10_000.0, effects=("none",))
 POSE = (10.5, -20.25, 30.0, -40.0, 50.0, 123.456)
 QUICK = FanucDeadlines(gap_s=0.001)
@@ -170,23 +165,3 @@ def test_mbpoll_reads_the_joints(cell: CellThread) -> None:
     ).stdout
     read = [float(line.split()[-1]) for line in said.splitlines() if line.startswith("[")]
     assert read == pytest.approx(POSE, abs=1e-3)
-
-
-@pytest.mark.skipif(
-    not FANUCPY.is_file(), reason="no fanucpy in .bench/fanucpy: see tests/drivers/fanucpy_peer.py"
-)
-@pytest.mark.parametrize("stock", [True, False])
-def test_fanucpy_moves_the_simulator(stock: bool) -> None:
-    with CellThread(FAST, stock=stock, devices=("fanuc",)) as cell:
-        peer = [str(FANUCPY), str(Path(__file__).parent / "fanucpy_peer.py"), str(cell.port("fanuc"))]
-        said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=60).stdout
-    answers = [json.loads(line) for line in said.splitlines()]
-    assert len(answers) == 10
-    for i, (joints, pose) in enumerate(answers):
-        assert joints == pytest.approx([10.0 * i, 20.0, -30.5, 40.0, -45.125, 3.0 * i], abs=0.0006)
-        assert math.hypot(*pose[:2]) == pytest.approx(
-            math.hypot(*answers[0][1][:2]), abs=0.01
-        )  # joint 1 turns
-        assert math.degrees(math.atan2(pose[1], pose[0])) - math.degrees(
-            math.atan2(answers[0][1][1], answers[0][1][0])
-        ) == pytest.approx(10.0 * i, abs=0.001)

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 
 from drivers import UrArm
+from tests.counterparts.environments import UR_RTDE
 
 ROOT = Path(__file__).parents[2]
-UR_RTDE = ROOT / ".bench" / "ur_rtde" / "bin" / "python"
 PORT = 30004  # the only one that it knows
 
 
-@pytest.mark.skipif(
-    not UR_RTDE.is_file(), reason="no ur-rtde in .bench/ur_rtde: see tests/drivers/ur_rtde_peer.py"
-)
+@UR_RTDE.needed()
 def test_ur_rtde_reads_what_our_driver_moves() -> None:
     command = [sys.executable, "-m", "mocks", "ur", "--port", str(PORT), "--time-scale", "1000"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as simulator:
@@ -36,7 +34,7 @@ def _watch_moves() -> None:
     arm = UrArm(f"tcp://127.0.0.1:{PORT}")
     arm.connect()
     arm.arm()
-    command = [str(UR_RTDE), str(Path(__file__).parent / "ur_rtde_peer.py")]
+    command = [str(UR_RTDE.python), str(Path(__file__).parent / "ur_rtde_peer.py")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as peer:
         assert peer.stdin is not None
         assert peer.stdout is not None

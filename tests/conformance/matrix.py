@@ -1,0 +1,119 @@
+"""Every rig under every fault: how many answers were right, failed loudly, were wrong, and how long the slowest took.
+
+A flipped bit (`flip`) cannot be seen where a protocol has no checksum and is read once: bracketed, and not counted.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import product
+from multiprocessing import get_context
+
+from drivers import AcquisitionError, LinkTimeout
+from mocks.faultproxy import FAULTS
+from tests.conformance.rig import SLACK_S, Rig
+from tests.conformance.rigs import RIGS
+from tests.conformance.test_faults import CLASSES, UNDETECTABLE
+
+COLUMNS = 5
+STREAMS = ("abb-simple-state", "ur-realtime", "ur-rtde")  # a late package holds up all that come behind it
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One rig under one fault. `allowed_s`: what the deadlines of the driver allow one question."""
+
+    rig: str
+    fault: str
+    right: int
+    loud: int
+    wrong: int
+    spoiled: int
+    longest_s: float
+    allowed_s: float
+
+    @property
+    def counts(self) -> bool:
+        return (self.rig, self.fault) not in UNDETECTABLE
+
+    @property
+    def good(self) -> bool:
+        return not self.counts or (self.wrong == 0 and self.longest_s <= self.allowed_s)
+
+    def __str__(self) -> str:
+        text = f"{self.right} / {self.loud} / {self.wrong} · {self.longest_s:.2f} s"
+        return text if self.counts else f"({text})"
+
+
+def _hasty(name: str, fault: str) -> bool:
+    """Whether deadlines are short: where the fault costs one, or the run would take hours."""
+    return LinkTimeout in CLASSES[fault] or (name in STREAMS and fault in ("delay", "drip"))
+
+
+def _restart(rig: Rig, name: str, fault: str, rate: float) -> None:
+    """Work again, then spoil again."""
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    if _hasty(name, fault):
+        rig.hurry()
+    rig.proxy.spoil(fault, times=None, rate=rate)
+
+
+def _right(rig: Rig, question: int) -> bool:
+    """Whether the answer is the truth, and the one to this question. Raises AcquisitionError."""
+    try:
+        return rig.ask(question) <= rig.tolerance
+    except AssertionError:  # a rig asserts that the answer names its question
+        return False
+
+
+def cell(name: str, fault: str, questions: int, rate: float) -> Cell:
+    """Put the questions to one rig under one fault."""
+    logging.disable(logging.WARNING)  # every driver warns that it is unverified on hardware
+    right = loud = wrong = 0
+    longest_s = 0.0
+    with ExitStack() as stack:
+        rig = RIGS[name](stack)
+        _restart(rig, name, fault, rate)
+        for i in range(questions):
+            begin = time.monotonic()
+            try:
+                good = _right(rig, i)
+            except AcquisitionError:
+                loud += 1
+                longest_s = max(longest_s, time.monotonic() - begin)
+                _restart(rig, name, fault, rate)
+                continue
+            longest_s = max(longest_s, time.monotonic() - begin)
+            right += good
+            wrong += not good
+        allowed_s = rig.longest_s + SLACK_S if _hasty(name, fault) else math.inf
+        return Cell(name, fault, right, loud, wrong, rig.proxy.spoiled, longest_s, allowed_s)
+
+
+def cells(names: Sequence[str], questions: int, rate: float, jobs: int) -> Iterator[Cell]:
+    """All of them, as they end; every rig in a process of its own."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        asked = [pool.submit(cell, name, fault, questions, rate) for name, fault in product(names, FAULTS)]
+        for done in as_completed(asked):
+            yield done.result()
+
+
+def tables(found: Sequence[Cell]) -> Iterator[str]:
+    """Lines of Markdown tables, some rigs each."""
+    names = sorted({each.rig for each in found}, key=list(RIGS).index)
+    at = {(each.rig, each.fault): str(each) for each in found}
+    for first in range(0, len(names), COLUMNS):
+        some = names[first : first + COLUMNS]
+        yield "| " + " | ".join(["fault", *some]) + " |"
+        yield "|---" * (len(some) + 1) + "|"
+        for fault in (each for each in FAULTS if (some[0], each) in at):
+            yield "| " + " | ".join([fault, *(at[name, fault] for name in some)]) + " |"
+        yield ""
