@@ -34,7 +34,9 @@ from drivers.errors import (
 from drivers.interfaces import Identity, InstrumentStatus
 
 _LOG = logging.getLogger(__name__)
-_IMPOSSIBLE = "That cannot be a measurement: look at the instrument's own program, connect again and repeat it."
+_IMPOSSIBLE = (
+    "That cannot be a measurement: look at the instrument's own program, connect again and repeat it."
+)
 _ELSEWHERE = {
     "proto": "Update the bridge or this program: they speak different versions of MBP.",
     "kind": "Check that the address belongs to the bridge of this instrument.",
