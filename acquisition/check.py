@@ -15,7 +15,7 @@ from acquisition.cell import Cell
 from acquisition.errors import NoClearWay, UnsafePlan
 from acquisition.plan import Visit
 from acquisition.transit import Transit, clear_ways
-from acquisition.workspace import above_table, outside_boxes, points_of_arm
+from acquisition.workspace import above_table, may_stand, outside_boxes, points_of_arm
 
 
 def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
@@ -23,6 +23,11 @@ def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
     standing = [visit for visit in visits if visit.kind == "pose"]
     if not standing:
         return
+    home = cell.robot.home_deg
+    if home is not None and not may_stand(cell, np.array([home]))[0]:
+        raise UnsafePlan(
+            "home_deg of the cell file brings arm or tool too low or into a box", command="check"
+        )
     for what, joints in (
         ("", np.array([visit.joints_deg for visit in standing])),
         ("the approach point of ", np.array([visit.approach_deg for visit in standing])),

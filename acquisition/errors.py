@@ -42,6 +42,15 @@ class NoClearWay(Refused):
     )
 
 
+class Displaced(Refused):
+    """The robot was moved while somebody put the ballbar on."""
+
+    code = 3109
+    advice = (
+        "Keep the robot where it stands while the bar is put on; confirm, and it approaches the pose anew."
+    )
+
+
 class NestsDisagree(Refused):
     """The nests measured on the table do not have the distances of the cell file."""
 

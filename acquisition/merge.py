@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.cell import cell_of_record
+from acquisition.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
 from acquisition.export import export
 from acquisition.store import Store
@@ -27,6 +27,7 @@ from acquisition.world_frame import WorldFrame
 from calib.convert.table import Table
 
 _POINT = ("x_mm", "y_mm", "z_mm")
+_TURN = ("rot_w", "rot_x", "rot_y", "rot_z")
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,16 @@ def export_together(records: Sequence[Path], out: Path) -> Path:
     with TemporaryDirectory() as name:
         folder = Path(name)
         exported = [export(record, folder / f"{i}.csv") for i, record in enumerate(records)]
-        began_s, nests = _began(first)
-        world = world_of(first)
+        began_s, cell = _began(first)
+        if cell.instrument.measures_lengths:  # the balls are the world of each
+            world = WorldFrame(np.eye(3), np.zeros(3))
+            frames: list[WorldFrame | None] = [None] * len(others)
+        else:
+            world = world_of(first)
+            frames = [frame_of_part(record, world, cell.nests) for record in others]
         parts = [
-            Part(data, _began(record)[0] - began_s, frame_of_part(record, world, nests))
-            for record, data in zip(others, exported[1:], strict=True)
+            Part(data, _began(record)[0] - began_s, own)
+            for record, data, own in zip(others, exported[1:], frames, strict=True)
         ]
         return merge(exported[0], world, parts, out)
 
@@ -65,15 +71,15 @@ def frame_of_part(
     return None if nests_off(seen, world, nests_mm) > INSTRUMENT_MOVED_MM else seen.own
 
 
-def _began(record: Path) -> tuple[float, Mapping[str, Sequence[float]]]:
-    """When a record's clock began, s on the clock that its cell runs by, and the nests of the cell."""
+def _began(record: Path) -> tuple[float, Cell]:
+    """When a record's clock began, s on the clock that its cell runs by, and its cell."""
     store = Store.open(record, writer=False)
     try:
         row = store.campaign
         cell = cell_of_record(row["cell"], str(store.database.path))
     finally:
         store.close()
-    return row["started_utc"] * (cell.time_scale if row["simulated"] else 1.0), cell.nests
+    return row["started_utc"] * (cell.time_scale if row["simulated"] else 1.0), cell
 
 
 def merge(first: Path, world: WorldFrame, parts: Sequence[Part], out: Path) -> Path:
@@ -99,9 +105,13 @@ def _brought(part: Part, number: int, world: WorldFrame) -> list[dict[str, str]]
         row["reading_id"] = f"{number}-{row['reading_id']}"
         if row["t_s"]:
             row["t_s"] = f"{float(row['t_s']) + part.later_s:.3f}"
-        if row["x_mm"] and part.own is not None:
+        if row.get("x_mm") and part.own is not None:
             point = world.to_world(part.own.to_tracker(np.array([float(row[name]) for name in _POINT])))
             row.update({name: f"{x:.6f}" for name, x in zip(_POINT, point.tolist(), strict=True)})
+        if row.get("rot_w") and part.own is not None:
+            back = WorldFrame(part.own.rotation.T, np.zeros(3))
+            turn = world.turned_to_world(back.turned_to_world([float(row[name]) for name in _TURN]))
+            row.update({name: f"{x:.9f}" for name, x in zip(_TURN, turn.tolist(), strict=True)})
     return rows
 
 

@@ -79,9 +79,11 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
             raise ConfigError(
                 f"block {number}: kind = {block.kind!r} does not go with the {cell.instrument.name}; {hint}"
             )
-    points_only = campaign.reference_every or campaign.warm_up or campaign.nest_check
-    if lengths and points_only:
-        raise ConfigError("reference_every, warm_up and nest_check need an instrument that measures points")
+    stations = any(block.new_station for block in campaign.blocks)
+    if lengths and (campaign.reference_every or campaign.warm_up or campaign.nest_check or stations):
+        raise ConfigError(
+            "reference_every, warm_up, nest_check and new_station need an instrument that measures points"
+        )
     if campaign.zero_every and not lengths:
         raise ConfigError("zero_every needs a ballbar")
 

@@ -13,6 +13,7 @@ from typing import cast
 
 from acquisition.control import Control
 from acquisition.devices import Devices
+from acquisition.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, Unmeasurable
 from drivers.interfaces import (
     Device,
@@ -55,12 +56,12 @@ class Rig:
             with self._using(role):
                 if role not in self._connected:
                     device.connect()
-                    self._connected.add(role)
                     stands = None
                     if role == "robot":
                         self._can_stop = self._devices.robot.can_stop
-                        stands = self._at_deg = self._devices.robot.position().joints_deg
+                        stands = self._devices.robot.position().joints_deg
                     self._met(Met(role, device.identify(), self._can_stop, stands))
+                    self._connected.add(role)  # who it is is known: only then
             self._control.check_stop()
 
     def make_ready(self) -> None:
@@ -98,7 +99,9 @@ class Rig:
 
     def stands_deg(self) -> tuple[float, ...]:
         """Where the last move ended; the robot is asked where anything else happened since. Raises AcquisitionError."""
-        return self._at_deg or self.position().joints_deg
+        if self._at_deg is None:  # it may be moving: a link that was lost, a person with the pendant
+            return until_still(self.position, self._control.settle).joints_deg
+        return self.position().joints_deg
 
     def doubt_place(self) -> None:
         """Somebody may have jogged the robot."""

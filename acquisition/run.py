@@ -274,6 +274,12 @@ class Run:
         Of a running campaign the operator is asked first to set the instrument up; readings taken before the order
         keep the world frame they had. `key`: an idempotency key. Raises NotResumed for a campaign that has ended.
         """
+        if self.cell.instrument.measures_lengths:
+            raise NotResumed(
+                f"a {self.cell.instrument.name} has no station",
+                command="restation",
+                what_to_do="Where a ball on the base was moved, start a new record.",
+            )
         with self._mutex:
             state, execution = self._store.state, self._execution
         if state.final:

@@ -19,6 +19,7 @@ from acquisition.blocks.block import rounded
 from acquisition.blocks.hexapod import Hexapod
 from acquisition.campaign import Campaign
 from acquisition.cell import Cell
+from acquisition.errors import RecordError
 from acquisition.export import export
 from acquisition.plan import Visit
 from acquisition.store import Planned, Store
@@ -30,7 +31,7 @@ from calib.errors import DataError
 from calib.identification import Identification
 from calib.identify import identify
 from calib.units import DEG
-from drivers.errors import OutOfRange
+from drivers.errors import OutOfRange, StorageError
 
 _LAST_ERROR = "SELECT error_code FROM attempt WHERE pose = ? AND status = 'failed' ORDER BY id DESC LIMIT 1"
 
@@ -57,10 +58,14 @@ class SecondStage:
         visits = list({planned.visit.number: planned.visit for planned in left}.values())
         try:
             fitted = self._fitted()
-        except DataError as error:
+            joints = self._corrected(fitted, visits)
+        except (DataError, RecordError) as error:  # too few readings, or none
             self._store.tell("second_stage_refused", readings=len(left), reason=str(error))
             return
-        joints = self._corrected(fitted, visits)
+        except OSError as error:
+            raise StorageError(
+                f"{error.filename or 'temporary folder'}: {error.strerror or error}"
+            ) from error
         number = max(planned.visit.number for planned in self._store.plan())
         with self._store.changing():
             done = 0

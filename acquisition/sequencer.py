@@ -29,7 +29,7 @@ from acquisition.cell import Cell
 from acquisition.clock import Clock
 from acquisition.control import Control, Stopping
 from acquisition.desk import Desk
-from acquisition.errors import ClockJumped, NestsDisagree, WronglySeated
+from acquisition.errors import ClockJumped, Displaced, NestsDisagree, WronglySeated
 from acquisition.expected import Expectation
 from acquisition.gates import Gates
 from acquisition.hands import Hands
@@ -43,6 +43,7 @@ from acquisition.world_frame import WorldFrame
 from drivers.errors import AcquisitionError, LinkError, OutOfRange, Refused, Unmeasurable
 from drivers.interfaces import Answer, PointReading, Reading
 
+DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
@@ -56,6 +57,7 @@ class _Arrival:
 
     visit: int
     attempt: int
+    read_deg: tuple[float, ...]
 
 
 class Sequencer:
@@ -189,6 +191,8 @@ class Sequencer:
             if answer is not Answer.CONFIRM:
                 self._arrival = arrival if answer is Answer.SKIP else None
                 return
+            if planned.base_target is not None and arrival is not None:
+                self._stands_still(arrival)
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
             self._measure(planned, attempt)
@@ -245,7 +249,14 @@ class Sequencer:
             self._attempts.arrived(arrival, reached)
             by_hand = planned.base_target is not None
             attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
-            return _Arrival(visit.number, arrival), attempt
+            return _Arrival(visit.number, arrival, reached.joints_deg), attempt
+
+    def _stands_still(self, arrival: _Arrival) -> None:
+        """After people had their hands on the robot. Raises Displaced."""
+        now = self._rig.position().joints_deg
+        off = max(abs(a - b) for a, b in zip(now, arrival.read_deg, strict=True))
+        if off > DISPLACED_DEG:
+            raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 
     def _measure(self, planned: Planned, attempt: int) -> None:
         try:

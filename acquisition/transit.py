@@ -1,8 +1,8 @@
 """The way from one stand to the next: straight in joint space where that is clear, else over the home of the cell.
 
 Controllers drive a joint move with all axes in proportion, so the way is a straight line of joint angles. It is
-looked at every `STEP_DEG` of the widest joint: no part of arm or tool (`acquisition.workspace`) below the table or in a
-keep-out box. Home is the `home_deg` of the cell file, or else a posture that keeps arm and tool high above the table.
+looked at every few degrees of the widest joint: no part of arm or tool (`acquisition.workspace`) below the table or in
+a keep-out box. Home is the `home_deg` of the cell file, or else a posture that keeps arm and tool high above the table.
 Poses that the program draws are such that the straight ways between them and home are clear, so there always is one. A
 robot that stands too low already, parked or after an interruption, may rise from there, but not go lower. Angles deg.
 """
@@ -18,7 +18,9 @@ from acquisition.cell import Cell
 from acquisition.errors import NoClearWay
 from acquisition.workspace import Array, may_stand, outside_boxes, points_of_arm
 
-STEP_DEG = 4.0  # an arc of 0.7 m lies within 0.5 mm of its chord then
+LEAVES_WITHIN_MM = 100.0  # that a robot which stands too low may go before it is clear
+STEP_DEG, STEP_BY_BOXES_DEG = 4.0, 2.0
+"""Between two looks a turning arm sags by less than a millimetre towards a table, but may pass a thin box."""
 _POSTURES = 500  # of which the highest is home
 _AT_ONCE = 64  # ways, to bound the memory
 _SLACK_MM = 0.5  # by which a robot that rises may seem to sink: read-back is rounded
@@ -81,12 +83,17 @@ def clear_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool
 
 def _clear_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
     widest = float(np.abs(goal_deg - start_deg).max(initial=0.0))
-    share = np.linspace(0.0, 1.0, 2 + int(widest / STEP_DEG))
+    step = STEP_BY_BOXES_DEG if cell.robot.keep_out_mm else STEP_DEG
+    share = np.linspace(0.0, 1.0, 2 + int(widest / step))
     path = start_deg[:, None] + share[None, :, None] * (goal_deg - start_deg)[:, None]
     points = points_of_arm(cell, path.reshape(-1, path.shape[2]))
     low = points[:, :, 2].min(axis=1).reshape(path.shape[:2])
-    clear = (low > cell.robot.table_z_mm) & outside_boxes(cell, points).reshape(path.shape[:2])
-    # What is driven before the first clear place may only rise.
+    outside = outside_boxes(cell, points).reshape(path.shape[:2])
+    clear = (low > cell.robot.table_z_mm) & outside
+    # Out of what is too low the arm may only rise, and only a little: farther on nobody knows what stands beside it.
     before = np.cumsum(clear, axis=1) == 0
-    rises = low >= np.minimum(low[:, :1], cell.robot.table_z_mm) - _SLACK_MM
-    return np.all(clear | (before & rises), axis=1) & clear[:, -1]
+    rises = np.diff(low, axis=1, prepend=low[:, :1]) >= -_SLACK_MM
+    placed = points.reshape(*path.shape[:2], -1, 3)
+    gone = np.linalg.norm(placed - placed[:, :1], axis=3).max(axis=2)
+    leaves = before & outside & rises & (gone <= LEAVES_WITHIN_MM)
+    return np.all(clear | leaves, axis=1) & clear[:, -1]

@@ -20,7 +20,10 @@ from calib.units import DEG
 
 Array = NDArray[np.float64]
 _ELBOW = 2  # frames before the elbow stand on the pedestal and never come near the table
-_PER_SEGMENT = 5
+_PER_SEGMENT, _PER_SEGMENT_BY_BOXES = (
+    5,
+    9,
+)  # ends show where a straight part is lowest; a box may be smaller than it
 _CONE_DEG = 30.0  # a corner cube in its ball (SMR) returns the beam up to this angle from its normal
 _CONES_DEG = {"ctrack": 15.0}  # flat reflectors seen by cameras
 
@@ -41,7 +44,7 @@ def points_of_arm(cell: Cell, joints_deg: Array) -> Array:
     flange = origins[-1]
     segments = list(pairwise(origins))
     segments += [(flange, target) for target in targets_at(cell, joints_deg).transpose(1, 0, 2)]
-    shares = np.linspace(0.0, 1.0, _PER_SEGMENT)
+    shares = np.linspace(0.0, 1.0, _PER_SEGMENT_BY_BOXES if cell.robot.keep_out_mm else _PER_SEGMENT)
     return np.concatenate(
         [start[:, None] + shares[None, :, None] * (end - start)[:, None] for start, end in segments], axis=1
     )

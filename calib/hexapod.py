@@ -47,6 +47,12 @@ def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
     for balls in (base_mm, tool_mm):
         if np.linalg.norm(np.cross(balls[1] - balls[0], balls[2] - balls[0])) < 1.0:
             raise ValueError("three balls in a line carry no tool")
+    if abs(_normal(base_mm)[2]) < 1e-6:
+        raise ValueError("the base balls stand in a vertical plane: no side of it is above")
+    if abs(_normal(tool_mm) @ tool_mm.mean(axis=0)) < 1e-6:
+        raise ValueError(
+            "the tool balls lie in a plane with the flange: no side of it is away from the flange"
+        )
     designs = list(product(permutations(range(3)), permutations(range(3)), (1.0, -1.0), (1.0, -1.0)))
     b = np.array([each[0] for each in designs])
     t = np.array([each[1] for each in designs])
@@ -69,7 +75,7 @@ def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
     flange[:, :3, 3] = there[:, 0] - np.einsum("nij,nj->ni", flange[:, :3, :3], tool_mm[t[:, 0]])
     legs = np.array(LEGS)
     base, tool = b[:, legs[:, 0]], t[:, legs[:, 1]]
-    normal = np.cross(tool_mm[1] - tool_mm[0], tool_mm[2] - tool_mm[0])
+    normal = _normal(tool_mm)
     normal = normal * np.sign(normal @ tool_mm.mean(axis=0))  # away from the flange
     along = np.einsum("nlc,nc->nl", base_mm[base] - flange[:, None, :3, 3], flange[:, :3, :3] @ normal)
     return Stances(flange, base, tool, np.all(along > (tool_mm @ normal)[tool], axis=1))
@@ -91,6 +97,12 @@ def trilaterated(v1: Array, v2: Array, v3: Array, l1: Array, l2: Array, l3: Arra
     squared = l1**2 - x**2 - y**2
     z = sign * np.sqrt(np.where(squared >= 0.0, squared, np.nan))
     return v1 + x[:, None] * e1 + y[:, None] * e2 + z[:, None] * np.cross(e1, e2)
+
+
+def _normal(balls_mm: Array) -> Array:
+    """(3,) unit vector across the plane of three balls (3, 3)."""
+    across = np.cross(balls_mm[1] - balls_mm[0], balls_mm[2] - balls_mm[0])
+    return across / np.linalg.norm(across)
 
 
 def _frames(triangles: Array) -> Array:

@@ -26,6 +26,7 @@ from drivers.errors import ConfigError
 
 RADIUS_MM, COUNT = 300.0, 100
 SETTLE_S = 2.0
+STROKE_MM = 1.0  # of a ballbar, to either side
 KEYS = ("centre_deg", "radius_mm", "count", "above_deg", "base")
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 _MOST = 20  # points tried for each that is wanted
@@ -52,6 +53,15 @@ class Sphere:
     def stands(self, site: Site) -> list[Stand]:
         if len(site.targets) != 1:
             raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
+        if self.base is not None and self.base not in site.cell.nests:
+            raise ConfigError(
+                f"block {site.number + 1}: base = {self.base!r} is none of {', '.join(site.cell.nests)}"
+            )
+        nominal = site.cell.instrument.options.get("nominal_mm", self.radius_mm)
+        if self.base is not None and abs(self.radius_mm - nominal) > STROKE_MM:
+            raise ConfigError(
+                f"block {site.number + 1}: radius_mm = {self.radius_mm:g}, the ballbar is {nominal:g} mm long"
+            )
         poses = self._poses(site)
         sides = site.sides()
         distances = [] if self.base is None else [(site.targets[0], self.base)]

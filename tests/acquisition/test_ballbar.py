@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from acquisition.check import check_plan
-from acquisition.errors import RecordError
+from acquisition.errors import NotResumed, RecordError
 from acquisition.export import export
+from acquisition.merge import export_together
 from acquisition.plan import make_plan
 from acquisition.run import Run
 from acquisition.store import Event
@@ -309,7 +310,73 @@ def test_a_sphere_about_a_ball_on_the_base(tmp_path: Path) -> None:
         "base": "B1",
         "count": 5,
     }
-    visits = make_plan(cell, a_campaign(block=[block | {"radius_mm": 100.0, "above_deg": 45.0}]))
+    visits = make_plan(cell, a_campaign(block=[block | {"above_deg": 20.0}]))
     assert [visit.readings for visit in visits] == [[("T1", "B1")]] * 5
+    for wrong, words in (
+        ({"radius_mm": 250.0}, "the ballbar is 300 mm long"),
+        ({"base": "B7"}, "'B7' is none of B1"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            make_plan(cell, a_campaign(block=[block | wrong]))
     with closing(Run.create(tmp_path, cell, a_campaign(block=[block]), simulated=True)) as run:
         assert run.status().total == 5
+
+
+def test_nothing_within_the_stroke_is_an_end_and_not_a_dead_end(bars: Any) -> None:
+    bar = bars(off_deg=(3.0, 3.0, 3.0, 0.0, 0.0, 0.0))
+    assert bar.execute() == "failed"
+    assert bar.run.status().reason == "Not one pose could be measured."
+    (refused,) = bar.told("second_stage_refused")
+    assert "holds no reading" in refused["reason"]
+
+
+def test_a_robot_that_was_pushed_while_the_bar_was_put_on_approaches_anew(bars: Any) -> None:
+    bar = bars()
+
+    class Pushing(SeatingOperator):
+        def ask(self, prompt: Any) -> Answer:
+            answer = super().ask(prompt)
+            if len(self.asked) == 3:  # off, the first leg, and now the second
+                self.bench.where = tuple(q + 0.05 for q in self.bench.where)
+            return answer
+
+    bar.operator = Pushing(bar.bench)
+    assert bar.execute() == "succeeded"
+    (told,) = [text for text in bar.operator.asked if "was turned by 0.050 deg" in text]
+    assert "approaches the pose anew" in told
+    assert bar.run.status().done == 12
+    rows = bar.run._store.database.query(
+        "SELECT count(*) FROM attempt WHERE kind = 'arrive' AND status = 'good'"
+    )
+    assert rows[0][0] == 3
+
+
+def test_two_records_make_one_data_set(bars: Any, tmp_path: Path) -> None:
+    first, second = bars(), bars(seed=9)
+    for bar in (first, second):
+        assert bar.execute() == "succeeded"
+        bar.run.close()
+    dataset = read_dataset(export_together([first.folder, second.folder], tmp_path / "both.csv"))
+    assert len(dataset) == 24
+    assert dataset.spanned.all()
+    assert len(set(dataset.reading_id)) == 24
+    for bar in (first, second):
+        bar.run = Run.open(bar.folder)
+
+
+def test_balls_that_have_no_above() -> None:
+    wall = {"B1": [486.6, 50, -100], "B2": [313.4, 50, -100], "B3": [400, 50, 100]}
+    flat = {"T1": [0, 86.6, 0], "T2": [-75, -43.3, 0], "T3": [75, -43.3, 0]}
+    for changes, words in (
+        ({"world__nests": wall}, "vertical plane"),
+        ({"tool__targets": flat}, "with the flange"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            make_plan(a_cell(**(BALLBAR | changes)), a_campaign(block=HEXAPOD))
+
+
+def test_a_ballbar_has_no_station(bars: Any) -> None:
+    with pytest.raises(NotResumed, match="has no station"):
+        bars().run.restation(by="anna")
+    with pytest.raises(ConfigError, match="new_station need"):
+        make_plan(a_cell(**BALLBAR), a_campaign(block=[*HEXAPOD, HEXAPOD[0] | {"new_station": True}]))

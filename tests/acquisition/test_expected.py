@@ -11,8 +11,8 @@ import pytest
 from acquisition.errors import Misplaced, WronglySeated
 from acquisition.store import Event
 from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
-from drivers.interfaces import Answer, Prompt
-from tests.acquisition.fakes import SeatingOperator
+from drivers.interfaces import Answer, Identity, JointReading, Prompt
+from tests.acquisition.fakes import FakeArm, SeatingOperator
 from tests.acquisition.test_sequencer import Stage
 
 WARM_UP_S = 3600.0
@@ -128,3 +128,24 @@ def test_a_tracker_that_knows_no_names_is_aimed_by_hand(stages: Callable[..., St
     assert stage.operator.asked == [
         f"Aim the tracker at the SMR in {name} and press confirm." for name in ("N1", "N2", "N3")
     ]
+
+
+def test_who_the_robot_is_is_asked_again_after_a_refusal(
+    stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A refusal while it is met, confirmed by a person, is no identity."""
+    stage = stages()
+    asked: list[str] = []
+
+    def position(self: FakeArm) -> JointReading:
+        if not asked:
+            asked.append("refused")
+            raise WrongMode("manual", device="arm")
+        return JointReading(self.bench.where, 1e-5)
+
+    monkeypatch.setattr(FakeArm, "position", position)
+    monkeypatch.setattr(FakeArm, "identify", lambda self: Identity("ABB", "IRB 6700", "1", "1", "none"))
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.exit_code) == ("paused", 2)
+    assert "IRB 6700" in outcome.reason
+    assert "move" not in stage.bench.log

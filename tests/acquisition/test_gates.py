@@ -289,7 +289,12 @@ def test_an_arm_that_never_rests_is_told() -> None:
 class SwingingArm(FakeArm):
     """Tells the end of a move while it still swings."""
 
-    left = 0
+    left = 3  # it stands still before its first move
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        reached = super().move_to(joints_deg)
+        self.left = 0
+        return reached
 
     def position(self) -> JointReading:
         reading = super().position()
@@ -301,11 +306,11 @@ class SwingingArm(FakeArm):
 def test_a_block_may_ask_for_the_check(make: Callable[..., Stage]) -> None:
     stage = make(block=[{"count": 1, "targets": ["T1"], "settle_s": 1.5, "settle_check": True}])
     stage.arm = SwingingArm(stage.bench)
-    stage.arm.left = -1  # the look at the robot when it is connected
     assert stage.execute().state.value == "succeeded"
     assert stage.arm.left == 4
     began, ended = (stage.events(kind)[-1].t_s or 0.0 for kind in ("world_frame", "arrived"))
-    assert ended - began == pytest.approx(1.5 + 3 * 0.5, abs=0.1)
+    # Half a second to see that it stands before its first way, the pause, and three looks until it stands again.
+    assert ended - began == pytest.approx(0.5 + 1.5 + 3 * 0.5, abs=0.1)
 
 
 # -- files ------------------------------------------------------------------------------------------------

@@ -162,3 +162,35 @@ def test_ends_count() -> None:
     low = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
     assert not clear_ways(CELL, np.zeros((1, 6)), low)[0]
     assert clear_ways(CELL, np.zeros((0, 6)), np.zeros((0, 6))).shape == (0,)
+
+
+def test_out_of_a_box_there_is_no_way() -> None:
+    """What stands in a box may touch it already: nobody but a person knows where to."""
+    cell = a_cell(robot__keep_out=[[[-600.0, -900.0, 300.0], [900.0, -200.0, 900.0]]])
+    inside = (-50.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert not may_stand(cell, np.array([inside]))[0]
+    with pytest.raises(NoClearWay):
+        Transit(cell).way(inside, RIGHT)
+
+
+def test_a_robot_far_below_does_not_sweep() -> None:
+    deep = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
+    assert points_of_arm(CELL, deep)[0, :, 2].min() < -200.0
+    for turned in (60.0, -60.0):
+        assert not clear_ways(CELL, deep, np.array([[turned, 0.0, 0.0, 0.0, 0.0, 0.0]]))[0]
+
+
+def test_the_way_begins_where_the_robot_stands_now(tmp_path: Path) -> None:
+    """Jogged during the warm-up, after it was met: a new look decides."""
+    stage = Stage(tmp_path, warm_up_s=600.0)
+    buried_at = buried()
+
+    def jog(event: Event) -> None:
+        if event.kind == "warm_up":
+            stage.bench.where = buried_at
+
+    with closing(stage.run):
+        outcome = stage.execute(jog)
+    assert any("no way from" in text for text in stage.operator.asked)
+    assert outcome.state.value == "paused"  # confirmed again and again, and it stands there still
+    assert "move" not in stage.bench.log
