@@ -28,6 +28,7 @@ class Hands:
         self._one_smr = cell.instrument.one_smr
         self._aimed = cell.instrument.aimed_by_hand
         self._ballbar = cell.instrument.measures_lengths
+        self._nominal_mm = cell.instrument.nominal_mm if self._ballbar else 0.0
         self._seated: str | None = None
         self._spanned: tuple[str, str] | None = None  # base ball and tool ball
         self._free = False  # nothing hangs on the robot
@@ -69,7 +70,8 @@ class Hands:
             return Answer.CONFIRM
         self._free, self._spanned = False, None
         answer = self._ask(
-            f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm."
+            f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
+            f"read {self._nominal_mm:g} mm, give or take its stroke."
         )
         if answer is Answer.CONFIRM:
             self._spanned = (planned.base_target, planned.target)
