@@ -48,6 +48,7 @@ _JOINTS = 6
 _STOCK_DECIMALS = 2
 _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
+_MOST_LOOKS = 3  # beyond the first
 _STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([rb"-?\d{1,3}\.\d{2}"] * _JOINTS) + rb"))")
 _CAL_JOINT = re.compile(rb"-?\d{1,3}\.\d{5}")
 _MODES = {1: "auto", 2: "manual", 3: "manual"}
@@ -255,7 +256,18 @@ class AbbArm:
             ) from error
 
     def position(self) -> JointReading:
-        """Joint angles as the controller reads them back now. Raises LinkError."""
+        """Joint angles as the controller reads them back now. Raises LinkError.
+
+        Asked until two answers agree, for neither dialect has a checksum; of a robot that moves the last one.
+        """
+        reading = self._read_back()
+        for _ in range(_MOST_LOOKS):
+            before, reading = reading, self._read_back()
+            if reading.joints_deg == before.joints_deg:
+                break
+        return reading
+
+    def _read_back(self) -> JointReading:
         if not self._superset:
             found = self._main.ask(4, (), _STOCK_JOINTS)
             return JointReading(

@@ -136,7 +136,7 @@ def stock_position(*answers: bytes, reply_s: float = 5.0) -> tuple[float, ...] |
     arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=reply_s))
     with hearing(arm._main.link, *answers):
         try:
-            return arm.position().joints_deg
+            return arm._read_back().joints_deg
         except AcquisitionError:
             return None
 
