@@ -41,6 +41,7 @@ from drivers.errors import (
     WrongMode,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.joint_limits import JointLimits
 from drivers.link import TcpLink, WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
@@ -85,8 +86,7 @@ class AbbArm:
             raise ConfigError(
                 f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=name
             )
-        if limits_deg is not None and len(limits_deg) != _JOINTS:
-            raise ConfigError(f"limits_deg needs {_JOINTS} pairs, not {len(limits_deg)}", device=name)
+        limits = JointLimits(limits_deg, joints=_JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
         background = address.options.get("background", str(address.port + 1))
         if not background.isdecimal():
@@ -94,7 +94,7 @@ class AbbArm:
         self.name = name
         self._deadlines = deadlines or AbbDeadlines()
         self._speed = (speed_mm_s, speed_deg_s)
-        self._limits = limits_deg
+        self._limits = limits
         self._tolerance_deg = tolerance_deg
         self._watchdog_ms = round(watchdog_s * 1000)
         behind = replace(address, port=int(background))
@@ -218,7 +218,7 @@ class AbbArm:
         MotionStopped, NotReached.
         """
         target = tuple(float(q) for q in joints_deg)
-        self._check(target)
+        self._limits.check(target)
         with self._main.lock:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
@@ -311,20 +311,6 @@ class AbbArm:
         )
 
     # -- checks -------------------------------------------------------------------------------------------
-
-    def _check(self, target: tuple[float, ...]) -> None:
-        if len(target) != _JOINTS:
-            raise JointLimit(
-                f"{len(target)} joints given, {_JOINTS} needed", device=self.name, command="move_to"
-            )
-        for i, q in enumerate(target):
-            low, high = self._limits[i] if self._limits is not None else (-_WIDEST_DEG, _WIDEST_DEG)
-            if not low <= q <= high:  # also refuses NaN
-                raise JointLimit(
-                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
-                    device=self.name,
-                    command="move_to",
-                )
 
     def _check_reached(self, target: tuple[float, ...], reached: JointReading) -> None:
         worst = max(abs(a - b) for a, b in zip(target, reached.joints_deg, strict=True))

@@ -33,7 +33,6 @@ from drivers.abb_simple_stream import AbbSimpleDeadlines, StateStream
 from drivers.errors import (
     Busy,
     ConfigError,
-    JointLimit,
     LinkLost,
     LinkTimeout,
     MotionStopped,
@@ -41,6 +40,7 @@ from drivers.errors import (
     NotReached,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.joint_limits import JointLimits
 from drivers.link import WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
@@ -74,8 +74,7 @@ class AbbSimpleArm:
             raise ConfigError(
                 f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=name
             )
-        if limits_deg is not None and len(limits_deg) != JOINTS:
-            raise ConfigError(f"limits_deg needs {JOINTS} pairs, not {len(limits_deg)}", device=name)
+        limits = JointLimits(limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
         state = address.options.get("state", str(address.port + 2))
         if not state.isdecimal() or not 0 < int(state) < 65536:
@@ -83,7 +82,7 @@ class AbbSimpleArm:
         self.name = name
         self._deadlines = deadlines or AbbSimpleDeadlines()
         self._speed = (speed_mm_s, speed_deg_s)
-        self._limits = limits_deg
+        self._limits = limits
         self._tolerance_deg = tolerance_deg
         self._clock = clock
         self._motion = MotionServer(address, name, self._deadlines, wire, clock)
@@ -171,7 +170,7 @@ class AbbSimpleArm:
         SafetyStop, WrongMode, MotionStopped, NotReached, Busy (another program moves the robot).
         """
         target = tuple(float(q) for q in joints_deg)
-        self._check(target)
+        self._limits.check(target)
         with self._lock, ExitStack() as undo:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
@@ -260,20 +259,6 @@ class AbbSimpleArm:
         )
 
     # -- checks -------------------------------------------------------------------------------------------
-
-    def _check(self, target: tuple[float, ...]) -> None:
-        if len(target) != JOINTS:
-            raise JointLimit(
-                f"{len(target)} joints given, {JOINTS} needed", device=self.name, command="move_to"
-            )
-        for i, q in enumerate(target):
-            low, high = self._limits[i] if self._limits is not None else (-_WIDEST_DEG, _WIDEST_DEG)
-            if not low <= q <= high:  # also refuses NaN
-                raise JointLimit(
-                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
-                    device=self.name,
-                    command="move_to",
-                )
 
     def _duration(self, here: State, target: Sequence[float]) -> float:
         """Seconds that keep both caps: no joint faster than one, the tool nowhere faster than the other."""

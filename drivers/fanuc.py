@@ -24,7 +24,6 @@ from drivers.errors import (
     Busy,
     CannotStop,
     ConfigError,
-    JointLimit,
     MotionStopped,
     NotArmed,
     NotReached,
@@ -33,6 +32,7 @@ from drivers.fanuc_controller import JOINTS, WIDEST_DEG, FanucController, FanucD
 from drivers.fanuc_mappdk import MappdkController
 from drivers.fanuc_modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.joint_limits import JointLimits
 from drivers.link import WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
@@ -70,8 +70,7 @@ class FanucArm:
             raise ConfigError(
                 f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=name
             )
-        if limits_deg is not None and len(limits_deg) != JOINTS:
-            raise ConfigError(f"limits_deg needs {JOINTS} pairs, not {len(limits_deg)}", device=name)
+        limits = JointLimits(limits_deg, joints=JOINTS, widest_deg=WIDEST_DEG, device=name)
         address = parse_url(url)
         kinds: dict[str | None, Callable[..., FanucController]] = {
             None: MappdkController,
@@ -84,7 +83,7 @@ class FanucArm:
         self.name = name
         self._max_deg_s = _speeds(address.options.get("max_deg_s"), url)
         self._speed = (speed_mm_s, speed_deg_s)
-        self._limits = limits_deg
+        self._limits = limits
         self._tolerance_deg = tolerance_deg
         self._clock = clock
         self._controller = kinds[kind](address, name, deadlines or FanucDeadlines(), wire=wire, clock=clock)
@@ -166,7 +165,7 @@ class FanucArm:
         MotionStopped, NotReached, Busy (another client commands the robot).
         """
         target = tuple(float(q) for q in joints_deg)
-        self._check(target)
+        self._limits.check(target)
         with self._lock:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
@@ -226,20 +225,6 @@ class FanucArm:
             before = now
 
     # -- checks -------------------------------------------------------------------------------------------
-
-    def _check(self, target: tuple[float, ...]) -> None:
-        if len(target) != JOINTS:
-            raise JointLimit(
-                f"{len(target)} joints given, {JOINTS} needed", device=self.name, command="move_to"
-            )
-        for i, q in enumerate(target):
-            low, high = self._limits[i] if self._limits is not None else (-WIDEST_DEG, WIDEST_DEG)
-            if not low <= q <= high:  # also refuses NaN
-                raise JointLimit(
-                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
-                    device=self.name,
-                    command="move_to",
-                )
 
     def _pace(self, target: tuple[float, ...]) -> tuple[int, float]:
         """Speed in whole percent that keeps both caps, 1 at least, and the time that the move may take (s).

@@ -6,7 +6,6 @@ taken as a point is `drivers.mbp_tracker`.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 
@@ -15,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
 from drivers.mbp_session import MbpDeadlines, MbpSession
-from drivers.mbp_tracker import FARTHEST_MM, Asked, point_of
+from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of
 
 
 class FaroTracker:
@@ -69,10 +68,7 @@ class FaroTracker:
         Raises LinkError, NotReady, SafetyStop.
         """
         with self.session.arming():
-            weather = self.session.ask("WEATHER", {})
-            with self.session.understood():
-                for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
-                    mbp.number(weather, key, low, high)
+            ask_weather(self.session, {})
             self.session.ask("MODE", {"distance": self._distance_mode})
 
     def disarm(self) -> None:
@@ -88,13 +84,10 @@ class FaroTracker:
         name is passed on and a bridge that cannot point by name measures the SMR that the beam holds.
         Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
         """
-        if not target.isidentifier() or not target.isascii():
-            raise ConfigError(f"target name {target!r} is not a word", device=self.name, command="measure")
-        if samples < 1:
-            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+        check_question(target, samples, self.name)
         with self.session.measuring("MEASURE"):
             if near_mm is not None:
-                self._point(near_mm)
+                point_at(self.session, near_mm, self.deadlines.point_s, self.name)
             lasts_s = samples / self._rate_hz
             seconds = lasts_s + self.deadlines.measure_margin_s
             fields: dict[str, object] = {
@@ -109,12 +102,6 @@ class FaroTracker:
             with self.session.understood():
                 asked = Asked(target, samples, lasts_s, *self._limits)
                 return point_of(self.session, reply, asked, self.name)
-
-    def _point(self, near_mm: Sequence[float]) -> None:
-        x, y, z = (float(value) for value in near_mm)
-        if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
-            raise ConfigError(f"cannot point at {near_mm}", device=self.name, command="POINT")
-        self.session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1}, "point_s", self.deadlines.point_s)
 
     def stop(self) -> None:
         """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""

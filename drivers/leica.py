@@ -8,7 +8,6 @@ speak emScon (AT901, AT401, AT402) need no bridge: `drivers.emscon`.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,7 +17,7 @@ from drivers.errors import CommandRefused, ConfigError, NotReady
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
 from drivers.mbp_session import MbpDeadlines, MbpSession
-from drivers.mbp_tracker import FARTHEST_MM, Asked, point_of
+from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of
 
 # LMF: 12 s for a Standard or Precise point, 2 s more for two faces, 3 s for going there.
 LEICA_DEADLINES = replace(MbpDeadlines(), measure_margin_s=15.0)
@@ -86,10 +85,7 @@ class LeicaTracker:
         Raises LinkError, NotReady (also for a reflector that the bridge does not confirm), SafetyStop.
         """
         with self.session.arming():
-            weather = self.session.ask("WEATHER", {"source": "STATION"})
-            with self.session.understood():
-                for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
-                    mbp.number(weather, key, low, high)
+            ask_weather(self.session, {"source": "STATION"})
             self.session.ask("MODE", {"distance": "ADM", "profile": self._profile})
             try:
                 reply = self.session.ask("TARGET", {"type": "SMR", "d": self._reflector_mm})
@@ -118,15 +114,14 @@ class LeicaTracker:
 
         Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
         """
-        if not (target.isidentifier() and target.isascii()):
-            raise ConfigError(f"target name {target!r} is not a word", device=self.name, command="measure")
-        if samples < 1:
-            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+        check_question(target, samples, self.name)
         lasts_s = self._times * samples / self._rate_hz
         fields: dict[str, object] = {"samples": samples, "rate": self._rate_hz, "face": self._face}
         with self.session.measuring("MEASURE"):
             if near_mm is not None:
-                self._point(near_mm)
+                point_at(
+                    self.session, near_mm, self.deadlines.point_s, self.name, radius=self._search_radius_mm
+                )
             else:
                 fields["target"] = target
             seconds = lasts_s + self.deadlines.measure_margin_s
@@ -134,13 +129,6 @@ class LeicaTracker:
             with self.session.understood():
                 asked = Asked(target, samples, lasts_s, *self._limits)
                 return point_of(self.session, reply, asked, self.name)
-
-    def _point(self, near_mm: Sequence[float]) -> None:
-        x, y, z = (float(value) for value in near_mm)
-        if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
-            raise ConfigError(f"cannot point at {near_mm}", device=self.name, command="POINT")
-        fields = {"x": x, "y": y, "z": z, "find": 1, "radius": self._search_radius_mm}
-        self.session.ask("POINT", fields, "point_s", self.deadlines.point_s)
 
     def stop(self) -> None:
         """Abort what is under way and disarm; from any thread. Raises LinkError."""

@@ -1,4 +1,4 @@
-"""What the MEASURE answer of an MBP/1 bridge of a tracker must say to be taken as a point.
+"""What trackers behind an MBP/1 bridge have in common: weather, pointing, and when an answer is taken as a point.
 
 A reading is refused when it is not exactly what was asked for: other number of samples, status other than
 accurate, too old, a device clock that did not advance (`drivers.mbp_session` tells what happens when it steps),
@@ -9,11 +9,18 @@ the beam lost within the averaging time.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers import mbp
-from drivers.errors import AcquisitionError, BeamBroken, NoisyMeasurement, ProtocolError, TargetNotSeen
+from drivers.errors import (
+    AcquisitionError,
+    BeamBroken,
+    ConfigError,
+    NoisyMeasurement,
+    ProtocolError,
+    TargetNotSeen,
+)
 from drivers.interfaces import PointReading
 from drivers.mbp_session import MbpSession
 
@@ -31,6 +38,32 @@ class Asked:
     lasted_s: float
     age_limit_s: float
     scatter_limit_mm: float
+
+
+def check_question(target: str, samples: int, device: str) -> None:
+    """Before anything is sent. Raises ConfigError for a name that is no word, or less than one sample."""
+    if not (target.isidentifier() and target.isascii()):
+        raise ConfigError(f"target name {target!r} is not a word", device=device, command="measure")
+    if samples < 1:
+        raise ConfigError(f"samples = {samples} must be at least 1", device=device, command="measure")
+
+
+def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> None:
+    """The tracker knows its weather. Raises NotReady where it has no station, ProtocolError for what no weather is."""
+    reply = session.ask("WEATHER", fields)
+    with session.understood():
+        for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
+            mbp.number(reply, key, low, high)
+
+
+def point_at(
+    session: MbpSession, near_mm: Sequence[float], seconds: float, device: str, **fields: object
+) -> None:
+    """Send the beam there (tracker's frame) and have the nearest SMR found. Raises ConfigError for no place."""
+    x, y, z = (float(value) for value in near_mm)
+    if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
+        raise ConfigError(f"cannot point at {near_mm}", device=device, command="POINT")
+    session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1, **fields}, "point_s", seconds)
 
 
 def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str) -> PointReading:

@@ -23,12 +23,12 @@ from dataclasses import replace
 from drivers.errors import (
     AcquisitionError,
     ConfigError,
-    JointLimit,
     LinkError,
     LinkLost,
     NotArmed,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.joint_limits import JointLimits
 from drivers.link import Address, WireSink, parse_url
 from drivers.ur_dashboard import read_serial
 from drivers.ur_deadlines import UrDeadlines
@@ -36,7 +36,7 @@ from drivers.ur_motion import Limits, Motion, not_ready
 from drivers.ur_realtime import Realtime
 from drivers.ur_rtde import Rtde
 from drivers.ur_secondary import Factory, read_factory
-from drivers.ur_state import JOINTS, RUNNING, UrState, Vector
+from drivers.ur_state import JOINTS, RUNNING, UrState
 
 _LOG = logging.getLogger(__name__)
 _PORTS = {"realtime": -1, "secondary": -2, "dashboard": -5}  # as seen from RTDE, 30004
@@ -70,8 +70,7 @@ class UrArm:
     ) -> None:
         if not min(speed_mm_s, speed_deg_s, reach_mm, acceleration_deg_s2, watchdog_s) > 0:
             raise ConfigError("speeds, reach, acceleration and watchdog must be positive", device=name)
-        if limits_deg is not None and len(limits_deg) != JOINTS:
-            raise ConfigError(f"limits_deg needs {JOINTS} pairs, not {len(limits_deg)}", device=name)
+        limits = JointLimits(limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
         feed = address.options.get("feed", "rtde")
         if feed not in ("rtde", "realtime"):
@@ -79,7 +78,7 @@ class UrArm:
         self.name = name
         self._wire = wire
         self._deadlines = deadlines or UrDeadlines()
-        self._limits_deg = limits_deg
+        self._limits = limits
         self._secondary = _beside(address, "secondary", name)
         self._dashboard = _beside(address, "dashboard", name)
         self._rtde = Rtde(address, name, self._deadlines, wire, clock)
@@ -191,7 +190,7 @@ class UrArm:
         its watchdog stops it), SafetyStop, WrongMode, Busy, MotionStopped, NotReached.
         """
         target = tuple(float(q) for q in joints_deg)
-        self._check(target)
+        self._limits.check(target)
         with self._lock:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
@@ -231,22 +230,6 @@ class UrArm:
             error_number=state.safety_mode if state.safety_mode > 2 else None,
             raw=state.raw,
         )
-
-    # -- checks -------------------------------------------------------------------------------------------
-
-    def _check(self, target: Vector) -> None:
-        if len(target) != JOINTS:
-            raise JointLimit(
-                f"{len(target)} joints given, {JOINTS} needed", device=self.name, command="move_to"
-            )
-        for i, q in enumerate(target):
-            low, high = self._limits_deg[i] if self._limits_deg is not None else (-_WIDEST_DEG, _WIDEST_DEG)
-            if not low <= q <= high:  # also refuses NaN
-                raise JointLimit(
-                    f"joint {i + 1} to {q:g} deg, allowed {low:g} to {high:g}",
-                    device=self.name,
-                    command="move_to",
-                )
 
     def _named(self, error: AcquisitionError, command: str) -> AcquisitionError:
         error.device, error.command = self.name, command
