@@ -46,7 +46,7 @@ class Rig:
         self._connected: set[str] = set()
         self._armed: set[str] = set()
         self._can_stop = True
-        self._at_deg: tuple[float, ...] | None = None  # where the robot stands, unless nobody knows
+        self._stands = False  # since its last move nothing happened that may have set it moving
         self.moving = False
         self.lost_in_move = False
 
@@ -82,7 +82,7 @@ class Rig:
         """Go there and stand. Raises AcquisitionError, Stopping."""
         self._control.check_stop()
         self.lost_in_move = False
-        self._at_deg = None
+        self._stands = False
         with self._using("robot"):
             self.moving = True
             try:
@@ -94,18 +94,18 @@ class Rig:
             finally:
                 self.moving = False
         self._control.check_stop()
-        self._at_deg = reached.joints_deg
+        self._stands = True
         return reached
 
     def stands_deg(self) -> tuple[float, ...]:
-        """Where the last move ended; the robot is asked where anything else happened since. Raises AcquisitionError."""
-        if self._at_deg is None:  # it may be moving: a link that was lost, a person with the pendant
-            return until_still(self.position, self._control.settle).joints_deg
-        return self.position().joints_deg
+        """Where the robot stands now; one that may be moving is waited for. Raises AcquisitionError, Stopping."""
+        if self._stands:
+            return self.position().joints_deg
+        return until_still(self.position, self._control.settle).joints_deg
 
-    def doubt_place(self) -> None:
-        """Somebody may have jogged the robot."""
-        self._at_deg = None
+    def may_have_moved(self) -> None:
+        """Somebody may have jogged the robot, or be at it."""
+        self._stands = False
 
     def position(self) -> JointReading:
         """Where the robot stands. Raises AcquisitionError."""
@@ -144,11 +144,11 @@ class Rig:
         except LinkError:
             self._connected.discard(role)
             self._armed.discard(role)
-            self._at_deg = None
+            self._stands = False
             raise
         except AcquisitionError:
             self._armed.discard(role)
-            self._at_deg = None
+            self._stands = False
             raise
 
     def halt(self) -> list[AcquisitionError]:

@@ -19,27 +19,25 @@ a computer sleeps; on resuming they catch up with the calendar and never go back
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from acquisition import world_frame
 from acquisition.attempts import Attempts
 from acquisition.campaign import Campaign
 from acquisition.cell import Cell
 from acquisition.clock import Clock
 from acquisition.control import Control, Stopping
 from acquisition.desk import Desk
-from acquisition.errors import ClockJumped, Displaced, NestsDisagree, WronglySeated
+from acquisition.errors import ClockJumped, Displaced, WronglySeated
 from acquisition.expected import Expectation
 from acquisition.gates import Gates
 from acquisition.hands import Hands
+from acquisition.nests import Nests
 from acquisition.rig import Rig
 from acquisition.second_stage import SecondStage
 from acquisition.settling import until_still
-from acquisition.station import change_of
 from acquisition.store import Planned, Store
 from acquisition.transit import Transit
-from acquisition.world_frame import WorldFrame
 from drivers.errors import AcquisitionError, LinkError, OutOfRange, Refused, Unmeasurable
 from drivers.interfaces import Answer, PointReading, Reading
 
@@ -81,11 +79,11 @@ class Sequencer:
         self._control = control
         self._desk = desk
         self._clock = clock
-        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests_again, self._zero)
+        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, self._zero)
         self._hands = Hands(cell, lambda text: self._ask(text)[0])
         self._transit = Transit(cell)
         self._second_stage = SecondStage(store, cell, campaign)
-        self._world: WorldFrame | None = None
+        self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: _Arrival | None = None
         self._reason = ""  # of the last answer
         self._last: int | None = None  # planned reading of a pose that was measured last
@@ -100,9 +98,7 @@ class Sequencer:
         self._look_at_the_calendar()
         self._meet()
         self._warm_up()
-        # Also when only some of them were measured: three nests seen from two stations would make no frame.
-        self._store.measure_nests_again("resumed: does the instrument still stand where it stood?")
-        self._measure_nests()
+        self._measure_nests("resumed: does the instrument still stand where it stood?")
         # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
         while left := self._store.left("pose", "planned"):
             self._next(left[0], last=False)
@@ -116,50 +112,16 @@ class Sequencer:
         """Robot and instrument answer, and are free to be used."""
         self._insist(self._rig.meet)
 
+    def _measure_nests(self, reason: str) -> None:
+        self._arrival = None
+        self._nests.measure(reason)
+
     def _warm_up(self) -> None:
         """Again in every execution: a cell that is resumed next morning has cooled down."""
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
             self._store.tell("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
             self._control.wait(self._campaign.warm_up_s)
-
-    def _measure_nests(self) -> None:
-        if self._cell.instrument.measures_lengths:
-            return  # its balls are the world
-        while self._world is None:
-            while left := self._store.left("nest", "planned"):
-                self._try(left[0], last=True)
-            try:
-                self._world = self._settled_world()
-            except NestsDisagree as error:
-                self._store.measure_nests_again(error.message)
-                self._consult(error)
-
-    def _measure_nests_again(self, reason: str) -> None:
-        """In mid-campaign, for a gate."""
-        self._store.measure_nests_again(reason)
-        self._world = self._arrival = None
-        self._measure_nests()
-
-    def _settled_world(self) -> WorldFrame:
-        """The frame of the record while the nests have not moved; else, or the first time, theirs."""
-        nests = self._store.nests_mm()
-        found = world_frame.from_nests(nests, self._cell.nests)
-        kept = self._store.world
-        if kept is not None:
-            change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
-            if not change.moved:
-                return kept
-            self._store.tell("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
-        self._store.set_world(found, nests, moved=kept is not None)
-        return found
-
-    def _nests_of(self, world: WorldFrame) -> Mapping[str, Sequence[float]]:
-        """As they were measured; for a record of version 1, where they ought to have been."""
-        nominal = {
-            name: tuple(world.to_tracker(self._cell.nests[name])) for name in list(self._cell.nests)[:3]
-        }
-        return self._store.world_nests_mm or nominal
 
     # -- one reading --------------------------------------------------------------------------------------
 
@@ -269,22 +231,22 @@ class Sequencer:
         except AcquisitionError as error:
             self._attempts.failed(attempt, error)
             raise
-        self._attempts.measured(attempt, planned, reading, self._world)
+        self._attempts.measured(attempt, planned, reading, self._nests.world)
         if planned.visit.kind == "pose":
             self._last = planned.id
             point = None
-            if self._world is not None and isinstance(reading, PointReading):
-                point = self._world.to_world(reading.xyz_mm).tolist()
+            if self._nests.world is not None and isinstance(reading, PointReading):
+                point = self._nests.world.to_world(reading.xyz_mm).tolist()
             self._gates.measured(planned, point)
 
     def _point(self, planned: Planned) -> PointReading:
         """Raises Misplaced and WronglySeated for what cannot be the target."""
-        if self._world is None or planned.visit.kind == "nest":
+        if self._nests.world is None or planned.visit.kind == "nest":
             return self._rig.measure(planned.target, self._campaign.samples, None)
         expected = Expectation(self._cell, planned)
-        near = tuple(float(x) for x in self._world.to_tracker(expected.world_mm))
+        near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
-        expected.refuse_another(reading, self._world.to_world(reading.xyz_mm))
+        expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
         return reading
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
@@ -359,7 +321,7 @@ class Sequencer:
     def _ask(self, text: str) -> tuple[Answer, str]:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
-        self._rig.doubt_place()
+        self._rig.may_have_moved()
         answer, reason = self._desk.ask(text, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()

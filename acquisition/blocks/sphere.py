@@ -23,10 +23,10 @@ from calib.errors import DataError
 from calib.kinematics import Array, forward
 from calib.units import DEG
 from drivers.errors import ConfigError
+from drivers.qc20w import STROKE_MM
 
 RADIUS_MM, COUNT = 300.0, 100
 SETTLE_S = 2.0
-STROKE_MM = 1.0  # of a ballbar, to either side
 KEYS = ("centre_deg", "radius_mm", "count", "above_deg", "base")
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 _MOST = 20  # points tried for each that is wanted
