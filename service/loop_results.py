@@ -19,8 +19,8 @@ from service.worker import MODEL, REPORT, RESULT
 TARGETS = "targets.csv"
 
 
-def write(result: LoopResult, folder: Path, *, simulated: bool) -> None:
-    """Write them; the result comes last, so that with it everything is there. Raises OSError."""
+def write(result: LoopResult, folder: Path, *, simulated: bool, name: str = RESULT) -> dict[str, Any]:
+    """Write them, the result as `name` and last, so that with it everything is there. Returns it. Raises OSError."""
     from service.report import diagnosis_report  # drawing takes long to import
 
     document = document_of(result, simulated=simulated)
@@ -37,7 +37,8 @@ def write(result: LoopResult, folder: Path, *, simulated: bool) -> None:
             followed_up=result.followed_up,
         ),
     )
-    replace_file(folder / RESULT, as_json(document))
+    replace_file(folder / name, as_json(document))
+    return document
 
 
 def document_of(result: LoopResult, *, simulated: bool) -> dict[str, Any]:

@@ -26,8 +26,7 @@ from calib.dataset import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.errors import DataError
 from calib.files import replace_file
-from calib.model_file import save_model
-from service import documents, exit_codes, tables, wording
+from service import documents, exit_codes, loop_results, tables, wording
 from service.commands import options
 from service.commands.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
@@ -138,33 +137,9 @@ def _on_the_cell(
 
 
 def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
-    # drawing is not needed for the numbers, and takes long to import
-    from service.report import diagnosis_report, verification
-
-    diagnosis = result.diagnosis
-    document = documents.of_diagnosis(diagnosis) | {
-        "simulated": True,
-        "verification": verification.document_of(result.verification),
-    }
-    if result.followed_up is not None:
-        document["followed_up"] = documents.of_middle_step(result.followed_up)
-    write_json(document, str(out / "diagnosis.json"))
-    replace_file(out / "predictions.csv", predictions_csv(diagnosis))
-    replace_file(out / "targets.csv", rehearsal.targets_csv(result.targets))
-    if diagnosis.final.converged:
-        save_model(out / "model.json", diagnosis.final, diagnosis)
+    replace_file(out / "predictions.csv", predictions_csv(result.diagnosis))
     terminal.say("drawing the report")
-    replace_file(
-        out / "report.html",
-        diagnosis_report(
-            diagnosis,
-            document,
-            simulated=True,
-            verified=result.verification,
-            followed_up=result.followed_up,
-        ),
-    )
-    return document
+    return loop_results.write(result, out, simulated=True, name="diagnosis.json")
 
 
 def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
