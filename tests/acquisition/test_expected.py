@@ -13,7 +13,7 @@ from acquisition.store import Event
 from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
 from drivers.interfaces import Answer, Identity, JointReading, Prompt
 from tests.acquisition.fakes import FakeArm, SeatingOperator
-from tests.acquisition.test_sequencer import Stage
+from tests.acquisition.stage import Stage
 
 WARM_UP_S = 3600.0
 

@@ -13,7 +13,7 @@ from acquisition.clock import ScaledClock
 from acquisition.control import Control, Pausing, Stopping
 from acquisition.interrupt import pausing_on_interrupt
 from tests.acquisition.fakes import JumpingClock
-from tests.acquisition.test_sequencer import ALL, Stage
+from tests.acquisition.stage import ALL, Stage
 from tests.drivers.waiting import until
 
 

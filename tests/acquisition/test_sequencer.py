@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from acquisition.database import FILE
-from acquisition.errors import NestsDisagree, NotResumed
-from acquisition.run import Outcome, Run
+from acquisition.errors import NotResumed
 from acquisition.store import Event
 from drivers.errors import (
     AcquisitionError,
@@ -29,41 +27,11 @@ from drivers.errors import (
 from drivers.interfaces import Answer
 from drivers.operator import RemoteOperator, TerminalOperator, UnknownPrompt
 from tests.acquisition.fakes import (
-    Bench,
     FakeArm,
-    JumpingClock,
-    SeatingOperator,
-    a_campaign,
-    a_cell,
     devices_of,
 )
+from tests.acquisition.stage import ALL, CONNECT, NESTS, Stage
 from tests.drivers.waiting import in_thread, until
-
-
-class Stage:
-    """A run on fakes."""
-
-    def __init__(self, folder: Path, *, cell: dict[str, Any] | None = None, **campaign: Any) -> None:
-        self.folder = folder
-        self.bench = Bench(a_cell(**(cell or {})))
-        self.run = Run.create(folder, self.bench.cell, a_campaign(**campaign), simulated=True)
-        self.operator: Any = SeatingOperator(self.bench)
-        self.clock = JumpingClock()
-        self.can_stop = True
-
-    def execute(self, on_event: Callable[[Event], None] | None = None) -> Outcome:
-        devices = devices_of(self.bench, self.operator, can_stop=self.can_stop)
-        return self.run.execute(devices, self.clock, on_event)
-
-    def fail(self, call: int, error: AcquisitionError) -> None:
-        def fault() -> None:
-            raise error
-
-        self.bench.faults[call] = fault
-
-    def attempts(self) -> list[tuple[str, str, int]]:
-        rows = self.run._store.database.query("SELECT kind, status, visit FROM attempt ORDER BY id")
-        return [(row[0], row[1], row[2]) for row in rows]
 
 
 @pytest.fixture
@@ -71,12 +39,6 @@ def stage(tmp_path: Path) -> Iterator[Stage]:
     made = Stage(tmp_path)
     with closing(made.run):
         yield made
-
-
-CONNECT = ["connect arm", "connect meter", "arm arm", "arm meter"]  # both are met before one is armed
-NESTS = ["measure N1", "measure N2", "measure N3"]
-TWO = ["move", "move", "measure T1", "measure T2"]
-ALL = [*CONNECT, *NESTS, *TWO, *TWO, "move", "move", "measure T3"]
 
 
 def test_the_order_of_a_campaign(stage: Stage) -> None:
@@ -359,45 +321,6 @@ def test_orders_end_a_prompt(tmp_path: Path, order: str, state: str) -> None:
     stage.run.close()
 
 
-# -- nests ------------------------------------------------------------------------------------------------
-
-
-def test_wrong_nest_is_asked_about_and_measured_again(stage: Stage) -> None:
-    stage.bench.shift_mm = {"N2": 3.0}
-
-    class Tidy(SeatingOperator):
-        def ask(self, prompt: Any) -> Answer:
-            self.bench.shift_mm = {}
-            return super().ask(prompt)
-
-    stage.operator = Tidy(stage.bench)
-    assert stage.execute().state.value == "succeeded"
-    assert "N1 and N2 are 603.00 mm apart" in stage.operator.asked[0]
-    assert stage.bench.log[4:10] == NESTS * 2
-
-
-def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
-    stage.bench.shift_mm = {"N2": 3.0}
-    stage.operator.answers = [Answer.ABORT]
-    assert stage.execute().state.value == "stopped"
-    assert "move" not in stage.bench.log
-    assert NestsDisagree.exit_code == 1
-
-
-def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
-    stage.bench.faults[10] = stage.run.pause
-    stage.execute()
-    before = stage.run._store.world
-    stage.run.resume()
-    stage.bench.tracker.origin[:] += [40.0, -30.0, 5.0]
-    assert stage.execute().state.value == "succeeded"
-    after = stage.run._store.world
-    assert before is not None
-    assert after is not None
-    assert after.origin - before.origin == pytest.approx([40.0, -30.0, 5.0], abs=1e-6)
-    assert "instrument_moved" in [event.kind for event in stage.run.events()]
-
-
 def test_a_fault_of_the_program_leaves_the_run_paused_and_the_robot_disarmed(stage: Stage) -> None:
     def bug() -> None:
         raise ZeroDivisionError
@@ -504,42 +427,3 @@ def test_where_the_robot_stands_is_read_back_before_it_moves(stage: Stage) -> No
     ]
     assert met[0] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     assert len(met) == 2  # and again after the link was lost
-
-
-def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:
-    stage.bench.faults[10] = stage.run.pause
-    stage.execute()
-    before = stage.run._store.world
-    stage.run.resume()
-    stage.bench.tracker.origin[:] += [0.02, -0.02, 0.01]
-    outcome = stage.execute()
-    after = stage.run._store.world
-    assert (outcome.state.value, outcome.reason) == ("succeeded", "")
-    assert before is not None
-    assert after is not None
-    assert after.as_json() == before.as_json()
-
-
-def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
-    """0.15 mm: five times the noise of a nest, and less than the 0.2 mm that were once let pass."""
-    stage.bench.faults[10] = stage.run.pause
-    stage.execute()
-    stage.run.resume()
-    stage.bench.tracker.origin[:] += [0.15, 0.0, 0.0]
-    outcome = stage.execute()
-    assert outcome.reason == "The instrument was moved: its readings come from 2 stations."
-    (moved,) = [event for event in stage.run.events() if event.kind == "instrument_moved"]
-    assert moved.data["nests_off_mm"] == pytest.approx(0.15, abs=1e-6)
-
-
-def test_nests_are_all_seen_from_one_station(stage: Stage) -> None:
-    """Paused after the first nest; the tracker is pushed by less than the distances between nests would tell."""
-    stage.bench.faults[5] = stage.run.pause
-    assert stage.execute().state.value == "paused"
-    stage.bench.tracker.origin[:] += [0.6, 0.6, 0.0]
-    stage.run.resume()
-    assert stage.execute().state.value == "succeeded"
-    assert stage.bench.log[5:12] == [*CONNECT, *NESTS]
-    world = stage.run._store.world
-    assert world is not None
-    assert world.origin == pytest.approx(stage.bench.tracker.origin, abs=1e-9)

@@ -17,9 +17,9 @@ from acquisition.store import Event
 from acquisition.transit import Transit, clear_ways, home_of, may_visit
 from acquisition.workspace import may_stand, points_of_arm
 from drivers.errors import ConfigError
-from drivers.interfaces import Answer
+from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import SeatingOperator, a_campaign, a_cell
-from tests.acquisition.test_sequencer import Stage
+from tests.acquisition.stage import Stage
 
 CELL = a_cell()
 LEFT, RIGHT = (-70.0, 20.0, 0.0, 0.0, 30.0, 0.0), (70.0, 20.0, 0.0, 0.0, 30.0, 0.0)  # to either side
@@ -145,9 +145,9 @@ def test_a_robot_with_no_way_out_is_jogged_by_a_person(tmp_path: Path) -> None:
     stage = Stage(tmp_path)
 
     class Jogging(SeatingOperator):
-        def ask(self, prompt: object) -> Answer:
+        def ask(self, prompt: Prompt) -> Answer:
             stage.bench.where = (0.0,) * 6
-            return super().ask(prompt)  # type: ignore[arg-type]
+            return super().ask(prompt)
 
     stage.bench.where = buried()
     stage.operator = Jogging(stage.bench)

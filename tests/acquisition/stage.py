@@ -1,0 +1,53 @@
+"""A run on fakes: what the tests of the sequencer set up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from acquisition.run import Outcome, Run
+from acquisition.store import Event
+from drivers.errors import (
+    AcquisitionError,
+)
+from tests.acquisition.fakes import (
+    Bench,
+    JumpingClock,
+    SeatingOperator,
+    a_campaign,
+    a_cell,
+    devices_of,
+)
+
+
+class Stage:
+    """A run on fakes."""
+
+    def __init__(self, folder: Path, *, cell: dict[str, Any] | None = None, **campaign: Any) -> None:
+        self.folder = folder
+        self.bench = Bench(a_cell(**(cell or {})))
+        self.run = Run.create(folder, self.bench.cell, a_campaign(**campaign), simulated=True)
+        self.operator: Any = SeatingOperator(self.bench)
+        self.clock = JumpingClock()
+        self.can_stop = True
+
+    def execute(self, on_event: Callable[[Event], None] | None = None) -> Outcome:
+        devices = devices_of(self.bench, self.operator, can_stop=self.can_stop)
+        return self.run.execute(devices, self.clock, on_event)
+
+    def fail(self, call: int, error: AcquisitionError) -> None:
+        def fault() -> None:
+            raise error
+
+        self.bench.faults[call] = fault
+
+    def attempts(self) -> list[tuple[str, str, int]]:
+        rows = self.run._store.database.query("SELECT kind, status, visit FROM attempt ORDER BY id")
+        return [(row[0], row[1], row[2]) for row in rows]
+
+
+CONNECT = ["connect arm", "connect meter", "arm arm", "arm meter"]  # both are met before one is armed
+NESTS = ["measure N1", "measure N2", "measure N3"]
+TWO = ["move", "move", "measure T1", "measure T2"]
+ALL = [*CONNECT, *NESTS, *TWO, *TWO, "move", "move", "measure T3"]

@@ -1,0 +1,99 @@
+"""Nests that disagree, that have moved, that noise alone moves: what becomes of the world frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.errors import NestsDisagree
+from drivers.interfaces import Answer
+from tests.acquisition.fakes import (
+    SeatingOperator,
+)
+from tests.acquisition.stage import CONNECT, NESTS, Stage
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    made = Stage(tmp_path)
+    with closing(made.run):
+        yield made
+
+
+def test_wrong_nest_is_asked_about_and_measured_again(stage: Stage) -> None:
+    stage.bench.shift_mm = {"N2": 3.0}
+
+    class Tidy(SeatingOperator):
+        def ask(self, prompt: Any) -> Answer:
+            self.bench.shift_mm = {}
+            return super().ask(prompt)
+
+    stage.operator = Tidy(stage.bench)
+    assert stage.execute().state.value == "succeeded"
+    assert "N1 and N2 are 603.00 mm apart" in stage.operator.asked[0]
+    assert stage.bench.log[4:10] == NESTS * 2
+
+
+def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
+    stage.bench.shift_mm = {"N2": 3.0}
+    stage.operator.answers = [Answer.ABORT]
+    assert stage.execute().state.value == "stopped"
+    assert "move" not in stage.bench.log
+    assert NestsDisagree.exit_code == 1
+
+
+def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    before = stage.run._store.world
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [40.0, -30.0, 5.0]
+    assert stage.execute().state.value == "succeeded"
+    after = stage.run._store.world
+    assert before is not None
+    assert after is not None
+    assert after.origin - before.origin == pytest.approx([40.0, -30.0, 5.0], abs=1e-6)
+    assert "instrument_moved" in [event.kind for event in stage.run.events()]
+
+
+def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    before = stage.run._store.world
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [0.02, -0.02, 0.01]
+    outcome = stage.execute()
+    after = stage.run._store.world
+    assert (outcome.state.value, outcome.reason) == ("succeeded", "")
+    assert before is not None
+    assert after is not None
+    assert after.as_json() == before.as_json()
+
+
+def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
+    """0.15 mm: five times the noise of a nest, and less than the 0.2 mm that were once let pass."""
+    stage.bench.faults[10] = stage.run.pause
+    stage.execute()
+    stage.run.resume()
+    stage.bench.tracker.origin[:] += [0.15, 0.0, 0.0]
+    outcome = stage.execute()
+    assert outcome.reason == "The instrument was moved: its readings come from 2 stations."
+    (moved,) = [event for event in stage.run.events() if event.kind == "instrument_moved"]
+    assert moved.data["nests_off_mm"] == pytest.approx(0.15, abs=1e-6)
+
+
+def test_nests_are_all_seen_from_one_station(stage: Stage) -> None:
+    """Paused after the first nest; the tracker is pushed by less than the distances between nests would tell."""
+    stage.bench.faults[5] = stage.run.pause
+    assert stage.execute().state.value == "paused"
+    stage.bench.tracker.origin[:] += [0.6, 0.6, 0.0]
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+    assert stage.bench.log[5:12] == [*CONNECT, *NESTS]
+    world = stage.run._store.world
+    assert world is not None
+    assert world.origin == pytest.approx(stage.bench.tracker.origin, abs=1e-9)

@@ -1,0 +1,110 @@
+"""Every driver before its own simulator, with deadlines that a test can wait for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from drivers import (
+    AbbArm,
+    AbbDeadlines,
+    AbbSimpleArm,
+    AcquisitionError,
+    CTrack,
+    EmsconDeadlines,
+    EmsconTracker,
+    FanucArm,
+    FanucDeadlines,
+    FaroTracker,
+    LeicaTracker,
+    MbpDeadlines,
+    Qc20w,
+    UrArm,
+    UrDeadlines,
+)
+from mocks.cell import CellThread, make_world
+from mocks.cell_file import CellFile
+from mocks.world import ArmState
+
+FAST = CellFile(time_scale=10_000.0, effects=("none",))
+STILL = ArmState((0.0,) * 6, (0.0,) * 6, (1,) * 6)
+BAR_MM = 300.0
+
+
+def balls() -> dict[str, tuple[float, ...]]:
+    """B1 lies 300 mm from T1 of the arm at rest, B2 too near for that bar."""
+    x, y, z = make_world(FAST).true_point(STILL, "T1")
+    return {"B1": (x, y, z - BAR_MM), "B2": (x, y, z - BAR_MM + 1.5), "B3": (x + 600.0, y, z)}
+
+
+BRIDGE: dict[str, Any] = {
+    "heartbeat_s": None,
+    "deadlines": MbpDeadlines(connect_s=1.0, reply_s=0.5, takeover_s=0.1),
+}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One driver before its own simulator."""
+
+    simulator: str
+    endpoint: str
+    make: Callable[[str], Any]
+    file: CellFile = FAST
+    stock: bool = False
+
+    def cell(self) -> CellThread:
+        return CellThread(self.file, stock=self.stock, devices=(self.simulator,))
+
+
+def abb_arm(url: str) -> AbbArm:
+    return AbbArm(
+        url, deadlines=AbbDeadlines(connect_s=1.0, ping_s=0.5, reply_s=0.5, stop_s=0.5, move_margin_s=0.5)
+    )
+
+
+def fanuc_arm(url: str) -> FanucArm:
+    return FanucArm(
+        url, deadlines=FanucDeadlines(connect_s=1.0, reply_s=0.5, still_s=0.3, move_margin_s=0.5, gap_s=0.001)
+    )
+
+
+def ur_arm(url: str) -> UrArm:
+    return UrArm(url, deadlines=UrDeadlines(connect_s=1.0, reply_s=0.5, start_s=0.5, move_margin_s=0.5))
+
+
+LRMATE, UR5 = replace(FAST, robot="fanuc-lrmate200ic"), replace(FAST, robot="ur5")
+BENCHES = {
+    "abb": Bench("abb", "abb", abb_arm),
+    "abb-stock": Bench("abb", "abb", abb_arm, stock=True),
+    "abb-simple": Bench("abb-simple", "abb-simple", AbbSimpleArm),
+    "fanuc": Bench("fanuc", "fanuc", fanuc_arm, LRMATE),
+    "fanuc-stock": Bench("fanuc", "fanuc", fanuc_arm, LRMATE, stock=True),
+    "fanuc-io": Bench("fanuc", "fanuc-modbus-io", lambda url: fanuc_arm(f"{url}?modbus=io"), LRMATE),
+    "fanuc-hmi": Bench("fanuc", "fanuc-modbus-hmi", lambda url: fanuc_arm(f"{url}?modbus=hmi"), LRMATE),
+    "ur": Bench("ur", "ur", ur_arm, UR5),
+    "faro": Bench("faro", "faro", lambda url: FaroTracker(url, **BRIDGE)),
+    "leica": Bench("leica", "leica", lambda url: LeicaTracker(url, **BRIDGE)),
+    "leica-30mm": Bench("leica", "leica", lambda url: LeicaTracker(url, reflector_mm=30.0, **BRIDGE)),
+    "emscon": Bench(
+        "emscon",
+        "emscon",
+        lambda url: EmsconTracker(url, deadlines=EmsconDeadlines(connect_s=1.0, reply_s=0.5, takeover_s=0.1)),
+    ),
+    "emscon-9in": Bench("emscon", "emscon", lambda url: EmsconTracker(url, reflector="CCR-9in")),
+    "ctrack": Bench("ctrack", "ctrack", lambda url: CTrack(url, **BRIDGE)),
+    "qc20w": Bench(
+        "qc20w",
+        "qc20w",
+        lambda url: Qc20w(url, nominal_mm=BAR_MM, **BRIDGE),
+        replace(FAST, nests=balls()),
+    ),
+}
+INSTRUMENTS = ("faro", "leica", "emscon", "ctrack", "qc20w")
+
+
+def sentence(error: AcquisitionError) -> bool:
+    """Begins and ends like one, and is long enough to say something."""
+    return re.fullmatch(r"[A-Z].{20,}\.", error.what_to_do) is not None
