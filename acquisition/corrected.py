@@ -17,7 +17,7 @@ from acquisition.campaign import FORMAT, Campaign, campaign_from
 from acquisition.cell import Cell, RobotSection
 from acquisition.plan import DECIMALS
 from acquisition.transit import may_visit
-from calib.compensate import Correction, StatedConditions, controller_angles, correct
+from calib.compensate import Correction, StatedConditions, correct
 from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
 from calib.kinematics import Array
@@ -44,7 +44,7 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
         limits=limits,
         coupling=robot.coupling,
     )
-    return replace(done, joints=controller_angles(robot.model, done.joints, robot.coupling))
+    return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
 
 
 def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:

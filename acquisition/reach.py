@@ -6,7 +6,6 @@ import numpy as np
 
 from acquisition.cell import Cell
 from acquisition.workspace import Array
-from calib.compensate import controller_angles
 from calib.inverse_kinematics import inverse_kinematics, nearest_turns
 from calib.units import DEG
 
@@ -21,6 +20,6 @@ def configurations(cell: Cell, flange: Array, seed_deg: Array | None = None) -> 
     low, high = np.array(cell.robot.limits_deg).T * DEG
     near = np.zeros(robot.joints) if seed_deg is None else np.asarray(seed_deg) * DEG
     # Whole turns are counted where the limits are: in the controller's angles.
-    counted = controller_angles(robot, inverse_kinematics(robot, flange).joints, coupling)
+    counted = robot.controller_angles(inverse_kinematics(robot, flange).joints, coupling)
     turned = nearest_turns(counted, near, low, high)
     return np.where(np.all(np.isfinite(turned), axis=2, keepdims=True), turned, np.nan) / DEG

@@ -25,7 +25,7 @@ from acquisition.plan import Visit
 from acquisition.store import Planned, Store
 from acquisition.transit import may_visit
 from acquisition.workspace import Array
-from calib.compensate import StatedConditions, controller_angles, correct
+from calib.compensate import StatedConditions, correct
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from calib.identification import Identification
@@ -110,7 +110,7 @@ class SecondStage:
             limits=np.array(robot.limits_deg) * DEG,
             coupling=robot.coupling,
         )
-        joints = controller_angles(robot.model, correction.joints, robot.coupling) / DEG
+        joints = robot.model.controller_angles(correction.joints, robot.coupling) / DEG
         approach = joints + np.array([np.subtract(v.approach_deg, v.joints_deg) for v in visits])
         known = np.all(np.isfinite(joints), axis=1)
         clear = may_visit(self._cell, np.nan_to_num(joints), np.nan_to_num(approach))

@@ -1,13 +1,16 @@
-"""What a fit would swallow and an engineer would not: a mirrored frame, a wrong unit, readings that stand twice.
+"""What a fit would swallow and an engineer would not: files that mean something else than they say, repeated readings.
 
-A left-handed frame or a wrong unit leaves the readings consistent among themselves, and the least squares distant by
-decimetres. Each is tried in turn: where the nominal robot then fits ten times better, the readings are refused by that
-name. `remarks` says what is no error but limits what the readings can tell.
+A left-handed frame, a wrong unit or a joint of the wrong sign leaves the readings consistent among themselves, and the
+least squares distant by decimetres. Each is tried in turn (`calib.hypotheses`): where the nominal robot then fits
+clearly better, the readings are refused by that name. `remarks` says what is no error but limits what the readings
+can show.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,100 +18,94 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.errors import DataError
+from calib.hypotheses import FEWEST, Meaning, explained, of_joints, of_points, of_robot, of_rows
 from calib.kinematics import Array, forward
-from calib.start import align, base_and_tool, base_target, tool_turn
+from calib.start import align, tool_turn
 from calib.units import DEG
 
 if TYPE_CHECKING:  # a data set is checked by this module as it is read
     from calib.dataset import Dataset
 
-_UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 _GOOD = (
     0.05  # miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
 )
 _BETTER = 0.1  # share of the miss that may be left when it is explained
 _NARROW = 20.0 * DEG
 _MIRROR = np.array([-1.0, 1.0, 1.0])
-_FEWEST = 8  # readings that can tell
+_ENOUGH = 300  # readings of a series that show what the files mean
+_MOST_RIVALS = 2
 
 
 def refuse_implausible(dataset: Dataset) -> None:
-    """Raise DataError where points are mirrored, points or lengths not in mm, or quaternions in another order."""
+    """Raise DataError where the files can only mean something else than they say, by the name of what they mean.
+
+    Points mirrored or in another unit, joints with another sign, order or zero, rows that slipped, another robot or
+    another reading of its file (`calib.hypotheses`), quaternions in another order.
+    """
     conditions = dataset.conditions
-    flange = forward(dataset.header.robot, conditions.joints)
-    targets = np.zeros((len(dataset), 3))
-    for s, series in enumerate(conditions.series_names):
-        known = dataset.header.targets_of(series)
-        of = np.array([known.get(name, (0.0, 0.0, 0.0)) for name in conditions.target_names])
-        targets[conditions.series == s] = of[conditions.target[conditions.series == s]]
-    nominal = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], targets)
+    controller = dataset.header.robot.controller_angles(conditions.joints, dataset.header.coupling)
     for s, series in enumerate(conditions.series_names):
         rows = dataset.fit_rows & (conditions.series == s)
-        pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
-        if pointed.sum() >= _FEWEST:
-            _refuse_points(dataset, series, flange[pointed], nominal[pointed], pointed)
+        tools = _tools(dataset, series)
+        for measured in (rows & dataset.pointed, rows & dataset.spanned & ~dataset.pointed):
+            if measured.sum() >= FEWEST:
+                _refuse_misread(dataset, series, controller, tools, measured)
         turned = rows & dataset.turned
-        if turned.sum() >= _FEWEST:
-            _refuse_turns(dataset, series, flange[turned], nominal[turned], turned)
-        if spanned.sum() >= _FEWEST:
-            _refuse_lengths(dataset, series, nominal[spanned], spanned)
+        if turned.sum() >= FEWEST:
+            flange = forward(dataset.header.robot, conditions.joints[turned])
+            arm = np.einsum("nij,nj->ni", flange[:, :3, :3], tools[conditions.target[turned]])
+            _refuse_turns(dataset, series, flange, flange[:, :3, 3] + arm, turned)
 
 
-def _refuse_points(
-    dataset: Dataset, series: str, flange: Array, nominal: Array, rows: NDArray[np.bool_]
-) -> None:
-    points, conditions = dataset.points[rows], dataset.conditions
-    rotation, translation = align(nominal, points, np.ones(len(points)))
-    miss = np.linalg.norm(points - nominal @ rotation.T - translation, axis=1)
-    extent = np.linalg.norm(np.std(nominal, axis=0))
-    if np.median(miss) < _GOOD * extent:
-        return
+def _tools(dataset: Dataset, series: str) -> Array:
+    """(T, 3) nominal tool targets of a series, mm, in the order of the data set's names."""
     known = dataset.header.targets_of(series)
-    tools = np.array([known.get(name, (0.0, 0.0, 0.0)) for name in conditions.target_names])
-
-    def left(measured: Array) -> float:
-        """Median miss with the tool as it may be, so that a wrong tool explains nothing."""
-        which = conditions.target[rows]
-        pose, found = base_and_tool(flange, tools, which, measured, tool_unknown=True)
-        there = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], found[which])
-        return float(np.median(np.linalg.norm(measured - there @ pose[:3, :3].T - pose[:3, 3], axis=1)))
-
-    limit = min(_BETTER * left(points), _GOOD * extent)
-    if left(points * _MIRROR) < limit:
-        raise DataError(
-            f"the measured frame of series '{series}' is left-handed: mirrored, its points fit the robot.",
-            do="Change the sign of one axis, or swap two columns, as the instrument's manual has it.",
-            file=dataset.path,
-            key="x_mm, y_mm, z_mm",
-        )
-    for unit, factor in _UNITS.items():
-        if left(points * factor) < limit:
-            raise _wrong_unit(dataset, "x_mm, y_mm, z_mm", series, unit, factor)
+    return np.array([known.get(name, (0.0, 0.0, 0.0)) for name in dataset.conditions.target_names])
 
 
-def _refuse_lengths(dataset: Dataset, series: str, nominal: Array, rows: NDArray[np.bool_]) -> None:
-    lengths, anchors = dataset.lengths[rows], dataset.conditions.anchor[rows]
-    zero_unknown = dataset.header.frees_length_zero
-
-    def left(factor: float) -> float:
-        """Median miss of the lengths from where they say that their base targets are; infinite where they cannot."""
-        miss = []
-        for a in np.unique(anchors):
-            of = anchors == a
-            if of.sum() < _FEWEST:
-                continue
-            place = base_target(nominal[of], factor * lengths[of], zero_unknown=zero_unknown)
-            if place is not None:
-                off = factor * lengths[of] - np.linalg.norm(nominal[of] - place, axis=1)
-                miss.append(np.abs(off - zero_unknown * np.median(off)))
-        return float(np.median(np.concatenate(miss))) if miss else np.inf
-
-    plain, extent = left(1.0), float(np.linalg.norm(np.std(nominal, axis=0)))
-    if plain < _GOOD * extent or not np.isfinite(plain):
+def _refuse_misread(
+    dataset: Dataset, series: str, controller: Array, tools: Array, measured: NDArray[np.bool_]
+) -> None:
+    header, conditions = dataset.header, dataset.conditions
+    pointed = bool(dataset.pointed[measured].any())
+    everything = Meaning(
+        header.robot,
+        header.coupling,
+        controller,
+        conditions.target,
+        dataset.points if pointed else None,
+        None if pointed else dataset.lengths,
+        None if pointed else conditions.anchor,
+    )
+    rows = np.flatnonzero(measured)
+    rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
+    meaning = replace(
+        everything,
+        angles=controller[rows],
+        which=conditions.target[rows],
+        points=dataset.points[rows] if pointed else None,
+        lengths=None if pointed else dataset.lengths[rows],
+        anchor=None if pointed else conditions.anchor[rows],
+    )
+    why = explained(
+        meaning,
+        lambda: chain(
+            of_points(meaning), of_joints(meaning), of_robot(meaning), of_rows(everything, rows, measured)
+        ),
+        tools,
+        tool_unknown="tool" in header.groups,
+        zero_unknown=header.frees_length_zero,
+    )
+    if why is None:
         return
-    for unit, factor in _UNITS.items():
-        if left(factor) < min(_BETTER * plain, _GOOD * extent):
-            raise _wrong_unit(dataset, "length_mm", series, unit, factor)
+    rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
+    raise DataError(
+        f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
+        f"read so by {why.left:.3g} mm.",
+        do=why.cause.do + rivals,
+        file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
+        key=why.cause.key,
+    )
 
 
 def _refuse_turns(
@@ -138,15 +135,6 @@ def _refuse_turns(
                 file=dataset.path,
                 key="rot_w..rot_z",
             )
-
-
-def _wrong_unit(dataset: Dataset, column: str, series: str, unit: str, factor: float) -> DataError:
-    return DataError(
-        f"the numbers of series '{series}' are {unit}, not millimetres: times {factor:g} they fit the robot.",
-        do=f"Multiply them by {factor:g}.",
-        file=dataset.path,
-        key=column,
-    )
 
 
 def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mapping[str, Array]) -> None:

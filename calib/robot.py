@@ -88,6 +88,16 @@ class Robot:
         joint_matrix = self.joint_matrices[coupling]
         return controller @ np.array(joint_matrix.matrix).T + np.array(joint_matrix.offset)
 
+    def controller_angles(self, model: NDArray[np.float64], coupling: str) -> NDArray[np.float64]:
+        """(..., N) model angles -> (..., N) controller angles, rad: the inverse of `model_angles`.
+
+        Raises KeyError for an unknown `coupling`.
+        """
+        if coupling == "none":
+            return model
+        joint_matrix = self.joint_matrices[coupling]
+        return (model - np.array(joint_matrix.offset)) @ np.linalg.inv(np.array(joint_matrix.matrix)).T
+
 
 def built_in_robots() -> list[str]:
     """Names of the robots that come with the program."""

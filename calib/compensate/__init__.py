@@ -3,7 +3,7 @@
 from calib.compensate.actual import nominal_of
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.carried import Carried, carried, constant_slots, joint_origins
-from calib.compensate.controller import controller_angles, model_sides
+from calib.compensate.controller import model_sides
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
 from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, nominal_poses
@@ -21,7 +21,6 @@ __all__ = [
     "carried",
     "conditions_at",
     "constant_slots",
-    "controller_angles",
     "correct",
     "correct_poses",
     "inverse_poses",

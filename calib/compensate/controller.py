@@ -1,7 +1,6 @@
-"""Between the model's joint angles and those the controller counts: model = M x controller + offset.
+"""Sides of approach of the model's joints, from those of the joints that the controller counts.
 
-Joint limits and the sides that a person states are the controller's; the kinematics and the effects take the
-model's.
+The sides that a person states are the controller's; the kinematics and the effects take the model's.
 """
 
 from __future__ import annotations
@@ -10,14 +9,6 @@ import numpy as np
 
 from calib.kinematics import Array
 from calib.robot import Robot
-
-
-def controller_angles(robot: Robot, joints: Array, coupling: str) -> Array:
-    """(..., N) model angles -> (..., N) controller angles, rad. Raises KeyError for an unknown `coupling`."""
-    if coupling == "none":
-        return joints
-    joint_matrix = robot.joint_matrices[coupling]
-    return (joints - np.array(joint_matrix.offset)) @ np.linalg.inv(np.array(joint_matrix.matrix)).T
 
 
 def model_sides(robot: Robot, sides: Array, coupling: str) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.compensate.calibrated import Calibrated
-from calib.compensate.controller import controller_angles
 from calib.compensate.correction import Correction, Status
 from calib.compensate.inverse import (
     branch_sign,
@@ -111,7 +110,7 @@ def refused(
 ) -> list[tuple[Status, NDArray[np.bool_]]]:
     """Which of the corrections `found` of `joints`, both (n, N), must not be driven, by reason."""
     unknown = ~np.all(np.isfinite(joints), axis=1)
-    counted = controller_angles(robot, found, coupling)
+    counted = robot.controller_angles(found, coupling)
     beyond = np.any((counted < limits[:, 0]) | (counted > limits[:, 1]), axis=1)
     moved = np.max(np.abs(found - joints), axis=1, initial=0.0)
     moved = np.where(np.isfinite(moved), moved, np.inf)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.compensate.controller import controller_angles
 from calib.compensate.correct import checked, correct, inverse_poses
 from calib.compensate.correction import Correction
 from calib.compensate.stated import StatedConditions
@@ -82,8 +81,8 @@ def stands_of(
     n = len(flange)
     near, limits = checked(robot, np.zeros((n, 6)) if seed is None else seed, limits)
     # Whole turns are counted where the limits are: in the controller's angles.
-    counted = controller_angles(robot, solutions.joints, coupling)
-    seeded = controller_angles(robot, near, coupling)[:, None, :]
+    counted = robot.controller_angles(solutions.joints, coupling)
+    seeded = robot.controller_angles(near, coupling)[:, None, :]
     turned = nearest_turns(counted, seeded, limits[:, 0], limits[:, 1])
     reached = np.all(np.isfinite(turned), axis=2)
     if branch is None:

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.compensate.controller import controller_angles
 from calib.compensate.stated import StatedConditions, conditions_at
 from calib.conditions import Conditions
 from calib.header import Header
@@ -170,8 +169,8 @@ def separating(
     chosen, total = choose(found, rivals, among, count)
     few = among.take(np.array(chosen))
     robot, coupling = found.model.robot, found.header.coupling
-    joints = controller_angles(robot, few.joints, coupling)
-    moves = joints - controller_angles(robot, few.previous, coupling)
+    joints = robot.controller_angles(few.joints, coupling)
+    moves = joints - robot.controller_angles(few.previous, coupling)
     return FollowUp(
         joints=joints,
         sides=np.sign(moves[:, 0]),

@@ -15,18 +15,15 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from calib.dataset import Dataset
 from calib.errors import DataError
 from calib.header import Vector
 from calib.kinematics import Array
 from calib.model import Design, RobotModel
-from calib.start import base_and_tool, tool_turn
+from calib.start import base_and_tool, settled, tool_turn
 
 FEWEST = 3
-_ROUNDS = 100
-_SETTLED = 1e-9  # mm, rad
 
 
 def frees_tool(model: RobotModel) -> bool:
@@ -73,7 +70,7 @@ def place(
         nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in names])
         which = conditions.target[here]
         pose, tool = base_and_tool(flange[here], nominal, which, dataset.points[here], tool_unknown=free)
-        pose, tool = _refined(flange[here], tool, which, dataset.points[here], pose, free=free)
+        pose, tool = settled(flange[here], tool, which, dataset.points[here], pose, tool_unknown=free)
         placements[name] = pose
         if free:
             found: dict[str, Vector] = {
@@ -97,40 +94,3 @@ def flange_poses(robot: RobotModel, estimate: Array, dataset: Dataset) -> Array:
     poses[:, :3, :3] = frames.rotation
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, len(conditions))).T
     return poses
-
-
-def _refined(
-    flange: Array, tool: Array, which: NDArray[np.int64], measured: Array, pose: Array, *, free: bool
-) -> tuple[Array, Array]:
-    """Least squares from a start: base pose (4, 4) and tool targets (T, 3)."""
-    rotation, shift = pose[:3, :3].copy(), pose[:3, 3].copy()
-    unknown = np.unique(which) if free else np.array([], dtype=np.int64)
-    for _ in range(_ROUNDS):
-        arm = (flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], tool[which])) @ rotation.T
-        left = measured - arm - shift
-        miss = np.linalg.norm(left, axis=1)
-        weight = np.sqrt(np.minimum(1.0, np.maximum(2.0 * np.median(miss), 1e-9) / np.maximum(miss, 1e-9)))
-        columns = np.zeros((len(arm), 3, 6 + 3 * len(unknown)))
-        columns[:, :, :3] = np.cross(np.eye(3), arm[:, None, :]).transpose(0, 2, 1)
-        columns[:, :, 3:6] = np.eye(3)
-        for k, target in enumerate(unknown):
-            of = which == target
-            columns[of, :, 6 + 3 * k : 9 + 3 * k] = rotation @ flange[of, :3, :3]
-        columns *= weight[:, None, None]
-        step = _step(columns.reshape(-1, columns.shape[2]), (left * weight[:, None]).ravel())
-        rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
-        shift = shift + step[3:6]
-        tool = tool.copy()
-        tool[unknown] += step[6:].reshape(-1, 3)
-        if np.abs(step).max() < _SETTLED:
-            break
-    placed = np.eye(4)
-    placed[:3, :3], placed[:3, 3] = rotation, shift
-    return placed, tool
-
-
-def _step(columns: Array, right: Array) -> Array:
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0.0] = 1.0
-    step, *_ = np.linalg.lstsq(columns / size, right, rcond=1e-10)
-    return step / size

@@ -19,7 +19,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from calib.compensate import Carried, constant_slots, controller_angles, joint_origins
+from calib.compensate import Carried, constant_slots, joint_origins
 from calib.errors import DataError
 from calib.kinematics import Array
 from calib.robot import Robot
@@ -196,8 +196,8 @@ def _mastering(export: Export) -> str:
     robot = export.robot
     offsets = np.array([export.carried.values.get(slot, 0.0) for slot in _theta_slots(robot)])
     # The offset of the joint matrix is no error: only its turns carry over.
-    zero = controller_angles(robot, np.zeros(robot.joints), export.coupling)
-    counted = controller_angles(robot, offsets, export.coupling) - zero
+    zero = robot.controller_angles(np.zeros(robot.joints), export.coupling)
+    counted = robot.controller_angles(offsets, export.coupling) - zero
     lines = ["joint,offset_deg,meaning"]
     lines += [
         f'{k},{value / DEG + 0.0:.6f},"true angle less the angle that the controller counts"'

@@ -14,7 +14,6 @@ import numpy as np
 
 from calib.compensate import (
     StatedConditions,
-    controller_angles,
     correct,
     nominal_of,
 )
@@ -80,7 +79,7 @@ def compensate(
     nominal = robot.model_angles(angles, coupling)
     door = nominal_of if inverse else correct
     done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling)
-    counted = controller_angles(robot, done.joints, coupling)
+    counted = robot.controller_angles(done.joints, coupling)
     flange = _flanges(robot, done.joints)
     driven: dict[int, Driven] = {}
     for i, target in enumerate(targets):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.compensate import controller_angles
 from calib.inverse_kinematics import BRANCHES, Reached, inverse_kinematics, nearest_turns
 from calib.kinematics import Array
 from calib.robot import Robot
@@ -26,7 +25,7 @@ def stands(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Arra
     if posed:
         flange = np.stack([t.flange for t in targets if t.flange is not None and not t.refused])
         solutions = inverse_kinematics(robot, flange)
-        counted = controller_angles(robot, solutions.joints, coupling)
+        counted = robot.controller_angles(solutions.joints, coupling)
         solved = {i: (counted[row], solutions.all_of(row)) for row, i in enumerate(posed)}
     lower, upper = np.array(robot.lower), np.array(robot.upper)
     before: Array | None = None

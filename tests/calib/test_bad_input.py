@@ -238,7 +238,7 @@ def times(factor: float) -> Change:
 FIT_CASES: dict[str, tuple[Change, str, str]] = {
     "fewer readings than parameters": (few(9), "set", "readings.*parameters"),
     "one target on the axis": (one_target, "tool_targets", "axis of the last joint.*second target"),
-    "left-handed frame": (mirrored, "x_mm", "'main' is left-handed.*sign of one axis"),
+    "left-handed frame": (mirrored, "x_mm", "left-handed.*'main'.*sign of one axis"),
     "two axes in each other's place": (swapped_axes, "x_mm", "left-handed.*swap two"),
     "left-handed frame, tool unknown": (mirrored_tool_unknown, "x_mm", "left-handed"),
     "metres": (times(0.001), "x_mm", "metres.*Multiply them by 1000"),

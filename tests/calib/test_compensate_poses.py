@@ -14,7 +14,6 @@ import pytest
 from calib.compensate import (
     StatedConditions,
     Status,
-    controller_angles,
     correct,
     correct_poses,
     model_sides,
@@ -134,7 +133,7 @@ def test_limits_are_judged_as_the_controller_counts() -> None:
     assert refused.status == (Status.BEYOND_LIMITS,)
     done = correct(model, estimate, joints, StatedConditions(), coupling="fanuc-j23")
     assert done.good.all()
-    np.testing.assert_allclose(controller_angles(robot, done.joints, "fanuc-j23"), counted, atol=0.01)
+    np.testing.assert_allclose(robot.controller_angles(done.joints, "fanuc-j23"), counted, atol=0.01)
     posed = correct_poses(
         model,
         estimate,

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from calib.dataset import Dataset, read_dataset
+from calib.errors import DataError
 from calib.identification import Identification
 from calib.identify import identify
 from calib.kinematics import Array, forward
@@ -158,17 +159,17 @@ class TestWithoutNoise:
                 row |= {names.format(k + 1): float(angle) for k, angle in enumerate(controller)}
         data = read_dataset(write_files(tmp_path / "1", rows, {**header, "joint_coupling": "fanuc-j23"}))
         assert worst(identify(data), data, true_points(campaign)) < 1e-6
-        plain = read_dataset(write_files(tmp_path / "2", rows, header))
-        assert worst(identify(plain), plain, true_points(campaign)) > 1.0
+        with pytest.raises(DataError, match='Set joint_coupling = "fanuc-j23"'):
+            read_dataset(write_files(tmp_path / "2", rows, header))
 
-    def test_a_wrong_convention_shows(self, tmp_path: Path) -> None:
+    def test_another_robots_name_is_refused(self, tmp_path: Path) -> None:
         """The same joints and points under another robot's name do not fit: nothing above passes by itself."""
         campaign = make_campaign(seed=5, n=80, n_validation=20, effects=[])
         rows, header = exact(campaign)
-        data = read_dataset(
-            write_files(tmp_path, rows, {**header, "robot": "fanuc-lrmate200ic", "world": "free"})
-        )
-        assert worst(identify(data), data, true_points(campaign)) > 1.0
+        with pytest.raises(DataError, match='Set robot = "abb-irb120"'):
+            read_dataset(
+                write_files(tmp_path, rows, {**header, "robot": "fanuc-lrmate200ic", "world": "free"})
+            )
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.compensate import StatedConditions, carried, constant_slots, controller_angles
+from calib.compensate import StatedConditions, carried, constant_slots
 from calib.effects.backlash import backlash
 from calib.effects.thermal_growth import thermal_growth
 from calib.errors import DataError
@@ -181,7 +181,7 @@ def test_offsets_for_mastering_are_the_controllers() -> None:
     offsets = np.radians([float(row["offset_deg"]) for row in rows])
     value = dict(zip((p.name for p in saved.model.parameters), saved.estimate, strict=True))
     wanted = np.array([value.get(f"theta{k}", 0.0) for k in range(1, 7)])
-    np.testing.assert_allclose(offsets, controller_angles(saved.model.robot, wanted, "fanuc-j23"), atol=1e-7)
+    np.testing.assert_allclose(offsets, saved.model.robot.controller_angles(wanted, "fanuc-j23"), atol=1e-7)
     assert "a3" in found.left_out
 
 

@@ -1,0 +1,85 @@
+"""Files that mean something else than they say are refused by the name of what they mean; odd ones are read."""
+
+from __future__ import annotations
+
+import copy
+import re
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from calib.errors import DataError
+from calib.kinematics import forward
+from calib.robot import load_robot
+from calib.start import base_and_tool
+from tests.benchmarks.coverage import BASE_TARGETS, RANGE
+from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal
+from tests.calib.cells import NOISE, POSE, Cell
+
+GOOD = {robot: files_of(robot, 1) for robot in ("abb-irb120", "ur10")}
+MISTAKES = {
+    f"{robot}, {what}": (robot, do, words, own)
+    for robot, good in GOOD.items()
+    for what, do, words, own in mistakes(good[2])
+    if own or robot == "abb-irb120"
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_named_with_what_mends_it(mistake: str, tmp_path: Path) -> None:
+    robot, do, words, own = MISTAKES[mistake]
+    files = copy.deepcopy(GOOD[robot])
+    do(files)
+    text = refusal(tmp_path, files, own=own)
+    assert re.search(words, text), text
+    assert "np." not in text
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_good_files_are_read(own: bool, tmp_path: Path) -> None:
+    for files in GOOD.values():
+        assert refusal(tmp_path, files, own=own) == ""
+
+
+def test_another_robot_of_the_library_is_named(tmp_path: Path) -> None:
+    rows, header, table = GOOD["abb-irb120"]
+    text = refusal(tmp_path, (rows, header | {"robot": "ur5"}, table), own=False)
+    assert 'Set robot = "abb-irb120".' in text
+
+
+def test_odd_sets_are_read(tmp_path: Path) -> None:
+    for _, cell, header in islice(odd_sets(20), 20):
+        cell.dataset(tmp_path, **header)
+
+
+def test_a_joint_of_the_wrong_sign_shows_in_distances(tmp_path: Path) -> None:
+    cell = Cell(place=POSE)
+    cell.measure("l", 60 * len(BASE_TARGETS), noise=NOISE)
+    for row in cell.rows:
+        row["j3_deg"] = -row["j3_deg"]
+    with pytest.raises(DataError, match="sign of the column j3_deg"):
+        cell.dataset(tmp_path)
+
+
+def test_base_and_unknown_tool_end_where_least_squares_does() -> None:
+    """A tool as long as the arm, seen in a narrow range of postures: alignment and averaging in turn crawl there."""
+    rng = np.random.default_rng(5)
+    robot, tool = load_robot("abb-irb120"), np.array([40.0, -30.0, 600.0])
+    middle = RANGE.mean(axis=1)
+    flange = forward(robot, middle + 0.15 * (rng.uniform(RANGE[:, 0], RANGE[:, 1], (60, 6)) - middle))
+    there = flange[:, :3, 3] + flange[:, :3, :3] @ tool
+    measured = there @ POSE[:3, :3].T + POSE[:3, 3] + rng.normal(0.0, 0.3, (60, 3))
+
+    def left(x: np.ndarray) -> np.ndarray:
+        arm = flange[:, :3, 3] + flange[:, :3, :3] @ x[6:]
+        return (measured - arm @ Rotation.from_rotvec(x[:3]).as_matrix().T - x[3:6]).ravel()
+
+    true = np.r_[Rotation.from_matrix(POSE[:3, :3]).as_rotvec(), POSE[:3, 3], tool]
+    best = least_squares(left, true, loss="linear", x_scale=np.r_[np.ones(3), np.full(6, 100.0)])
+    pose, found = base_and_tool(flange, np.zeros((1, 3)), np.zeros(60, np.int64), measured, tool_unknown=True)
+    ours = left(np.r_[Rotation.from_matrix(pose[:3, :3]).as_rotvec(), pose[:3, 3], found[0]])
+    assert np.sqrt(np.mean(ours**2)) < 1.02 * np.sqrt(np.mean(best.fun**2))
