@@ -26,6 +26,7 @@ from calib.units import DEG
 
 _FEWEST_A_SERIES = 3
 _MOST_DEG = 1e5
+_BEYOND_DEG = 2.0  # by which a joint may exceed its limit: limits are set a little apart in many a controller
 SETS = ("calibration", "reference", "repeat", "validation")
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 
@@ -115,12 +116,12 @@ def read_dataset(path: Path | str) -> Dataset:
         seen: set[str] = set()
         for i, name in enumerate(reading_id):
             if name in seen:
-                raise table.refuse(i, "reading_id", f"{name!r} stands twice", "Give every reading its own id")
+                raise table.refuse(i, "reading_id", f"'{name}' stands twice", "Give every reading its own id")
             seen.add(name)
     sets = table.text("set", "calibration")
     for i, name in enumerate(sets):
         if name not in SETS:
-            raise table.refuse(i, "set", f"is {name!r}", f"Use {', '.join(SETS)}")
+            raise table.refuse(i, "set", f"is '{name}'", f"Use {', '.join(SETS)}")
     status = _status(table)
     points, orientation = _measured(table, status)
     series, target = _names(table, header)
@@ -171,6 +172,8 @@ def read_dataset(path: Path | str) -> Dataset:
     )
     _refuse_unfit(dataset, table)
     refuse_implausible(dataset)
+    if not header.beyond_limits:
+        _refuse_beyond_limits(dataset, table)
     return dataset
 
 
@@ -224,11 +227,26 @@ def _joints(table: Columns, header: Header) -> Array:
     return header.robot.model_angles(degrees * DEG, header.coupling)
 
 
+def _refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
+    """No robot goes there: a typing error, or another robot."""
+    robot, conditions = dataset.header.robot, dataset.conditions
+    angles = robot.controller_angles(conditions.joints, dataset.header.coupling) / DEG
+    lower, upper = np.array(robot.lower) / DEG, np.array(robot.upper) / DEG
+    beyond = (angles < lower - _BEYOND_DEG) | (angles > upper + _BEYOND_DEG)
+    for i, k in np.argwhere(beyond & dataset.usable[:, None])[:1]:
+        raise table.refuse(
+            int(i),
+            f"j{k + 1}_deg",
+            f"is {angles[i, k]:g}, and joint {k + 1} of {robot.name} goes from {lower[k]:g} to {upper[k]:g} deg",
+            "Correct it, or write beyond_limits = true in the header where the robot really went there",
+        )
+
+
 def _status(table: Columns) -> NDArray[np.str_]:
     status = np.array([cell.lower() if cell.lower() == "ok" else cell for cell in table.text("status")])
     for i, cell in enumerate(status):
         if cell not in ("", "ok") and not cell.startswith("rejected"):
-            raise table.refuse(i, "status", f"is {cell!r}", "Use ok, rejected:REASON, or leave it empty")
+            raise table.refuse(i, "status", f"is '{cell}'", "Use ok, rejected:REASON, or leave it empty")
     return status
 
 
@@ -243,7 +261,7 @@ def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDAr
             raise table.refuse(
                 i,
                 "base_target",
-                f"names {name!r}, which the header does not",
+                f"names '{name}', which the header does not",
                 f'Add it under [base_targets], with its position in the world or as {name} = "free"',
             )
         if abs(length) > FARTHEST_MM:
@@ -297,7 +315,7 @@ def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np
     series = table.text("series", "main")
     for i, name in enumerate(series):
         if header.series_targets and name not in header.series_targets and not header.targets:
-            raise table.refuse(i, "series", f"names {name!r}", "Add [series.NAME] to the header")
+            raise table.refuse(i, "series", f"names '{name}'", "Add [series.NAME] to the header")
     everything = set(header.targets).union(*(names for names in header.series_targets.values()))
     if not everything:
         raise DataError(
@@ -311,7 +329,7 @@ def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np
     for i, (name, of_series) in enumerate(zip(target, series, strict=True)):
         if name not in header.targets_of(of_series):
             what = (
-                f"names {name!r}, which the header does not"
+                f"names '{name}', which the header does not"
                 if name
                 else "is empty, and the header has several targets"
             )

@@ -6,6 +6,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -33,13 +34,15 @@ _KEYS = {
         "noise",
         "tool_targets",
     ),
-    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout"),
+    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits"),
 }
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
 _NOISE_KEYS = {
     *("kind", "sigma_mm", "station_mm", "range_mm", "range_ppm", "transverse_mm", "transverse_ppm"),
     *("rotation_mrad", "length_mm", "repeatability_deg"),
 }
+
+_NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
 
 Vector = tuple[float, float, float]
 World = Literal["free", "nominal"]
@@ -67,6 +70,7 @@ class Header:
     priors: Mapping[str, float] = field(
         default_factory=dict
     )  # parameter or group -> std in the parameter's unit
+    beyond_limits: bool = False  # whether joints may stand beyond the limits of the robot file
     unknown_keys: tuple[str, ...] = ()
 
     def knows_base_target(self, name: str) -> bool:
@@ -115,6 +119,12 @@ class _Table:
                 key, f"is {value!r}.", "Give a number, zero or above; the unit is in the key's name."
             )
         return float(value)
+
+    def flag(self, key: str) -> bool:
+        value = self.values.get(key, False)
+        if not isinstance(value, bool):
+            raise self.refuse(key, f"is {value!r}.", "Use true or false.")
+        return value
 
     def vector(self, key: str, default: Vector | None = None) -> Vector:
         value = self.values.get(key, default)
@@ -176,7 +186,8 @@ def read_header(path: Path) -> Header:
         **_base_targets(table),
         hold=_names(table.table("model"), "hold"),
         priors=_priors(table.table("model").table("priors")),
-        unknown_keys=tuple(_unknown(values)),
+        beyond_limits=table.flag("beyond_limits"),
+        unknown_keys=_unknown(table),
     )
 
 
@@ -225,16 +236,19 @@ def _priors(table: _Table) -> dict[str, float]:
     return priors
 
 
-def _unknown(values: Mapping[str, Any]) -> list[str]:
-    """Keys that mean nothing here, so that a misspelt one is told and not silently passed over."""
-    out = [key for key in values if key not in _KEYS]
-    for name, keys in (("model", _MODEL_KEYS), ("noise", _NOISE_KEYS)):
-        table = values.get(name)
-        if isinstance(table, dict):
-            out += [f"{name}.{key}" for key in table if key not in keys]
-    for name, table in values.get("series", {}).items():
-        out += [f"series.{name}.{key}" for key in table if key != "tool_targets"]
-    return out
+def _unknown(table: _Table) -> tuple[str, ...]:
+    """Keys that mean nothing here. Raises DataError for one that is hardly other than a key that does."""
+    places = [(table, _KEYS), (table.table("model"), _MODEL_KEYS), (table.table("noise"), _NOISE_KEYS)]
+    series = table.table("series")
+    places += [(series.table(name), {"tool_targets"}) for name in series.values]
+    out = []
+    for place, known in places:
+        for key in place.values:
+            if key not in known:
+                if near := get_close_matches(key, known, n=1, cutoff=_NEAR):
+                    raise place.refuse(key, "is not known.", f"Did you mean '{near[0]}'? Correct it.")
+                out.append(place.prefix + key)
+    return tuple(out)
 
 
 def _groups(table: _Table) -> tuple[str, ...]:

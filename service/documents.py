@@ -171,6 +171,7 @@ def _carried(carried: CarryOver) -> dict[str, Any]:
         "error_base_mm": _errors(carried.base),
         "error_frozen_mm": _errors(carried.frozen),
         "error_refitted_mm": _errors(carried.refitted),
+        "finding": carried.finding,
     }
 
 

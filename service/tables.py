@@ -63,6 +63,7 @@ def diagnosis(
             },
             f"carried over to {carried.name}, another series",
         )
+        yield Text(carried.finding)
     if patched is not None:
         yield patch(patched)
     yield warnings(

@@ -36,6 +36,20 @@ class CarryOver:
     frozen: ErrorStatistics | None
     refitted: ErrorStatistics | None
 
+    @property
+    def finding(self) -> str:
+        """What carries over, in a sentence; empty where the other set has no validation rows."""
+        if self.base is None or self.frozen is None or self.refitted is None:
+            return ""
+        frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
+        if frozen <= 0.0:
+            said = f"Frozen as found, the effects do not carry over: they raise the error by {-frozen:.0%}."
+        else:
+            said = f"Frozen as found, the effects take {frozen:.0%} of the base model's error away."
+        if refitted <= 0.0:
+            return f"{said} Fitted anew, their amplitudes do not help either."
+        return f"{said} With their amplitudes fitted anew they take {refitted:.0%} away."
+
 
 def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
     """Judge the effects of `diagnosis` on another data set. Raises DataError when it is of another robot."""

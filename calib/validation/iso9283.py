@@ -9,6 +9,9 @@ Positions x_j of n visits, barycentre x-, command c; l_j = |x_j - x-|, s with n 
     vAP_p = max |x-_h - x-_k|              multi-directional variation: poses approached from several directions
     vAP_k = max |a-_hk - a-_lk|            the same of the orientation
 
+Repeatability is that of visits from one direction; where a pose was visited from several, each with two visits or
+more, the worst of them stands. Distances count visits from the direction from which either pose was visited most.
+
 Angles are components of the rotation vector from the command, which for small angles are those about the axes of
 the world. The command is where a model expects the tool target for the commanded joint angles. The standard asks for
 30 visits of five poses on a plane of its test cube, at rated load and speed; what was measured here is counted beside
@@ -31,7 +34,7 @@ VISITS_OF_THE_STANDARD = 30
 
 @dataclass(frozen=True)
 class PoseFigures:
-    """One commanded pose: lengths mm, angles rad. NaN where a single visit has no spread."""
+    """One commanded pose: lengths mm, angles rad. NaN where no direction has two visits, and so no spread."""
 
     reading: int  # row of the first visit
     visits: int
@@ -101,23 +104,33 @@ def figures_of_pose(
     visits, command = points[rows], commands[rows].mean(axis=0)
     turned = None if angles is None or not np.isfinite(angles[rows]).all() else angles[rows]
     _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
-    several = np.flatnonzero(np.bincount(direction) > 1)  # one visit alone is no barycentre
-    moved = turns = None
-    if len(several) > 1:
-        moved = variation(np.array([visits[direction == k].mean(axis=0) for k in several]))
+    ways = [
+        direction == k for k in np.flatnonzero(np.bincount(direction) > 1)
+    ]  # one visit alone has no spread
+    moved = turns = spread = None
+    if len(ways) > 1:
+        moved = variation(np.array([visits[way].mean(axis=0) for way in ways]))
         if turned is not None:
-            turns = tuple(np.ptp([turned[direction == k].mean(axis=0) for k in several], axis=0).tolist())
+            turns = tuple(np.ptp([turned[way].mean(axis=0) for way in ways], axis=0).tolist())
+    if turned is not None and ways:
+        spread = tuple((3.0 * np.max([turned[way].std(axis=0, ddof=1) for way in ways], axis=0)).tolist())
     return PoseFigures(
         reading=int(rows[0]),
         visits=len(rows),
         accuracy=pose_accuracy(visits, command),
-        repeatability=pose_repeatability(visits),
+        repeatability=max((pose_repeatability(visits[way]) for way in ways), default=math.nan),
         accuracy_angles=None if turned is None else tuple(turned.mean(axis=0).tolist()),
-        repeatability_angles=None if turned is None else tuple((3.0 * turned.std(axis=0, ddof=1)).tolist()),
+        repeatability_angles=spread,
         variation=moved,
         variation_angles=turns,
         directions=int(direction.max()) + 1,
     )
+
+
+def one_way(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
+    """Those of the visits `rows` that came from the direction from which most did; sides: (n, N)."""
+    _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
+    return rows[direction == np.bincount(direction).argmax()]
 
 
 def figures_between(

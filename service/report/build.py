@@ -77,7 +77,7 @@ def diagnosis_report(
         tables.append(
             _error_table(
                 f"Carried over to {carried.name}",
-                "another series of the same robot; its own validation readings",
+                f"another series of the same robot; its own validation readings. {carried.finding}",
                 {
                     "Its own base model": carried.base,
                     "Effects frozen as found here": carried.frozen,

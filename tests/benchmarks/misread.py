@@ -116,7 +116,7 @@ def mistakes(robot: dict[str, Any]) -> Iterator[tuple[str, Callable[[Files], Non
         words = f"Move the measured columns {abs(late)} rows? {'up' if late > 0 else 'down'}"
         yield f"points {late:+d} rows", _slipped(late), words, False
     for unit, factor in (("metres", 1e-3), ("inches", 1.0 / 25.4), ("micrometres", 1e3)):
-        yield f"points in {unit}", _points((factor,) * 3), unit, False
+        yield f"points in {unit}", _points((factor, factor, factor)), unit, False
     yield "points mirrored", _points((1.0, -1.0, 1.0)), "left-handed", False
     yield "robot file in radians", _links(_radians), "degrees", True
     yield "robot file in metres", _links(_metres), "by 1000", True

@@ -332,9 +332,6 @@ TOLD: dict[str, tuple[Change, str]] = {
     "series without readings": (
         head("series", {"nihgt": {"tool_targets": {"T1": [0.0, 0.0, 1.0]}}}), r"series 'nihgt' has no readings",
     ),
-    "misspelt key of a series": (
-        head("series", {"main": {"tool_target": {"T1": [0.0, 0.0, 1.0]}}}), r"'series.main.tool_target' is not known",
-    ),
 }  # fmt: skip
 
 

@@ -62,11 +62,25 @@ class TestHeader:
         with pytest.raises(DataError, match=f"(?s){words}"):
             identify(self.data(tmp_path, model=model))
 
-    def test_misspelt_keys_are_told(self, tmp_path: Path) -> None:
-        noise = {"kind": "isotropic", "sigma_mm": 0.03, "repeatability": 0.1}
-        result = identify(self.data(tmp_path, gravity=[0, 0, -9.81], noise=noise, model={"held": ["d3"]}))
-        for key in ("gravity", "noise.repeatability", "model.held"):
-            assert any(f"'{key}' is not known" in w for w in result.warnings), key
+    @pytest.mark.parametrize(
+        ("more", "words"),
+        [
+            ({"gravity": [0, 0, -9.81]}, "'gravity'.*mean 'gravity_base'"),
+            (
+                {"noise": {"kind": "isotropic", "sigma_mm": 0.03, "range_pm": 2.0}},
+                "'noise.range_pm'.*'range_ppm'",
+            ),
+            ({"model": {"held": ["d3"]}}, "'model.held'.*'hold'"),
+            ({"series": {"main": {"tool_target": {}}}}, "'series.main.tool_target'.*'tool_targets'"),
+        ],
+    )
+    def test_misspelt_keys_are_refused(self, more: dict[str, Any], words: str, tmp_path: Path) -> None:
+        with pytest.raises(DataError, match=f"(?s){words}"):
+            self.data(tmp_path, **more)
+
+    def test_a_key_that_is_like_no_other_is_noted(self, tmp_path: Path) -> None:
+        result = identify(self.data(tmp_path, weather="rain"))
+        assert any("'weather' is not known" in w for w in result.warnings)
 
     @pytest.mark.parametrize(
         "header",

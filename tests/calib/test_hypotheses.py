@@ -51,6 +51,16 @@ def test_another_robot_of_the_library_is_named(tmp_path: Path) -> None:
     assert 'Set robot = "abb-irb120".' in text
 
 
+def test_a_joint_far_beyond_its_limit_is_refused_unless_the_header_allows_it(tmp_path: Path) -> None:
+    rows, header, table = copy.deepcopy(GOOD["abb-irb120"])
+    rows[6]["j4_deg"] = 300.0
+    text = refusal(tmp_path, (rows, header, table), own=False)
+    assert re.search(r"line 8: column 'j4_deg' is 300, and joint 4 .* from -160 to 160 deg", text), text
+    assert refusal(tmp_path, (rows, header | {"beyond_limits": True}, table), own=False) == ""
+    rows[6]["status"] = "rejected:typing error"
+    assert refusal(tmp_path, (rows, header, table), own=False) == ""
+
+
 def test_odd_sets_are_read(tmp_path: Path) -> None:
     for _, cell, header in islice(odd_sets(20), 20):
         cell.dataset(tmp_path, **header)

@@ -157,7 +157,8 @@ class TestWithoutNoise:
                     np.linalg.solve(np.array(matrix.matrix), model - np.array(matrix.offset))
                 )
                 row |= {names.format(k + 1): float(angle) for k, angle in enumerate(controller)}
-        data = read_dataset(write_files(tmp_path / "1", rows, {**header, "joint_coupling": "fanuc-j23"}))
+        coupled = {**header, "joint_coupling": "fanuc-j23", "beyond_limits": True}
+        data = read_dataset(write_files(tmp_path / "1", rows, coupled))
         assert worst(identify(data), data, true_points(campaign)) < 1e-6
         with pytest.raises(DataError, match='Set joint_coupling = "fanuc-j23"'):
             read_dataset(write_files(tmp_path / "2", rows, header))

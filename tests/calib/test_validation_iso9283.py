@@ -12,6 +12,7 @@ from calib.validation.iso9283 import (
     distance_figures,
     figures_between,
     figures_of_pose,
+    one_way,
     pose_accuracy,
     pose_repeatability,
     repeated_poses,
@@ -62,8 +63,18 @@ def test_a_pose_from_two_directions() -> None:
     assert pose.variation == pytest.approx(12.0)
     assert pose.variation_angles == pytest.approx((0.0, 0.0, 2e-3))
     assert pose.accuracy_angles == pytest.approx((0.0, 0.0, 0.0))
-    # ten angles of +-1 mrad about zero: s^2 = 10/9 mrad^2
-    assert pose.repeatability_angles == pytest.approx((0.0, 0.0, 3e-3 * math.sqrt(10.0 / 9.0)))
+    # from either direction the visits scatter as OFFSETS do and the angles not at all: what lies between is vAP
+    assert pose.repeatability == pytest.approx(pose_repeatability(OFFSETS))
+    assert pose.repeatability_angles == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_one_visit_from_either_side_is_no_repeatability() -> None:
+    """A sweep forth and back: what differs is the direction of approach."""
+    sides = np.array([[1.0], [-1.0]])
+    pose = figures_of_pose(np.arange(2), OFFSETS[:2], np.zeros((2, 3)), np.zeros((2, 3)), sides)
+    assert math.isnan(pose.repeatability)
+    assert (pose.repeatability_angles, pose.variation) == (None, None)
+    np.testing.assert_array_equal(one_way(np.arange(3), np.array([[1.0], [-1.0], [-1.0]])), [1, 2])
 
 
 def test_one_direction_has_no_variation_and_missing_orientations_no_angles() -> None:
