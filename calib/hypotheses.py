@@ -125,14 +125,15 @@ def explained(
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss / max(extent, 1e-9)
 
-    any_tool = share(meaning, meaning.points is not None)
     for free in (False, True):
         if free < tool_unknown or (free and meaning.points is None):
             continue
-        plain = any_tool if free else share(meaning, False)
+        plain = share(meaning, free)
         if plain < _SMALL:
             return None
-        limit = min(plain / BETTER, _EXPLAINED) if free else min(plain / BETTER, _EXPLAINED, 2.0 * any_tool)
+        limit = min(plain / BETTER, _EXPLAINED)
+        if not free and meaning.points is not None:
+            limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
         shares = [(share(other.meaning, free), other) for other in others()]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
