@@ -198,6 +198,7 @@ def odd_sets(count: int) -> Iterator[tuple[str, Cell, dict[str, Any]]]:
         elif kind == 2:
             centre = rng.uniform(RANGE[:, 0], RANGE[:, 1])
             joints = centre + np.radians(rng.uniform(-1.0, 1.0, (n, 6)) * rng.uniform(1.0, 15.0))
+            joints = np.clip(joints, RANGE[:, 0], RANGE[:, 1])
             cell.measure("p", n, joints=joints, noise=NOISE, validation=0)
             yield "narrow workspace", cell, {}
         elif kind == 3:
