@@ -15,5 +15,11 @@ def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, esti
     distance to a base target differs by."""
     frames = Design(model, dataset.conditions.take(rows)).frames(estimate, ())
     points = np.linalg.norm(dataset.points[rows].T - frames.p, axis=0)
+    return np.where(dataset.pointed[rows], points, length_errors(dataset, rows, model, estimate))
+
+
+def length_errors(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Array:
+    """(k,) by how many mm the distances of the rows of a mask (n,) differ from measured; NaN where none was."""
+    frames = Design(model, dataset.conditions.take(rows)).frames(estimate, ())
     lengths = np.linalg.norm(frames.p - frames.anchor, axis=0) + frames.length_zero
-    return np.where(dataset.pointed[rows], points, np.abs(dataset.lengths[rows] - lengths))
+    return np.abs(dataset.lengths[rows] - lengths)

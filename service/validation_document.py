@@ -107,14 +107,18 @@ def _judgement(judgement: Judgement) -> dict[str, Any]:
     return {
         "model": judgement.name,
         "position_mm": summary_of(judgement.position),
+        "length_mm": summary_of(judgement.length),
         "orientation_mrad": summary_of(judgement.orientation, MRAD),
         "pairs_mm": {series: summary_of(summary) for series, summary in judgement.pairs.items()},
-        "groups": [_grouping(grouping) for grouping in judgement.groupings],
+        "groups": [
+            _grouping(grouping, "length_mm" if judgement.position is None else "position_mm")
+            for grouping in judgement.groupings
+        ],
     }
 
 
-def _grouping(grouping: Grouping) -> dict[str, Any]:
-    return {"by": grouping.title, "position_mm": {name: summary_of(found) for name, found in grouping.groups}}
+def _grouping(grouping: Grouping, of: str) -> dict[str, Any]:
+    return {"by": grouping.title, of: {name: summary_of(found) for name, found in grouping.groups}}
 
 
 def _pose(dataset: Dataset, pose: PoseFigures) -> dict[str, Any]:

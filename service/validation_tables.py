@@ -35,11 +35,17 @@ def _table(title: str, *columns: str, left: int = 1) -> Table:
 
 
 def judged(judgements: Sequence[Judgement], holdout: str | None) -> Iterator[RenderableType]:
-    """Positions, orientations, pairs and groups of every model. holdout: its kind; None: judged on all rows."""
-    table = _table("Position error, mm", "model", *_FIGURES)
-    for judgement in judgements:
-        table.add_row(judgement.name, *_cells(judgement.position))
-    yield table
+    """Positions, lengths, turns, pairs and groups of every model. holdout: its kind; None: judged on all rows."""
+    for title, found in (
+        ("Position error, mm", [(j.name, j.position) for j in judgements]),
+        ("Error of the measured distances, mm", [(j.name, j.length) for j in judgements]),
+    ):
+        table = _table(title, "model", *_FIGURES)
+        for name, summary in found:
+            if summary is not None:
+                table.add_row(name, *_cells(summary))
+        if table.row_count:
+            yield table
     how = "all measured rows" if holdout is None else f"validation rows; {wording.holdout_in_words(holdout)}"
     yield Text(f"Judged on {how}.", "dim")
     turned = [(j.name, j.orientation) for j in judgements if j.orientation is not None]
@@ -62,7 +68,8 @@ def judged(judgements: Sequence[Judgement], holdout: str | None) -> Iterator[Ren
 def _groups(judgements: Sequence[Judgement]) -> Table:
     names = ["nominal", *(j.name for j in judgements[1:])]
     heads = [f"{name}: {what}" for name in names for what in ("mean", "max")]
-    table = _table("Where the position error lives, mm", "by", "group", "n", *heads, left=2)
+    what = "length" if judgements[0].position is None else "position"
+    table = _table(f"Where the {what} error lives, mm", "by", "group", "n", *heads, left=2)
     for groupings in zip(*(j.groupings for j in judgements), strict=True):
         for k, (name, first) in enumerate(groupings[0].groups):
             figures = [x for g in groupings for x in (g.groups[k][1].mean, g.groups[k][1].max)]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.dataset import Dataset
 from calib.errors import DataError
+from calib.held_out import length_errors
 from calib.kinematics import Array
 from calib.model import Design, RobotModel
 from calib.model_file import SavedModel
@@ -36,14 +37,23 @@ Mask = NDArray[np.bool_]
 class Judgement:
     """One model on some readings. Lengths mm, angles rad; None where nothing was measured to judge by.
 
-    pairs: series -> distance errors over all pairs of its points; series have each their own frame.
+    length: of measured distances to base targets; pairs: series -> distance errors over all pairs of its points; series
+    have each their own frame. groupings: of positions, or of lengths where no point was measured.
     """
 
     name: str
-    position: Summary
+    position: Summary | None
+    length: Summary | None
     pairs: Mapping[str, Summary]
     orientation: Summary | None
     groupings: tuple[Grouping, ...]
+
+    @property
+    def error(self) -> Summary:
+        """Of positions, or of lengths where no point was measured."""
+        found = self.position or self.length
+        assert found is not None
+        return found
 
 
 def judge(
@@ -54,35 +64,56 @@ def judge(
     estimate: Array,
     reference: tuple[float, float, float] | None = None,
 ) -> Judgement:
-    """Judge a model on the points of some rows (mask), in the place where it stands.
+    """Judge a model on the points and distances of some rows (mask), in the place where it stands.
 
     reference: (x, y, z) mm in the world, from which the distance of every point is taken. Raises DataError when no
-    row has a point, or the model does not know a series or a tool target.
+    row was measured, or the model does not know a series, a tool target or a base target.
     """
-    rows = rows & dataset.pointed
-    refuse_unplaced(dataset, rows, model)
-    conditions, measured = dataset.conditions.take(rows), dataset.points[rows]
-    predicted, vectors = _compared(dataset, rows, model, estimate)
-    errors = distances(predicted, measured)
-    position = summarise(errors)
-    if position is None:
+    pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
+    refuse_unplaced(dataset, pointed | spanned, model)
+    _refuse_unknown_ends(dataset, spanned, model)
+    position, length, orientation = None, None, None
+    pairs: dict[str, Summary] = {}
+    parts: list[Grouping] = []
+    if pointed.any():
+        conditions, measured = dataset.conditions.take(pointed), dataset.points[pointed]
+        predicted, vectors = _compared(dataset, pointed, model, estimate)
+        errors = distances(predicted, measured)
+        position = summarise(errors)
+        parts = groupings(model.robot, conditions, errors)
+        if reference is not None:
+            parts.append(by_distance(measured, np.array(reference), errors))
+        for s in np.unique(conditions.series):
+            of = conditions.series == s
+            summary = pair_errors(measured[of], predicted[of])
+            if summary is not None:
+                pairs[conditions.series_names[s]] = summary
+        angles = np.linalg.norm(vectors, axis=1)
+        orientation = summarise(angles[np.isfinite(angles)])
+    if spanned.any():
+        errors = length_errors(dataset, spanned, model, estimate)
+        length = summarise(errors)
+        parts = parts or groupings(model.robot, dataset.conditions.take(spanned), errors)
+    if position is None and length is None:
         raise DataError(
-            "has no measured points to judge by.",
+            "has no measured points or distances to judge by.",
             do="Mark some measured rows set = validation, or judge on all rows with --all.",
             file=dataset.path,
             key="set",
         )
-    parts = groupings(model.robot, conditions, errors)
-    if reference is not None:
-        parts.append(by_distance(measured, np.array(reference), errors))
-    pairs = {}
-    for s in np.unique(conditions.series):
-        of = conditions.series == s
-        summary = pair_errors(measured[of], predicted[of])
-        if summary is not None:
-            pairs[conditions.series_names[s]] = summary
-    angles = np.linalg.norm(vectors, axis=1)
-    return Judgement(name, position, pairs, summarise(angles[np.isfinite(angles)]), tuple(parts))
+    return Judgement(name, position, length, pairs, orientation, tuple(parts))
+
+
+def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
+    """Raise DataError when a distance ends at a base target that the model does not know."""
+    for name in dataset.conditions.anchor_names if rows.any() else ():
+        if name not in model.anchors:
+            raise DataError(
+                f"has distances to the base target '{name}', of which the model does not know where it is.",
+                do="Judge a model that was identified from distances to it.",
+                file=dataset.path,
+                key="base_target",
+            )
 
 
 @dataclass(frozen=True)

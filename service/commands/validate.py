@@ -167,7 +167,7 @@ def _warnings(
         out.append("Rows to which the model was fitted are among those judged: flatters.")
     if second is not None and second.data_sha256 == saved.data_sha256:
         out.append("Both models come from the same readings; E_n supposes independent ones.")
-    nominal, judged = judgements[0].position, judgements[1].position
+    nominal, judged = judgements[0].error, judgements[1].error
     if not placed and judged.rms > nominal.rms:
         out.append(
             f"The model is worse than the nominal robot in its place ({judged.rms:.3f} against {nominal.rms:.3f} mm "

@@ -19,6 +19,7 @@ from calib.identify import identify
 from calib.kinematics import Array, forward
 from calib.model import Design
 from calib.model_file import SavedModel, load_model, save_model
+from calib.placing import base_model_of, place_nominal
 from calib.robot import load_robot
 from calib.statistics import distances
 from calib.validation import (
@@ -37,6 +38,7 @@ from calib.validation.holdout import without
 from calib.validation.orientation import rotation_vectors
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import dataset_of, exact, move_rows, with_points, write_files
+from tests.calib.cells import NOISE, Cell
 
 DEG = np.pi / 180.0
 POSE = np.eye(4)
@@ -113,6 +115,7 @@ class TestJudging:
         rows = dataset.validation_rows
         errors = distances(found.predict(dataset.conditions.take(rows)), dataset.points[rows])
         judged = judge("m", dataset, rows, found.model, found.estimate, (300.0, 0.0, 400.0))
+        assert judged.position is not None
         assert judged.position.n == 60
         assert judged.position.mean == pytest.approx(errors.mean())
         assert judged.position.max == pytest.approx(errors.max())
@@ -124,6 +127,23 @@ class TestJudging:
         for grouping in judged.groupings:
             assert sum(found.n for _, found in grouping.groups) == 60
             assert max(found.max for _, found in grouping.groups) == judged.position.max
+
+    def test_distances_are_judged_by_their_lengths(self, tmp_path: Path) -> None:
+        cell = Cell(place=POSE)
+        cell.measure("l", 160, noise=NOISE, validation=40)
+        dataset = cell.dataset(tmp_path)
+        found = identify(dataset)
+        judged = judge("m", dataset, dataset.validation_rows, found.model, found.estimate)
+        assert (judged.position, judged.orientation, judged.pairs) == (None, None, {})
+        assert judged.error is judged.length
+        assert judged.error.n == 40
+        assert judged.error.rms < 3.0 * NOISE["l"]
+        nominal = judge(
+            "n", dataset, dataset.validation_rows, *place_nominal(dataset, base_model_of(dataset))
+        )
+        assert nominal.error.rms > 10.0 * judged.error.rms
+        with pytest.raises(DataError, match="base target 'B1', of which"):
+            judge("m", dataset, dataset.usable, replace(found.model, anchors={}), found.estimate)
 
     def test_pairs_stay_within_a_series(self, night: Dataset) -> None:
         found = identify(night)
@@ -171,7 +191,7 @@ class TestJudging:
     ) -> None:
         dataset, found = day
         nothing = np.zeros(len(dataset), dtype=bool)
-        with pytest.raises(DataError, match="no measured points to judge by"):
+        with pytest.raises(DataError, match="no measured points or distances to judge by"):
             judge("m", dataset, nothing, found.model, found.estimate)
         with pytest.raises(DataError, match=r"series 'day'.*--place"):
             judge("m", night, night.usable, found.model, found.estimate)

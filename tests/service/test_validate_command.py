@@ -188,7 +188,7 @@ def test_no_validation_rows(cell: Path, tmp_path: Path, capsys: pytest.CaptureFi
     folder = copied(cell, tmp_path)
     edit_rows(folder / "data.csv", lambda rows: [row.update(set="calibration") for row in rows])
     words = (str(folder / "data.csv"), "--model", str(cell / "m.json"))
-    assert "no measured points to judge by" in refused(capsys, *words)
+    assert "no measured points or distances to judge by" in refused(capsys, *words)
     assert main(["validate", *words, "--all"]) == 0
 
 
