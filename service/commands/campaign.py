@@ -33,11 +33,18 @@ from service import documents, exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
+from service.private import note_if_others_read, owner_only
 from service.progress import Progress, terminal_operator
 from service.simulated_cell import simulated_cell
 from service.terminal import Terminal
 
 app = typer.Typer(help="Measure with a robot and an instrument; the record survives everything.")
+
+
+@app.callback()
+def _every_command(context: typer.Context) -> None:
+    context.with_resource(owner_only())
+
 
 Simulate = Annotated[
     bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
@@ -67,6 +74,7 @@ def run_command(
         raise
     except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
         raise type(error)(f"{campaign}: {error.message}", what_to_do=error.what_to_do) from error
+    note_if_others_read(record)
     with run:
         _execute(run, record, json, simulate=simulate)
 
@@ -80,6 +88,7 @@ def resume_command(record: Record, simulate: Simulate = False, json: options.Jso
         made = "on simulated devices" if was_simulated else "on real devices"
         do = "Add --simulate." if was_simulated else "Leave --simulate out, or start a new record."
         raise ConfigError(f"{record}: was measured {made}; both do not belong into one record", what_to_do=do)
+    note_if_others_read(record)
     with Run.open(record) as run:
         if run.status().state != "ready":  # one that never began needs no permission to go on
             run.resume(by="terminal")

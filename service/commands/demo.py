@@ -31,6 +31,7 @@ from service.commands import options
 from service.commands.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
 from service.predictions import predictions_csv
+from service.private import owner_only
 from service.progress import Progress
 from service.simulated_cell import simulated_cell
 from service.terminal import Terminal
@@ -56,6 +57,7 @@ FILES = (
 SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 
+@owner_only()
 def demo(
     seed: Annotated[int, typer.Option(help="Draws the robot, its errors and the hidden effect.")] = 1,
     out: Annotated[

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ipaddress
-import os
-import secrets
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,11 +13,11 @@ import typer
 from acquisition import read_cell
 from calib.errors import DataError
 from service import exit_codes
+from service.private import note_if_others_read, owner_only
+from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
 
-TOKEN_VARIABLE = "TRUEPOSE_TOKEN"
-SHORTEST_TOKEN = 16
 
-
+@owner_only()
 def serve(
     cell: Annotated[
         Path | None, typer.Option(metavar="CELL.toml", help="The cell; without it nothing can be measured.")
@@ -31,15 +29,20 @@ def serve(
     ),
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     token_file: Annotated[
-        Path | None, typer.Option(metavar="FILE", help=f"File with the token; else {TOKEN_VARIABLE}.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File that keeps the operator's token and, in its second line, the viewer's; it is made where it is "
+            f"not there. Else {VARIABLE}, or new ones at every start, in DIR/{NAME}.",
+        ),
     ] = None,
 ) -> None:
-    """Serve HTTP; prints one JSON line with url and token when ready. Nothing moves until it is asked to."""
-    token = _token(token_file)
-    if token is None and not is_loopback(host):
+    """Serve HTTP; prints one JSON line with url and tokens when ready. Nothing moves until it is asked to."""
+    token = chosen_token() if token_file is None else None
+    if token is None and token_file is None and not is_loopback(host):
         sys.stderr.write(
             f"truepose: refused to listen on {host} without a token of your own: everybody on that network could "
-            f"move the robot. Set {TOKEN_VARIABLE} or give --token-file.\n"
+            f"move the robot. Set {VARIABLE} or give --token-file.\n"
         )
         raise typer.Exit(exit_codes.REFUSED)
     if simulate and cell is None:
@@ -51,13 +54,20 @@ def serve(
     from service.http.settings import Settings
     from service.simulated_cell import simulated_cell
 
+    record = record.absolute()
     with ExitStack() as stack:
+        if token_file is None:
+            tokens = stack.enter_context(tokens_until_the_end(record, token))
+        else:
+            tokens = lasting_tokens(token_file)
+        note_if_others_read(record)
         simulated = None
         if simulate and the_cell is not None:
             simulated = stack.enter_context(simulated_cell(the_cell))
         settings = Settings(
-            record=record.absolute(),
-            token=token or secrets.token_urlsafe(32),
+            record=record,
+            tokens=tokens,
+            token_file=(token_file or record / NAME).absolute(),
             cell=the_cell,
             simulated=simulated,
             host=host,
@@ -75,20 +85,3 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
-
-
-def _token(file: Path | None) -> str | None:
-    """The token chosen by the user, from file or environment; None where there is none."""
-    if file is not None:
-        text, where = file.read_text(encoding="utf-8").strip(), str(file)
-    else:
-        text, where = os.environ.get(TOKEN_VARIABLE, "").strip(), TOKEN_VARIABLE
-        if not text:
-            return None
-    if len(text) < SHORTEST_TOKEN or not text.isascii() or not text.isprintable() or " " in text:
-        raise DataError(
-            "is not a usable token.",
-            do=f"Use at least {SHORTEST_TOKEN} letters, digits and signs, without spaces.",
-            key=where,
-        )
-    return text

@@ -43,10 +43,16 @@ class NewCampaign(Body):
 
 
 class TakeLease(Body):
-    """`seconds` until the lease expires unless this is sent again."""
+    """`seconds` until the lease expires unless this is sent again with its `Lease-Id`."""
 
     holder: Annotated[str, Field(min_length=1, max_length=200)]
     seconds: Annotated[float, Field(ge=1.0, le=300.0, allow_inf_nan=False, strict=False)] = 30.0
+
+
+class TakeLeaseOver(TakeLease):
+    """`reason`: why the lease is taken from whoever holds it; it is kept."""
+
+    reason: Annotated[str, Field(min_length=1, max_length=500, pattern=r"\S")]
 
 
 class NewLoop(NewRun):
@@ -178,12 +184,13 @@ class CorrectedTargets(Answered):
 
 
 class LeaseShown(Answered):
-    """The motion lease; `lease_id` is only told to its holder."""
+    """The motion lease; `lease_id` is its secret, given in the answer that grants it and empty ever after."""
 
     holder: str
     expires_utc: str
     seconds: float
     lease_id: str = ""
+    taken_from: str = ""
 
 
 class CellShown(Answered):
@@ -199,6 +206,7 @@ class CellShown(Answered):
     simulated: bool
     run_id: str | None
     loop_id: str | None
+    role: str
     lease: LeaseShown | None
 
 

@@ -1,13 +1,12 @@
-"""The gate that every request passes: host, origin, token, size.
+"""The gate that every request passes: host, origin, token and what its role may do, size.
 
 A page in the operator's browser can send requests to 127.0.0.1, and by DNS rebinding under a name of its own. So
 the Host header must name an address of ours, not a name somebody else controls, and an Origin must be our own.
-The token is compared in constant time.
+The role is left in the request's state for those who show it.
 """
 
 from __future__ import annotations
 
-import hmac
 import ipaddress
 from urllib.parse import urlsplit
 
@@ -16,6 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http import problems
 from service.http.problems import Problem
+from service.http.roles import Role, Tokens, viewer_may
 from service.http.settings import Settings
 
 OPEN = ("/", "/api/v1/health", "/openapi.json")  # tell nothing about the cell
@@ -29,26 +29,30 @@ class Gate:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
         self._host = settings.host.strip("[]").lower()
-        self._token = settings.token.encode()
+        self._tokens = settings.tokens
         self._most = settings.upload_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        refusal = self._refusal(Headers(scope=scope), scope["path"])
+        headers = Headers(scope=scope)
+        role = _role(self._tokens, headers.get("authorization", ""))
+        refusal = self._refusal(headers, scope["method"], scope["path"], role)
         if refusal is not None:
             answer = problems.response(
                 refusal.status_code,
                 refusal.detail,
                 refusal.do,
+                refusal.code,
                 headers=dict(refusal.headers or {}),
             )
             await answer(scope, receive, send)
             return
+        scope.setdefault("state", {})["role"] = role
         await self._app(scope, self._counted(receive), send)
 
-    def _refusal(self, headers: Headers, path: str) -> Problem | None:
+    def _refusal(self, headers: Headers, method: str, path: str, role: Role | None) -> Problem | None:
         host = headers.get("host", "")
         if not self._ours(host):
             return Problem(
@@ -57,12 +61,19 @@ class Gate:
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return Problem(403, f"Requests by the page {origin!r} are not answered.", "Use our own page.")
-        if path not in OPEN and not self._authorised(headers.get("authorization", "")):
+        if path not in OPEN and role is None:
             return Problem(
                 401,
                 "The token is missing or wrong.",
-                "Send 'Authorization: Bearer TOKEN' with the token that 'truepose serve' printed.",
+                "Send 'Authorization: Bearer TOKEN' with a token that 'truepose serve' printed.",
                 headers={"WWW-Authenticate": "Bearer"},
+            )
+        if role is Role.VIEWER and not viewer_may(method, path):
+            return Problem(
+                403,
+                "The token of a viewer lets one read everything, pause and stop, and nothing else.",
+                "Send the operator's token: the first line of the token file, whose place 'truepose serve' printed.",
+                code=8113,
             )
         length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > self._most:
@@ -82,10 +93,6 @@ class Gate:
             return False  # a name that somebody else may let point at us
         return address.is_loopback or self._host in ("0.0.0.0", "::")
 
-    def _authorised(self, header: str) -> bool:
-        kind, _, token = header.partition(" ")
-        return kind.lower() == "bearer" and hmac.compare_digest(token.strip().encode(), self._token)
-
     def _too_large(self) -> Problem:
         return Problem(413, _TOO_LARGE.format(f"{self._most / 1024 / 1024:g}"), _SPLIT)
 
@@ -102,3 +109,8 @@ class Gate:
             return message
 
         return counted
+
+
+def _role(tokens: Tokens, header: str) -> Role | None:
+    kind, _, token = header.partition(" ")
+    return tokens.role_of(token.strip()) if kind.lower() == "bearer" else None

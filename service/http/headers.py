@@ -19,7 +19,8 @@ LeaseId = Annotated[
     Header(
         alias="Lease-Id",
         max_length=200,
-        description="`lease_id` of the motion lease; when it is sent it must be that of the lease in force.",
+        description="`lease_id` of the motion lease: the secret that the answer which granted it held, once. Whatever "
+        "moves the robot needs it, and so does prolonging the lease and giving it back.",
     ),
 ]
 Wait = Annotated[int, Query(ge=0, le=60, description="Seconds to wait for a version beyond `after`.")]

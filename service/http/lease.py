@@ -1,5 +1,9 @@
 """The motion lease: one holder at a time, who says again and again that somebody is there.
 
+Its `lease_id` is a secret of the holder. It is given once, in the answer that grants the lease, and is kept in memory
+alone; whoever moves the robot, prolongs the lease or gives it back has to send it. A name proves nothing: it stands in
+every refusal. Another person may take the lease over, with a reason, which is a deliberate act and is noted.
+
 A program that dies, or whose network does, falls silent; then the robot comes to rest and the run is paused, to be
 resumed by whoever takes the lease next. Who watches is `acquisition.lease`, for as long as devices are in use.
 Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor prolongs
@@ -8,22 +12,25 @@ it.
 
 from __future__ import annotations
 
+import hmac
 import secrets
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import acquisition
 from acquisition import Clock, ScaledClock
+from service.http.audit import Audit
 from service.http.problems import Problem
 
 
 @dataclass(frozen=True)
 class Held:
-    """A lease as it was given. `beats`: what a run watches; it ends unless the POST is repeated."""
+    """A lease as it was given. `beats`: what a run watches; `origin`: from whom it was taken over, and why."""
 
-    id: str
+    secret: str = field(repr=False)
     beats: acquisition.Lease
     expires_utc: float
+    origin: str = ""
 
     @property
     def holder(self) -> str:
@@ -33,50 +40,83 @@ class Held:
     def live(self) -> bool:
         return self.beats.left_s > 0.0
 
+    def proved_by(self, lease_id: str) -> bool:
+        """Whether this is its secret; compared in constant time."""
+        return hmac.compare_digest(lease_id.encode(), self.secret.encode())
+
 
 class Lease:
     """Thread-safe."""
 
-    def __init__(self, clock: Clock | None = None) -> None:
+    def __init__(self, audit: Audit, clock: Clock | None = None) -> None:
+        self._audit = audit
         self._clock = clock or ScaledClock()
         self._mutex = threading.Lock()
         self._held: Held | None = None
 
-    def take(self, holder: str, seconds: float, lease_id: str) -> Held:
-        """Take it, or prolong one's own. Raises Problem 409 while another holds it."""
+    def grant(self, holder: str, seconds: float) -> Held:
+        """Take the lease where nobody holds it. Raises Problem 409 where somebody does, StorageError."""
+        with self._mutex:
+            if (held := self._live()) is not None:
+                raise _other(held)
+            return self._new(holder, seconds, "granted")
+
+    def renew(self, holder: str, seconds: float, lease_id: str) -> Held:
+        """Prolong one's own lease. Raises Problem 409 where it has ended or is another's.
+
+        One that has ended is not granted anew: its holder has to learn that the robot has come to rest, and a request
+        that was under way when the lease was given back must not take it again.
+        """
         with self._mutex:
             held = self._live()
-            if held is not None and held.holder != holder:
-                raise _other(held)
-            _check_id(held, lease_id)
             if held is None:
-                own, beats = secrets.token_hex(8), acquisition.Lease(holder, seconds, self._clock)
-            else:
-                own, beats = held.id, held.beats
-                beats.beat(seconds)
-            self._held = Held(own, beats, self._clock.utc() + seconds)
+                raise Problem(
+                    409,
+                    "The lease of this Lease-Id has ended, and nobody holds the motion lease now.",
+                    "Take it anew with POST /api/v1/cell/lease without Lease-Id, and resume what was paused.",
+                    code=8112,
+                )
+            _prove(held, lease_id)
+            if held.holder != holder:
+                raise _other(held)
+            held.beats.beat(seconds)
+            self._held = replace(held, expires_utc=self._clock.utc() + seconds)
             return self._held
 
-    def give_back(self, lease_id: str) -> str | None:
-        """Who held it. Raises Problem 409 when the id is of another lease."""
+    def take_over(self, holder: str, seconds: float, reason: str) -> tuple[Held, str]:
+        """Take the lease whoever holds it; with it the name of who did, empty for nobody. Raises StorageError.
+
+        What moves by the old lease is for the caller to pause.
+        """
         with self._mutex:
             held = self._live()
-            _check_id(held, lease_id)
+            before = "" if held is None else held.holder
+            new = self._new(holder, seconds, "taken over", before=before, reason=reason)
+            if before:
+                new = self._held = replace(new, origin=f", who has taken it over from {before} ({reason})")
+            return new, before
+
+    def give_back(self, lease_id: str) -> str | None:
+        """Who held it, None for nobody. Raises Problem 409 when this is not the secret of the lease."""
+        with self._mutex:
+            held = self._live()
+            if held is not None:
+                _prove(held, lease_id)
             self._held = None
             return None if held is None else held.holder
 
     def needed(self, lease_id: str) -> Held:
-        """The lease by which the robot may move. Raises Problem 409 where there is none."""
+        """The lease by which the robot may move. Raises Problem 409 where there is none, or it is another's."""
         with self._mutex:
             held = self._live()
             if held is None:
                 raise Problem(
                     409,
                     "Nobody holds the motion lease, so nothing may move.",
-                    "Take it with POST /api/v1/cell/lease and repeat that before it expires.",
+                    "Take it with POST /api/v1/cell/lease, send its lease_id as Lease-Id, and prolong it in time.",
                     code=8101,
                 )
-            _check_id(held, lease_id)
+            _prove(held, lease_id)
             return held
 
     @property
@@ -88,17 +128,25 @@ class Lease:
     def _live(self) -> Held | None:
         return self._held if self._held is not None and self._held.live else None
 
+    def _new(self, holder: str, seconds: float, how: str, **more: str) -> Held:
+        # Before it takes effect: what cannot be noted does not happen.
+        self._audit.note(f"lease {how}", holder=holder, seconds=seconds, **more)
+        beats = acquisition.Lease(holder, seconds, self._clock)
+        self._held = Held(secrets.token_urlsafe(24), beats, self._clock.utc() + seconds)
+        return self._held
 
-def _check_id(held: Held | None, lease_id: str) -> None:
-    if held is not None and lease_id and lease_id != held.id:
-        raise _other(held)
+
+def _prove(held: Held, lease_id: str) -> None:
+    if not held.proved_by(lease_id):
+        raise _other(held, f"; this request has {'another' if lease_id else 'no'} Lease-Id")
 
 
-def _other(held: Held) -> Problem:
+def _other(held: Held, more: str = "") -> Problem:
     return Problem(
         409,
-        f"The motion lease is held by {held.holder}.",
-        f"Ask {held.holder} to give it back, or wait until it expires.",
+        f"The motion lease is held by {held.holder}{held.origin}{more}.",
+        f"Whoever holds it sends its lease_id as Lease-Id. Others ask {held.holder} to give it back, wait until it "
+        "expires, or take it over with a reason (POST /api/v1/cell/lease/takeover).",
         code=8102,
         holder=held.holder,
         retry_after_s=round(max(0.0, held.beats.left_s), 1),

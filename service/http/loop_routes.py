@@ -7,6 +7,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
+from acquisition import Lease
 from service.http.bodies import Loops, LoopShown, NewLoop
 from service.http.campaigns import campaign_of
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
@@ -39,8 +40,11 @@ def create_loop(
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
         if body.dry_run:
             return _accepted(here, here.loops.check(cell, campaign_of(table), body.name))
-        held = here.lease.needed(lease_id)
-        return _accepted(here, here.loops.start(cell, campaign_of(table), body.name, body.poses, held.beats))
+
+        def begin(lease: Lease) -> str:
+            return here.loops.start(cell, campaign_of(table), body.name, body.poses, lease)
+
+        return _accepted(here, here.let_move(lease_id, begin))
 
     return here.keys.once(idempotency_key, fingerprint(LOOPS, body.model_dump()), work)
 
@@ -80,7 +84,7 @@ def resume_loop(
 
     def work() -> JSONResponse:
         here.loops.document(loop_id)
-        here.loops.resume(loop_id, here.lease.needed(lease_id).beats)
+        here.let_move(lease_id, lambda lease: here.loops.resume(loop_id, lease))
         return _accepted(here, loop_id)
 
     return here.keys.once(idempotency_key, fingerprint(f"{LOOPS}/{loop_id}/resume"), work)

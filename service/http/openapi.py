@@ -1,4 +1,4 @@
-"""The OpenAPI document: FastAPI's own, with the problems and the token that every route has."""
+"""The OpenAPI document: FastAPI's own, with the problems that every route has and the tokens that open it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,13 @@ from fastapi.openapi.utils import get_openapi
 
 from service.http.bodies import ProblemShown
 from service.http.problems import MEDIA_TYPE
+from service.http.roles import Role, viewer_may
+
+_TOKENS = {
+    Role.OPERATOR: "The operator's token: everything. Where the robot moves the motion lease is needed too.",
+    Role.VIEWER: "The viewer's token: everything that is read, and pausing and stopping. Else 403.",
+}
+_OPERATOR, _VIEWER = ({role.value: []} for role in _TOKENS)
 
 
 def describe(app: FastAPI) -> None:
@@ -37,12 +44,17 @@ def _document(app: FastAPI) -> dict[str, Any]:
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
     }
-    parts["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
-    document["security"] = [{"token": []}]
+    parts["securitySchemes"] = {
+        role.value: {"type": "http", "scheme": "bearer", "description": text}
+        for role, text in _TOKENS.items()
+    }
+    document["security"] = [_OPERATOR]
     for path, item in document["paths"].items():
-        for operation in item.values():
+        for method, operation in item.items():
             operation["responses"].pop("422", None)  # FastAPI's own form, which is never sent
             operation["responses"]["default"] = {"$ref": "#/components/responses/Problem"}
             if path.endswith("/health"):
                 operation["security"] = []
+            elif viewer_may(method.upper(), path):
+                operation["security"] = [_OPERATOR, _VIEWER]
     return document

@@ -14,10 +14,10 @@ from acquisition import Event, Run
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
 from service.http.bodies import Prompts, RunShown, WhyBody
-from service.http.headers import IdempotencyKey
+from service.http.headers import IdempotencyKey, LeaseId
 from service.http.idempotency import fingerprint, reply
 from service.http.problems import Problem
-from service.http.run_routes import FINAL, RUNS
+from service.http.run_routes import FINAL, RUNS, who
 from service.http.state import Here
 from service.plain import finite, utc_text
 
@@ -44,20 +44,23 @@ def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
     "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunShown
 )
 def answer_prompt(
-    here: Here, run_id: str, prompt_id: str, verb: Verb, body: WhyBody, idempotency_key: IdempotencyKey = ""
+    here: Here,
+    run_id: str,
+    prompt_id: str,
+    verb: Verb,
+    body: WhyBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
 ) -> JSONResponse:
-    """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked."""
+    """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked.
+
+    The run goes on by leave of whoever holds the lease; who sends its `Lease-Id` is named as the one who answered.
+    """
 
     def work() -> JSONResponse:
-        held = here.lease.current
         run = here.book.get(run_id)
         try:
-            run.answer(
-                prompt_id,
-                Answer(verb.value),
-                by="http" if held is None else held.holder,
-                reason=body.reason,
-            )
+            run.answer(prompt_id, Answer(verb.value), by=who(here, lease_id), reason=body.reason)
         except UnknownPrompt as error:
             open_now = run.status().prompt
             more = {} if open_now is None else {"open_prompt_id": open_now["id"]}

@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, PlainTextResponse
 
-from acquisition import export_events
+from acquisition import Lease, export_events
 from service.http.bodies import DatasetShown, ExportBody, NewRun, Runs, RunShown, WhyBody
 from service.http.campaigns import campaign_of
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
@@ -39,9 +39,12 @@ def create_run(
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
         if body.dry_run:
             return accepted(here, here.book.check(cell, campaign_of(table), body.name))
-        held = here.lease.needed(lease_id)
-        here.book.refuse_busy()
-        return accepted(here, here.book.start(cell, campaign_of(table), body.name, held.beats))
+
+        def begin(lease: Lease) -> str:
+            here.book.refuse_busy()
+            return here.book.start(cell, campaign_of(table), body.name, lease)
+
+        return accepted(here, here.let_move(lease_id, begin))
 
     return here.keys.once(idempotency_key, fingerprint(RUNS, body.model_dump()), work)
 
@@ -82,7 +85,7 @@ def resume_run(
 
     def work() -> JSONResponse:
         here.book.path(run_id)
-        here.book.resume(run_id, here.cell, here.lease.needed(lease_id).beats)
+        here.let_move(lease_id, lambda lease: here.book.resume(run_id, here.cell, lease))
         return accepted(here, run_id)
 
     return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/resume"), work)
@@ -92,7 +95,7 @@ def resume_run(
     "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunShown
 )
 def restation_run(
-    here: Here, run_id: str, body: WhyBody, idempotency_key: IdempotencyKey = ""
+    here: Here, run_id: str, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
     """The instrument is moved: the nests are measured again before the next pose, or on resuming.
 
@@ -101,7 +104,7 @@ def restation_run(
     """
 
     def work() -> JSONResponse:
-        here.book.get(run_id).restation(by=who(here), reason=body.reason)
+        here.book.get(run_id).restation(by=who(here, lease_id), reason=body.reason)
         return accepted(here, run_id)
 
     return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/restation", body.model_dump()), work)
@@ -150,7 +153,9 @@ def download_events(here: Here, run_id: str) -> PlainTextResponse:
         return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
 
 
-def who(here: Service) -> str:
-    """By whom an order came, for the record."""
+def who(here: Service, lease_id: str = "") -> str:
+    """By whom an order came, for the record: the holder of the lease where its secret came too."""
     held = here.lease.current
-    return "http" if held is None else f"http ({held.holder} holds the lease)"
+    if held is None:
+        return "http"
+    return held.holder if held.proved_by(lease_id) else f"http ({held.holder} holds the lease)"

@@ -60,6 +60,12 @@ def run_server(app: FastAPI, settings: Settings, port: int) -> int:
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
         )
-        server = Server(config, app, json.dumps({"url": url, "token": settings.token}))
+        hello = {
+            "url": url,
+            "token": settings.tokens.operator,
+            "viewer_token": settings.tokens.viewer,
+            "token_file": str(settings.token_file),
+        }
+        server = Server(config, app, json.dumps(hello))
         server.run(sockets=[listener])
     return exit_codes.DONE if server.started else exit_codes.FAILED

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition import Cell
+from service.http.roles import Tokens
 from service.simulated_cell import SimulatedDevices
 
 UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
@@ -13,10 +14,14 @@ UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
 
 @dataclass(frozen=True)
 class Settings:
-    """`record`: the folder that holds everything. `simulated` None: the real devices of `cell`."""
+    """`record`: the folder that holds everything. `token_file`: where the tokens are kept.
+
+    `simulated` None: the real devices of `cell`.
+    """
 
     record: Path
-    token: str = field(repr=False)
+    tokens: Tokens
+    token_file: Path | None = None
     cell: Cell | None = None
     simulated: SimulatedDevices | None = None
     host: str = "127.0.0.1"

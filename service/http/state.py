@@ -10,7 +10,9 @@ import anyio
 import anyio.to_thread
 from fastapi import Depends, Request
 
+import acquisition
 from acquisition import Cell, Devices, open_devices
+from service.http.audit import Audit
 from service.http.book import Book
 from service.http.campaigns import Shelf
 from service.http.datasets import Datasets
@@ -39,7 +41,7 @@ class Service:
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
         self.jobs = Jobs(record)
-        self.lease = Lease()
+        self.lease = Lease(Audit(record))
         self.loops = Loops(
             record / "loops",
             self.book,
@@ -62,6 +64,21 @@ class Service:
         if self.settings.cell is None:
             raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
         return self.settings.cell
+
+    def let_move(self, lease_id: str, begin: Callable[[acquisition.Lease], _T]) -> _T:
+        """Begin a motion by leave of the lease with this secret. Raises Problem 409 without one."""
+        held = self.lease.needed(lease_id)
+        begun = begin(held.beats)
+        now = self.lease.current
+        if now is None or now.beats is not held.beats:
+            # It was taken over or given back meanwhile, which found nothing to pause.
+            self.rest(held.holder, f"{held.holder} no longer holds the motion lease.")
+        return begun
+
+    def rest(self, by: str, reason: str) -> None:
+        """What moves the robot pauses after the reading in hand, a loop also between two runs."""
+        whole = self.book if self.book.lent_to is None else self.loops
+        whole.pause_all(by, reason)
 
     async def changed(self, wait: Callable[[float], bool], seconds: float) -> None:
         """Until `wait(slice)` is true, the service ends, or so many seconds have passed."""

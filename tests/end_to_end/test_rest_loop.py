@@ -111,6 +111,13 @@ def test_a_holder_who_falls_silent_and_a_stop(
     service.lease("bert")
     assert client.post(f"{path}/resume").status_code == 202
     until(lambda: (get(service, path)["run"] or {}).get("state") == "running")
+    body = {"holder": "carl", "reason": "bert is wanted elsewhere"}
+    carl = {"Lease-Id": client.post("/cell/lease/takeover", json=body).json()["lease_id"]}
+    taken = "carl has taken the motion lease over from bert: bert is wanted elsewhere"
+    assert service.until(path, "paused")["reason"] == taken
+    problem(client.post(f"{path}/resume"), 409)  # with the secret of bert
+    assert client.post(f"{path}/resume", headers=carl).status_code == 202
+    until(lambda: (get(service, path)["run"] or {}).get("state") == "running")
     stopped = client.post(f"{path}/stop")
     assert (stopped.status_code, stopped.json()["problems"]) == (202, [])
     ended = service.until(path, "stopped", "failed", "succeeded")
@@ -119,7 +126,9 @@ def test_a_holder_who_falls_silent_and_a_stop(
     (run,) = ended["runs"]
     assert get(service, f"/runs/{run}")["state"] == "stopped"
     until(lambda: get(service, "/cell")["loop_id"] is None)
-    assert client.post(f"/runs/{run}/resume").status_code == 202  # its readings are whole, and it can go on
+    assert (
+        client.post(f"/runs/{run}/resume", headers=carl).status_code == 202
+    )  # its readings are whole, and it can go on
     service.until(f"/runs/{run}", "running")
     service.process.terminate()
     assert service.process.wait(25.0) == 0

@@ -17,6 +17,7 @@ import pytest
 from calib.dataset import read_dataset
 from service.cli import main
 from service.commands.serve import is_loopback
+from service.private import make_secret
 from tests.drivers.waiting import until
 from tests.service.test_http_support import ROOT
 
@@ -210,7 +211,7 @@ def test_serving_a_network_without_a_token_is_refused(
 def test_a_token_that_is_none_is_refused(
     token: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "token").write_text(token, "utf-8")
+    make_secret(tmp_path / "token", token)
     assert main(["serve", "--token-file", str(tmp_path / "token")]) == 2
     assert "not a usable token" in capsys.readouterr().err
 

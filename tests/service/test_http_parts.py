@@ -1,4 +1,4 @@
-"""Parts of the service by themselves: the lease, the keys, the gate of addresses, plain values."""
+"""Parts of the service by themselves: the keys, the gate of addresses, plain values."""
 
 from __future__ import annotations
 
@@ -15,54 +15,12 @@ from starlette.types import Receive, Scope, Send
 from drivers.errors import ConfigError
 from service.http.gate import Gate
 from service.http.idempotency import JOURNAL, Keys, fingerprint, reply
-from service.http.lease import Lease
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem
+from service.http.roles import Tokens
 from service.http.settings import Settings
 from service.plain import finite, utc_text
-from tests.drivers.waiting import in_thread, until
-from tests.service.lease_clock import LeaseClock
-
-
-def test_silence_frees_the_lease_for_another() -> None:
-    clock = LeaseClock()
-    lease = Lease(clock)
-    lapsed: list[str] = []
-    first = lease.take("anna", 30.0, "")
-    with first.beats.watched(lambda: lapsed.append("anna")):
-        clock.pass_by(29.0)
-        assert lease.needed(first.id) is first
-        with pytest.raises(Problem, match="held by anna"):
-            lease.take("bert", 30.0, "")
-        clock.pass_by(2.0)
-        until(lambda: lapsed == ["anna"])
-    with pytest.raises(Problem, match="Nobody holds"):
-        lease.needed("")
-    second = lease.take("bert", 60.0, "")
-    assert second.id != first.id
-    with pytest.raises(Problem, match="held by bert"):
-        lease.needed(first.id)
-    assert lease.needed(second.id) is lease.needed("") is second
-
-
-def test_a_lease_given_back_belongs_to_nobody() -> None:
-    lease = Lease(LeaseClock())
-    lease.take("anna", 30.0, "")
-    assert lease.give_back("") == "anna"
-    assert lease.current is None
-    assert lease.give_back("") is None
-    assert lease.take("bert", 30.0, "").holder == "bert"
-
-
-def test_a_lease_that_is_taken_again_goes_on() -> None:
-    clock = LeaseClock()
-    lease = Lease(clock)
-    held = lease.take("anna", 30.0, "")
-    again = lease.take("anna", 60.0, held.id)
-    assert again.id == held.id
-    assert again.beats is held.beats  # what a run watches
-    assert held.beats.left_s == 60.0
-    assert again.expires_utc == clock.utc() + 60.0
+from tests.drivers.waiting import in_thread
 
 
 def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> None:
@@ -138,7 +96,7 @@ def test_fingerprints_tell_requests_apart() -> None:
 def test_which_hosts_are_ours(tmp_path: Path, bound: str, host: str, good: bool) -> None:
     async def nothing(scope: Scope, receive: Receive, send: Send) -> None: ...
 
-    gate = Gate(nothing, Settings(record=tmp_path, token="t", host=bound))
+    gate = Gate(nothing, Settings(record=tmp_path, tokens=Tokens("o", "v"), host=bound))
     assert gate._ours(host) is good
 
 

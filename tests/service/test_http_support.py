@@ -27,6 +27,7 @@ class Served:
     process: subprocess.Popen[str]
     url: str
     client: httpx2.Client
+    hello: dict[str, str]
 
     def until(self, path: str, *states: str, seconds: float = 40.0) -> dict[str, Any]:
         """Long-poll a run or a job until it is in one of these states."""
@@ -41,8 +42,14 @@ class Served:
             version = document["version"]
 
     def lease(self, holder: str = "anna", seconds: float = 120.0) -> dict[str, Any]:
+        """Take the lease, or prolong it where it is this holder's; the client sends its secret from now on."""
+        held = self.client.get("/cell").json()["lease"]
+        if held is None or held["holder"] != holder:
+            self.client.headers.pop("Lease-Id", None)
         answer = self.client.post("/cell/lease", json={"holder": holder, "seconds": seconds})
         assert answer.status_code == 200, answer.text
+        if answer.json()["lease_id"]:
+            self.client.headers["Lease-Id"] = answer.json()["lease_id"]
         return answer.json()
 
 
@@ -61,7 +68,7 @@ def served(record: Path, *options: str) -> Iterator[Served]:
                 headers={"Authorization": f"Bearer {TOKEN}"},
                 timeout=httpx2.Timeout(30.0),
             ) as client:
-                yield Served(process, hello["url"], client)
+                yield Served(process, hello["url"], client, hello)
         finally:
             process.terminate()
 

@@ -20,7 +20,7 @@ from service.http.page import FILE, policy_of
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser
-from tests.service.test_http_support import TOKEN, Served, served
+from tests.service.test_http_support import TOKEN, Served, problem, served
 
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 
@@ -93,29 +93,59 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         answers = [e["data"] for e in events(service, run) if e["kind"] == "answer"]
         assert [each["answer"] for each in answers][:4] == ["confirm", "confirm", "confirm", "skip"]
         assert answers[3]["reason"] == "the nest is bent"
-        until(lambda: "skip by anna: the nest is bent" in page.text("#events"), 20.0)
+        answered = "skip by http (anna holds the lease): the nest is bent"
+        until(lambda: answered in page.text("#events"), 20.0)
 
         page.value("document.querySelector('#pause').click()")
         until(lambda: page.text("#state") == "paused", 20.0)
         assert page.value("document.querySelector('#resume').disabled")  # somebody else has the lease
-        assert service.client.delete("/cell/lease", headers=lease).status_code == 204
+        assert page.value("document.querySelector('#take').disabled")
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
-        page.value("document.querySelector('#take').click()")
+        page.value("document.querySelector('#over').click()")
+        until(lambda: page.text("#trouble") == "Say why you take it over.", 20.0)
+        assert page.value("document.activeElement.id") == "because"
+        page.type("anna has gone home")
+        page.value("document.querySelector('#over').click()")
         until(lambda: page.text("#holder") == "You hold it as bert.", 20.0)
+        told = problem(service.client.post("/cell/lease", json={"holder": "anna"}, headers=lease), 409)
+        assert "bert, who has taken it over from anna (anna has gone home)" in told["detail"]
+        goes_on_when_loaded_again(service, page)
         until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
         page.value("document.querySelector('#resume').click()")
         until(lambda: page.text("#state") == "waiting for operator", 20.0)
         page.press("Escape")
         until(lambda: page.text("#state") == "stopped", 20.0)
         assert page.text("#trouble") == ""
-        assert page.value("sessionStorage.length") == 1
+        assert page.value("Object.keys(sessionStorage).sort().join()") == "truepose-lease,truepose-token"
         assert page.value("localStorage.length") == 0
         violations = [
             each for each in page.told if each["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")
         ]
         assert not violations, violations
-    service.client.delete("/cell/lease")
+        body = {"holder": "carl", "reason": "end of the test"}
+        carl = service.client.post("/cell/lease/takeover", json=body).json()
+        until(lambda: "held by carl, who has taken it over" in page.text("#trouble"), 20.0)  # bert is told
+        assert page.text("#holder") == "carl holds it."
+        assert page.value("sessionStorage.length") == 1
+        service.client.delete("/cell/lease", headers={"Lease-Id": carl["lease_id"]})
+
+
+def goes_on_when_loaded_again(service: Served, page: Page) -> None:
+    """The page keeps the secret of its lease, and goes on prolonging it."""
+    page.value("window.isOld = true")
+    page.do("Page.reload")
+    until(lambda: page.value("!window.isOld && document.readyState === 'complete'"), 20.0)
+    until(lambda: page.text("#holder") == "You hold it as bert.", 20.0)
+
+    def expires() -> str:
+        held = service.client.get("/cell").json()["lease"]
+        assert held["holder"] == "bert"
+        return held["expires_utc"]
+
+    before = expires()
+    until(lambda: expires() > before, 20.0)
+    assert page.text("#trouble") == ""
 
 
 def events(service: Served, run: str) -> list[dict[str, Any]]:
@@ -123,7 +153,9 @@ def events(service: Served, run: str) -> list[dict[str, Any]]:
 
 
 @in_a_browser
-def test_a_wrong_token_opens_nothing(service: Served, tmp_path: Path) -> None:
+def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
+    service: Served, tmp_path: Path
+) -> None:
     with browser(f"{service.url}/", tmp_path / "browser") as page:
         until(lambda: page.value("document.activeElement.id") == "token", 20.0)
         page.type("wrong" * 5)
@@ -131,3 +163,11 @@ def test_a_wrong_token_opens_nothing(service: Served, tmp_path: Path) -> None:
         until(lambda: page.text("#trouble") == "The token is not that of this service.", 20.0)
         assert page.value("document.querySelector('#desk').hidden")
         assert page.value("sessionStorage.length") == 0
+        page.value("document.querySelector('#token').focus()")
+        page.type(service.hello["viewer_token"])
+        page.press("Enter")
+        until(lambda: page.value("!document.querySelector('#viewer').hidden"), 20.0)
+        until(lambda: page.text("#holder").startswith("Nobody holds it"), 20.0)
+        for control in ("take", "name", "give"):
+            assert page.value(f"document.querySelector('#{control}').disabled")
+        assert not page.value("document.querySelector('#stop').disabled")

@@ -1,0 +1,68 @@
+"""What nobody else on this computer may read: records, and the files that hold tokens.
+
+Modes are those of POSIX; on Windows the folder's access list decides, which a folder below the user's own inherits.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from calib.errors import DataError
+
+_POSIX = os.name == "posix"
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+@contextmanager
+def owner_only() -> Iterator[None]:
+    """Files made within get mode 0600 and folders 0700, also those of SQLite and of processes begun within.
+
+    It is the umask of the whole process; also a decorator for a command.
+    """
+    before = os.umask(_OTHERS)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+def note_if_others_read(folder: Path) -> None:
+    """Say on standard error when the modes of a folder that was there before let others at it; they are left alone."""
+    if _POSIX and folder.is_dir() and folder.stat().st_mode & _OTHERS:
+        sys.stderr.write(
+            f"truepose: others on this computer can read {folder}. What is written now they cannot; "
+            f"for the whole of it: chmod -R go= {folder}\n"
+        )
+
+
+def make_secret(path: Path, text: str) -> None:
+    """Write a new file that nobody else can read at any moment. Raises FileExistsError."""
+    with open(path, "x", encoding="utf-8", opener=_open) as file:
+        file.write(text)
+
+
+def read_secret(path: Path) -> str:
+    """The text of a file. Raises DataError where others may read it, or it is not text."""
+    with path.open("rb") as file:
+        if _POSIX and os.fstat(file.fileno()).st_mode & _OTHERS:
+            raise DataError(
+                "can be read by others, and whoever reads it can move the robot.",
+                do=f"Let nobody else read it: chmod 600 {path}",
+                file=path,
+            )
+        data = file.read()
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise DataError(
+            "is not UTF-8 text.", do="Write the token in plain letters and digits.", file=path
+        ) from error
+
+
+def _open(name: str, flags: int) -> int:
+    return os.open(name, flags, 0o600)
