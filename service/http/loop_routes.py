@@ -29,7 +29,7 @@ def _accepted(here: Service, loop_id: str, **more: Any) -> JSONResponse:
 def create_loop(
     here: Here, body: NewLoop, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Check a loop (`dry_run`, the default), or go through it: that moves the robot and needs the lease.
+    """Check a loop (`dry_run`, the default), or go through it: that moves the robot and needs `Lease-Id`.
 
     A campaign is measured and diagnosed; where something is ambiguous, poses that tell it apart are measured too; then
     corrected targets of new poses are driven and measured. Its campaigns are runs, in `runs`.
@@ -80,7 +80,7 @@ async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
 def resume_loop(
     here: Here, loop_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Go on where it was; the robot moves, so this needs the lease. A run of a loop is resumed with its loop."""
+    """Go on where it was; the robot moves, so this needs `Lease-Id`. A run of a loop is resumed with its loop."""
 
     def work() -> JSONResponse:
         here.loops.document(loop_id)

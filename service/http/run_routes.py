@@ -32,7 +32,7 @@ def accepted(here: Service, run_id: str, **more: Any) -> JSONResponse:
 def create_run(
     here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Check a campaign (`dry_run`, the default), or measure it: that moves the robot and needs the lease."""
+    """Check a campaign (`dry_run`, the default), or measure it: that moves the robot and needs `Lease-Id`."""
 
     def work() -> JSONResponse:
         cell = here.cell
@@ -81,7 +81,7 @@ async def pause_run(here: Here, run_id: str) -> JSONResponse:
 def resume_run(
     here: Here, run_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Go on; the robot moves, so this needs the lease."""
+    """Go on; the robot moves, so this needs `Lease-Id`."""
 
     def work() -> JSONResponse:
         here.book.path(run_id)

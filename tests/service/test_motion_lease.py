@@ -46,6 +46,10 @@ def take(service: Served, holder: str, lease_id: str = "", **headers: str) -> ht
     return service.client.post("/cell/lease", json={"holder": holder, "seconds": 120.0}, headers=sent)
 
 
+def record_of(service: Served) -> Path:
+    return Path(service.hello["token_file"]).parent
+
+
 @pytest.fixture
 def mine(service: Served) -> Iterator[str]:
     """The secret of anna's lease."""
@@ -72,15 +76,15 @@ def test_the_secret_is_given_once(service: Served, mine: str) -> None:
     assert mine not in held["detail"] + held["what_to_do"]
 
 
-def test_a_repeated_request_is_not_given_the_secret_again(service: Served, tmp_path: Path) -> None:
-    with served(tmp_path / "record", "--cell", str(CELL)) as other:
-        key = {"Idempotency-Key": "lease-1"}
-        secret = take(other, "anna", **key).json()["lease_id"]
-        again = problem(take(other, "anna", **key), 409)
-        assert secret not in json.dumps(again)
-        kept = [file for file in (tmp_path / "record").rglob("*") if file.is_file()]
-        assert tmp_path / "record" / FILE in kept
-        assert not [file for file in kept if secret.encode() in file.read_bytes()]
+def test_a_repeated_request_is_not_given_the_secret_again(service: Served) -> None:
+    key = {"Idempotency-Key": "lease-1"}
+    secret = take(service, "anna", **key).json()["lease_id"]
+    again = problem(take(service, "anna", **key), 409)
+    assert secret not in json.dumps(again)
+    kept = [file for file in record_of(service).rglob("*") if file.is_file()]
+    assert record_of(service) / FILE in kept
+    assert not [file for file in kept if secret.encode() in file.read_bytes()]
+    assert service.client.delete("/cell/lease", headers={"Lease-Id": secret}).status_code == 204
 
 
 def test_only_its_holder_gives_it_back(service: Served, mine: str) -> None:
@@ -130,8 +134,7 @@ def test_a_takeover_is_on_purpose_and_leaves_a_trace(service: Served, mine: str)
     told = problem(take(service, "anna", mine), 409)
     assert "held by bert, who has taken it over from anna (anna has gone home)" in told["detail"]
     assert take(service, "bert", taken["lease_id"]).status_code == 200
-    record = Path(service.hello["token_file"]).parent
-    lines = [json.loads(line) for line in (record / FILE).read_text("utf-8").splitlines()]
+    lines = [json.loads(line) for line in (record_of(service) / FILE).read_text("utf-8").splitlines()]
     last = lines[-1]
     assert (last["what"], last["holder"], last["before"], last["reason"]) == (
         "lease taken over",

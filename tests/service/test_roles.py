@@ -8,6 +8,7 @@ that others could read already.
 from __future__ import annotations
 
 import os
+import socket
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -158,7 +159,12 @@ def test_a_file_that_others_can_read_is_refused(
     file = tmp_path / "tokens"
     make_secret(file, f"{TOKEN}\n")
     file.chmod(mode)
-    assert main(["serve", "--token-file", str(file), "--record", str(tmp_path / "record")]) == 2
+    with socket.create_server(
+        ("127.0.0.1", 0)
+    ) as taken:  # were the file accepted, the service could not start
+        port = str(taken.getsockname()[1])
+        order = ["serve", "--token-file", str(file), "--record", str(tmp_path / "record"), "--port", port]
+        assert main(order) == 2
     told = capsys.readouterr().err
     assert "can be read by others" in told
     assert f"chmod 600 {file}" in told
