@@ -1,4 +1,4 @@
-"""The operator page: one file, which a browser may run because its scripts and styles have the hashes told here.
+"""The operator page: one answer, which a browser may run because its script and style have the hashes named here.
 
 It holds nothing of the cell and needs no token; what it shows it asks for with the token that a person pastes. The
 Content-Security-Policy lets it talk to this service and to nobody else.
@@ -16,7 +16,16 @@ from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 
 router = APIRouter()
-FILE = Path(__file__).parents[1] / "static" / "operator.html"
+FOLDER = Path(__file__).parents[1] / "static"
+
+
+def page_text() -> str:
+    """The page with its style and script in it: `operator.html`, `operator.css` and `operator.js` as one."""
+    text = (FOLDER / "operator.html").read_text(encoding="utf-8")
+    for tag, name in (("style", "operator.css"), ("script", "operator.js")):
+        content = (FOLDER / name).read_text(encoding="utf-8")
+        text = text.replace(f"<{tag}></{tag}>", f"<{tag}>\n{content}</{tag}>")
+    return text
 
 
 def policy_of(page: str) -> str:
@@ -37,7 +46,7 @@ def _hashes(page: str, tag: str) -> str:
 @router.get("/", include_in_schema=False)
 def operator_page() -> HTMLResponse:
     """The page."""
-    page = FILE.read_text(encoding="utf-8")
+    page = page_text()
     headers = {
         "Content-Security-Policy": policy_of(page),
         "X-Content-Type-Options": "nosniff",

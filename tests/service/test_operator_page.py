@@ -16,7 +16,7 @@ from typing import Any
 import httpx2
 import pytest
 
-from service.http.page import FILE, policy_of
+from service.http.page import page_text, policy_of
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser
@@ -47,7 +47,7 @@ def test_it_needs_no_token_and_says_what_it_may_do(service: Served) -> None:
 
 
 def test_it_loads_nothing_and_writes_no_markup_from_data() -> None:
-    page = FILE.read_text("utf-8")
+    page = page_text()
     addresses = set(re.findall(r"https?://[^\s\"'<]+", page))
     assert addresses == {"http://www.w3.org/2000/svg"}  # a name, which nobody fetches
     for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "localStorage"):
