@@ -6,6 +6,7 @@ only ever armed on the way to an approach, so that nothing moves without one.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import cast
 from acquisition.control import Control
 from acquisition.devices import Devices
 from acquisition.settling import until_still
-from drivers.errors import AcquisitionError, LinkError, Unmeasurable
+from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
 from drivers.interfaces import (
     Device,
     Identity,
@@ -23,7 +24,10 @@ from drivers.interfaces import (
     LengthReading,
     PointMeter,
     PointReading,
+    RobotArm,
 )
+
+PRESS = "Press the emergency stop: the program does not reach the robot, which may still be moving."
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,8 @@ class Rig:
         self._met = met
         self._connected: set[str] = set()
         self._armed: set[str] = set()
+        self._seen: set[str] = set()  # connected at least once
+        self._lost: set[str] = set()  # its link broke, or could not be made, and is not there again
         self._can_stop = True
         self._stands = False  # since its last move nothing happened that may have set it moving
         self.moving = False
@@ -62,6 +68,8 @@ class Rig:
                         stands = self._devices.robot.position().joints_deg
                     self._met(Met(role, device.identify(), self._can_stop, stands))
                     self._connected.add(role)  # who it is is known: only then
+                    self._seen.add(role)
+                    self._lost.discard(role)
             self._control.check_stop()
 
     def make_ready(self) -> None:
@@ -142,6 +150,7 @@ class Rig:
         except Unmeasurable:
             raise
         except LinkError:
+            self._lost.add(role)
             self._connected.discard(role)
             self._armed.discard(role)
             self._stands = False
@@ -152,13 +161,26 @@ class Rig:
             raise
 
     def halt(self) -> list[AcquisitionError]:
-        """Robot and instrument stop now; from any thread. Returns what could not be stopped."""
-        problems = []
-        for stop in (self._devices.robot.stop, self._devices.instrument.stop):
+        """Robot and instrument stop now; from any thread. Returns what could not be stopped and may be going on.
+
+        Both at the same time: a robot whose link is down takes seconds to be given up.
+        """
+        problems: list[AcquisitionError] = []
+        moving = self.moving or self.lost_in_move
+        lost = set(self._lost)
+
+        def stop(role: str, device: RobotArm | PointMeter | LengthMeter) -> None:
             try:
-                stop()
+                device.stop()
             except AcquisitionError as error:
-                problems.append(error)
+                not_reached = isinstance(error, LinkError) and role in self._seen
+                if moving or not_reached or role in lost:
+                    problems.append(_not_stopped(role, error, lost=role in lost))
+
+        beside = threading.Thread(target=stop, args=("instrument", self._devices.instrument))
+        beside.start()
+        stop("robot", self._devices.robot)
+        beside.join()
         return problems
 
     def release(self) -> None:
@@ -169,3 +191,15 @@ class Rig:
                 device.disarm()
             with suppress(AcquisitionError):
                 device.disconnect()
+
+
+def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> AcquisitionError:
+    """The error with what a person has to do now: that the program will connect again stops nothing."""
+    if role != "robot":
+        return error
+    if isinstance(error, LinkError):
+        error.what_to_do = PRESS
+        return error
+    if not lost:
+        return error
+    return LinkLost("is not connected: it was not told to stop", device=error.device, what_to_do=PRESS)

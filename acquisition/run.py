@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -96,14 +96,20 @@ class Run:
         *,
         simulated: bool = False,
         name: str = "",
+        visits: Sequence[Visit] | None = None,
     ) -> Run:
         """Plan, check everything, and make the record. Nothing moves, no device is touched.
 
+        visits: what `checked_plan` gave for this cell and campaign, where it was made before; None: make it now.
         Raises ConfigError, UnsafePlan, RecordError, RecordInUse, StorageError.
         """
-        visits = checked_plan(cell, campaign)
         store = Store.create(
-            record_dir, name or cell.name, cell.source, campaign.source, visits, simulated=simulated
+            record_dir,
+            name or cell.name,
+            cell.source,
+            campaign.source,
+            checked_plan(cell, campaign) if visits is None else visits,
+            simulated=simulated,
         )
         return cls(store, cell, campaign)
 
@@ -186,6 +192,9 @@ class Run:
         return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 
     def _begin(self, devices: Devices, clock: Clock) -> _Execution:
+        # Before the mutex, which a stop needs: the forecast of a long campaign takes its time.
+        visits = dict.fromkeys(planned.visit for planned in self._store.plan())
+        forecast = Forecast.of(self.cell, self.campaign, list(visits))
         with self._mutex:
             state = self._store.state
             if self._execution is not None or not (state is State.READY or self._resumed):
@@ -200,9 +209,7 @@ class Run:
             rig = Rig(devices, control, self._met)
             desk = Desk(Attempts(self._store), devices.operator, control)
             done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
-            visits = dict.fromkeys(planned.visit for planned in self._store.plan())
-            pace = Pace(clock, done, Forecast.of(self.cell, self.campaign, list(visits)))
-            self._execution = _Execution(control, rig, desk, pace)
+            self._execution = _Execution(control, rig, desk, Pace(clock, done, forecast))
             return self._execution
 
     def _end(self, ending: State, reason: str) -> StorageError | None:
@@ -256,8 +263,13 @@ class Run:
 
     # -- from any thread ----------------------------------------------------------------------------------
 
-    def pause(self, by: str = "", key: str | None = None, reason: str = ON_REQUEST) -> None:
-        """End after the reading in hand. `key`: an idempotency key; the second time nothing happens."""
+    def pause(
+        self, by: str = "", key: str | None = None, reason: str = ON_REQUEST, *, at_once: bool = False
+    ) -> None:
+        """End after the reading in hand; `at_once`: after the move or measurement in hand.
+
+        `key`: an idempotency key; the second time nothing happens.
+        """
         try:
             new = self._store.command("pause", by, key)
         except StorageError:
@@ -266,7 +278,7 @@ class Run:
             with self._mutex:
                 execution = self._execution
             if execution is not None:
-                execution.control.pause(reason)
+                execution.control.rest(reason) if at_once else execution.control.pause(reason)
 
     def restation(self, by: str = "", reason: str = "", key: str | None = None) -> None:
         """The instrument is moved: its nests are measured again before the next pose, or on resuming.
@@ -306,7 +318,7 @@ class Run:
             self._resumed = True
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
-        """Halt the robot now and end the run. Returns what could not be stopped (CannotStop: use the button).
+        """Halt the robot now and end the run. Returns what could not be stopped: use the button, it says which.
 
         The robot is told first, before the record. Raises StorageError for a run at rest that cannot be ended.
         """
@@ -314,9 +326,8 @@ class Run:
             execution = self._execution
         problems: list[AcquisitionError] = []
         if execution is not None:
-            moving = execution.rig.moving
             execution.control.stop()
-            problems = [e for e in execution.rig.halt() if moving]
+            problems = execution.rig.halt()
         try:
             self._store.command("stop", by, key)
         except StorageError as error:

@@ -6,6 +6,7 @@ The command line turns it into exit code 2, the HTTP service into a problem docu
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 
@@ -28,3 +29,8 @@ class DataError(ValueError):
             place += f", key '{key}'" if place else f"key '{key}'"
         super().__init__(f"{place}: {what} {do}" if place else f"{what} {do}")
         self.what, self.do, self.file, self.line, self.key = what, do, file, line, key
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """The error comes through a pipe whole: pickle by itself forgets what was given by name."""
+        again = partial(type(self), do=self.do, file=self.file, line=self.line, key=self.key)
+        return again, (self.what,)

@@ -14,7 +14,7 @@ from calib.files import replace_file
 from calib.model_file import save_model
 from service import documents
 from service.files import as_json
-from service.worker import MODEL, REPORT, RESULT
+from service.job import MODEL, REPORT, RESULT
 
 TARGETS = "targets.csv"
 

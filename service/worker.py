@@ -1,72 +1,53 @@
-"""One identification or diagnosis, in a process of its own: `python -m service.worker FOLDER`.
+"""A process that computes for the service: `python -m service.worker`.
 
-The folder holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data cannot
-be used. Ends with 0 in both cases.
+It reads calls from its standard input, pickled `(function, arguments)`, one after another, and writes what came of
+each to its standard output, pickled `(result, refusal)`. The service holds the other end of both. When the input
+closes, because the service ended or was killed, the process ends at once, in mid-computation if need be: no signal
+handler of the service could see to that, nothing runs after `kill -9`.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import sys
-from pathlib import Path
+import pickle
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any, BinaryIO
 
-JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
+from calib.errors import DataError
+from drivers.errors import AcquisitionError
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
-def main(folder: Path) -> int:
-    """Do the job of a folder."""
-    # Read when numpy is first imported, hence the late imports: see service.cli.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from calib.errors import DataError
-    from calib.files import replace_file
-    from service.files import as_json
-    from service.http.problems import data_place, data_text
+def main() -> None:
+    """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
+    calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
+    answers = os.fdopen(os.dup(1), "wb")
+    requests = os.fdopen(os.dup(0), "rb")
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for number in (0, 1):  # whatever a function prints or reads, it is not the conversation
+        os.dup2(nothing, number)
+    threading.Thread(target=_listen, args=(requests, calls), daemon=True).start()
+    while True:
+        function, arguments = calls.get()
+        try:
+            outcome = function(*arguments), None
+        except (AcquisitionError, DataError) as refusal:
+            outcome = None, refusal
+        answers.write(pickle.dumps(outcome))  # whole, or not at all
+        answers.flush()
 
-    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+
+def _listen(requests: BinaryIO, calls: queue.SimpleQueue[Call]) -> None:
+    """In a thread of its own, so that the end of the service is noticed while a function computes."""
     try:
-        if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, simulated=job["simulated"], cell=job.get("cell"))
-        else:
-            identification(Path(job["data"]), folder)
-    except DataError as error:
-        problem = {"text": data_text(error), "do": error.do, **data_place(error)}
-        replace_file(folder / PROBLEM, as_json(problem))
-    return 0
-
-
-def diagnosis(data: Path, folder: Path, *, simulated: bool, cell: str | None = None) -> None:
-    """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
-    from dataclasses import replace
-
-    from acquisition.cell import cell_of_record
-    from acquisition.follow_up import fits, in_cell
-    from calib.dataset import read_dataset
-    from calib.diagnose.diagnosis import diagnose
-    from calib.files import replace_file
-    from calib.model_file import save_model
-    from service import documents
-    from service.files import as_json
-    from service.report import diagnosis_report
-
-    found = diagnose(read_dataset(data))
-    here = None if cell is None else cell_of_record(cell, str(folder / JOB))
-    if here is not None and found.follow_up is not None and fits(here, found.final):
-        found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
-    document = documents.of_diagnosis(found) | {"simulated": simulated}
-    save_model(folder / MODEL, found.final, found)
-    replace_file(folder / REPORT, diagnosis_report(found, document, simulated=simulated))
-    replace_file(folder / RESULT, as_json(document))
-
-
-def identification(data: Path, folder: Path) -> None:
-    """Identify, save the model, draw the report. Raises DataError."""
-    from service.commands.identify import identify_command
-
-    # The command writes its JSON last, so a result always has its report.
-    identify_command(data, json=str(folder / RESULT), model=folder / MODEL, report=folder / REPORT)
+        while True:
+            calls.put(pickle.load(requests))
+    except (EOFError, pickle.UnpicklingError):  # closed, perhaps in mid-call
+        os._exit(0)
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    main()

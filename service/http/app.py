@@ -21,6 +21,7 @@ from service.http import (
     target_routes,
 )
 from service.http.gate import Gate
+from service.http.lanes import Lanes
 from service.http.openapi import describe
 from service.http.settings import Settings
 from service.http.state import Service
@@ -60,6 +61,7 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)
     problems.install(app)
-    app.add_middleware(Gate, settings=settings)
+    app.add_middleware(Lanes)
+    app.add_middleware(Gate, settings=settings)  # before the lanes: who may not ask takes nobody's turn
     describe(app)
     return app

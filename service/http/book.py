@@ -9,8 +9,9 @@ Nothing is executed when the book is opened: runs that were going on when the pr
 
 from __future__ import annotations
 
+import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,17 +30,23 @@ from acquisition import (
 )
 from acquisition.control import ON_REQUEST
 from acquisition.errors import RecordError, RecordInUse
-from drivers.errors import AcquisitionError
+from acquisition.plan import Visit
+from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http import dry_runs
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
+from service.http.workers import Workers, ending
 from service.plain import finite
 
-PAUSE_S = 15.0  # for the reading in hand when the service ends; then the robot is stopped
+PAUSE_S = (
+    2.0  # for the reading in hand when the service ends; then nothing but the move in hand is waited for
+)
+REST_S = 3.0  # for that; then the robot is stopped
 STOP_S = 60.0  # longer than any deadline of a device
 FINISH_S = 5.0
-STOPPED_S = 0.5  # so long the answer to a stop waits for the run to have ended
+STOPPED_S = 0.05  # so long the answer to a stop waits for the run to have ended
 SERVICE_ENDS = "The service was ended."
+MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 
 
 @dataclass
@@ -57,11 +64,20 @@ class _Execution:
 
 
 class Book:
-    """Thread-safe. `open_devices`: the devices of a cell, not yet connected."""
+    """Thread-safe. `open_devices`: the devices of a cell, not yet connected; `workers` make the plans.
 
-    def __init__(self, folder: Path, open_devices: Callable[[Cell], Devices], *, simulated: bool) -> None:
+    Two locks: `_opening` is held while a record is opened, which may wait for another program that has it; `_mutex`
+    for moments only. A stop of the run that uses the robot takes neither.
+    """
+
+    def __init__(
+        self, folder: Path, open_devices: Callable[[Cell], Devices], workers: Workers, *, simulated: bool
+    ) -> None:
         self._folder, self._open_devices, self._simulated = folder, open_devices, simulated
+        self._workers = workers
+        self._opening = threading.Lock()
         self._mutex = threading.RLock()
+        self._closed = False
         self._runs: dict[str, Run] = {}
         self._errors: dict[str, AcquisitionError] = {}
         self._execution: _Execution | None = None
@@ -123,15 +139,22 @@ class Book:
 
     def get(self, name: str) -> Run:
         """The run itself, opened where it is not. Raises Problem 404 and 409 (dry run), RecordInUse."""
+        run = self._runs.get(name)
+        return self._opened(name) if run is None else run
+
+    def _opened(self, name: str) -> Run:
         self._known(name)
         if dry_runs.read(self._folder / name) is not None:
             raise Problem(
                 409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103
             )
-        with self._mutex:
-            if name not in self._runs:
-                self._runs[name] = Run.open(self._folder / name)
-            return self._runs[name]
+        with self._opening:
+            run = self._runs.get(name)
+            if run is None:
+                run = Run.open(self._folder / name)
+                with self._mutex:
+                    self._runs[name] = run
+            return run
 
     def path(self, name: str) -> Path:
         """The folder of a run's record. Raises Problem 404."""
@@ -144,23 +167,28 @@ class Book:
 
     # -- making and executing ----------------------------------------------------------------------------
 
-    def check(self, cell: Cell, campaign: Campaign, name: str) -> str:
+    def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
         """A dry run: everything is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
         own = new_id()
-        dry_runs.keep(self._folder / own, cell, campaign, name, simulated=self._simulated)
+        self._workers.call(dry_runs.keep, self._folder / own, cell, table, name, self._simulated)
         return own
 
-    def start(self, cell: Cell, campaign: Campaign, name: str, lease: Lease) -> str:
-        """Make a run and let the robot move. Raises Problem 409 while another uses the robot, ConfigError ..."""
-        with self._mutex:
-            self.refuse_busy()
-            devices = self._open_devices(cell)
-            run_id = new_id()
-            run = Run.create(
-                self._folder / run_id, cell, campaign, simulated=self._simulated, name=name or cell.name
-            )
-            self._runs[run_id] = run
-            self._begin(run_id, run, devices, lease)
+    def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: Lease) -> str:
+        """Make a run of what was planned and let the robot move. Raises Problem 409 while another uses the robot."""
+        campaign, visits = plan
+        devices = self._open_devices(cell)
+        run_id = new_id()
+        folder, title = self._folder / run_id, name or cell.name
+        run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        try:
+            with self._mutex:
+                self.refuse_busy()
+                self._runs[run_id] = run
+                self._begin(run_id, run, devices, lease)
+        except Problem:  # another was quicker
+            run.close()
+            shutil.rmtree(folder)
+            raise
         return run_id
 
     def resume(self, name: str, cell: Cell, lease: Lease) -> None:
@@ -176,6 +204,7 @@ class Book:
                 code=8109,
             )
         self._let_finish(name)
+        devices = self._open_devices(run.cell)
         with self._mutex:
             self.refuse_busy()
             status = run.status()
@@ -187,13 +216,14 @@ class Book:
                     f"Start the service {'with' if status.simulated else 'without'} --simulate.",
                     code=8104,
                 )
-            devices = self._open_devices(run.cell)
             if status.state != State.READY.value:
                 run.resume(by=lease.owner)
             self._begin(name, run, devices, lease)
 
     def refuse_busy(self) -> None:
-        """Raises Problem 409 with the ids of the run and the loop that use the robot."""
+        """Raises Problem 409 with the ids of the run and the loop that use the robot, 503 when the service ends."""
+        if self._closed:
+            raise ending()
         execution = self._execution
         if execution is not None:
             ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
@@ -263,8 +293,8 @@ class Book:
         """A run of the loop that has the robot, listed and ordered about like any other."""
         execution = self._execution
         assert execution is not None
+        run = Run.create(self._folder / name, cell, campaign, simulated=self._simulated, name=title)
         with self._mutex:
-            run = Run.create(self._folder / name, cell, campaign, simulated=self._simulated, name=title)
             self._runs[name] = run  # stays open: others look at it
             execution.begun.clear()
             execution.run_id = name
@@ -309,22 +339,27 @@ class Book:
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
         """The robot halts now and the run ends. Returns what could not be stopped. Raises Problem, RecordInUse."""
         problems = self.get(name).stop(by=by)
-        execution = self._execution
+        execution, lost = self._execution, self._errors.get(name)
+        if execution is None and isinstance(lost, LinkError):
+            problems.append(LinkLost(lost.message, device=lost.device, what_to_do=MAY_MOVE))
         if execution is not None and execution.run_id == name and not execution.loop_id:
             execution.thread.join(STOPPED_S)
         return problems
 
-    def stop_all(self, by: str) -> None:
-        """The run that uses the robot ends now."""
-        if (name := self.busy_with) is not None:
-            self._runs[name].stop(by=by)
+    def refuse_new(self) -> None:
+        """Nothing begins any more: the service ends."""
+        self._closed = True
 
     def close(self) -> None:
-        """Pause, after a while stop, what runs; give every record up."""
-        if self.busy_with is not None:
-            self.pause_all("service ends", SERVICE_ENDS)
+        """Pause what runs, let it come to rest, after a while stop it; give every record up."""
+        self.refuse_new()
+        by = "service ends"
+        if (name := self.busy_with) is not None:
+            self.pause(name, by, SERVICE_ENDS)
             if not self.join(PAUSE_S):
-                self.stop_all(by="service ends")
+                self.get(name).pause(by, reason=SERVICE_ENDS, at_once=True)
+            if not self.join(REST_S):
+                self.get(name).stop(by)
                 self.join(STOP_S)
         with self._mutex:
             for run in self._runs.values():

@@ -17,14 +17,14 @@ router = APIRouter(tags=["cell"])
 
 
 @router.get("/health", operation_id="getHealth", response_model=Health)
-def get_health(here: Here) -> dict[str, Any]:
+async def get_health(here: Here) -> dict[str, Any]:
     """The service answers. Needs no token."""
     simulated = here.settings.simulated is not None
     return {"status": "ok", "version": version("truepose"), "simulated": simulated}
 
 
 @router.get("/cell", operation_id="getCell", response_model=CellShown)
-def get_cell(here: Here, request: Request) -> dict[str, Any]:
+async def get_cell(here: Here, request: Request) -> dict[str, Any]:
     """The cell, who may move its robot, which run does, and the role of the token that asks."""
     cell, held = here.cell, here.lease.current
     return {
@@ -44,36 +44,45 @@ def get_cell(here: Here, request: Request) -> dict[str, Any]:
 
 
 @router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
-def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dict[str, Any]:
+async def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dict[str, Any]:
     """Take the motion lease, or keep it: repeat this before it expires, or the robot rests and its run is paused.
 
     Without `Lease-Id` it is taken where nobody holds it, and the answer has its secret, `lease_id`, which is never
     given again, also not for an `Idempotency-Key`. With `Lease-Id` it is prolonged; 409 where it has ended.
     """
     if lease_id:
-        return _shown(here.lease.renew(body.holder, body.seconds, lease_id))
-    held = here.lease.grant(body.holder, body.seconds)
+        return _shown(await here.urgent(lambda: here.lease.renew(body.holder, body.seconds, lease_id)))
+    held = await here.urgent(lambda: here.lease.grant(body.holder, body.seconds))
     return _shown(held, lease_id=held.secret)
 
 
 @router.post("/cell/lease/takeover", operation_id="takeLeaseOver", response_model=LeaseShown)
-def take_lease_over(here: Here, body: TakeLeaseOver) -> dict[str, Any]:
+async def take_lease_over(here: Here, body: TakeLeaseOver) -> dict[str, Any]:
     """Take the motion lease from whoever holds it; what moves by it pauses after the reading in hand.
 
     Holder, reason and time are kept in `lease.jsonl` of the record, and in the events of the run.
     """
-    held, before = here.lease.take_over(body.holder, body.seconds, body.reason)
-    if before:
-        here.rest(body.holder, f"{body.holder} has taken the motion lease over from {before}: {body.reason}")
-    return _shown(held, lease_id=held.secret, taken_from=before)
+
+    def work() -> dict[str, Any]:
+        held, before = here.lease.take_over(body.holder, body.seconds, body.reason)
+        if before:
+            why = f"{body.holder} has taken the motion lease over from {before}: {body.reason}"
+            here.rest(body.holder, why)
+        return _shown(held, lease_id=held.secret, taken_from=before)
+
+    return await here.urgent(work)
 
 
 @router.delete("/cell/lease", operation_id="giveLeaseBack", status_code=204)
-def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
+async def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
     """Give the lease back; a run pauses after the reading in hand, a loop also between two runs. Needs `Lease-Id`."""
-    holder = here.lease.give_back(lease_id)
-    if holder is not None:
-        here.rest(holder, f"{holder} gave the motion lease back.")
+
+    def work() -> None:
+        holder = here.lease.give_back(lease_id)
+        if holder is not None:
+            here.rest(holder, f"{holder} gave the motion lease back.")
+
+    await here.urgent(work)
     return Response(status_code=204)
 
 

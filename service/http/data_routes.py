@@ -67,7 +67,7 @@ def upload_dataset(
     table, header = csv.file.read(), toml.file.read()
 
     def work() -> JSONResponse:
-        dataset = here.datasets.upload(table, header, name)
+        dataset = here.workers.call(here.datasets.upload, table, header, name)
         return reply(201, dataset, location=f"{DATASETS}/{dataset['id']}")
 
     # The files count, not the body: its boundaries differ every time it is sent.

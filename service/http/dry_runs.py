@@ -1,28 +1,40 @@
-"""Campaigns that were only checked: `RECORD/runs/ID/dry_run.json`, a run that is over before anything has moved."""
+"""Campaigns that were only checked: `RECORD/runs/ID/dry_run.json`, a run that is over before anything has moved.
+
+Planning takes seconds to minutes: what plans here is called in a worker process.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from acquisition import Campaign, Cell, State, checked_plan
+from acquisition.plan import Visit
 from calib.files import replace_file
 from service.files import as_json
+from service.http.campaigns import campaign_of
 from service.wording import counted
 
 FILE = "dry_run.json"
 
 
-def readings_of(cell: Cell, campaign: Campaign) -> tuple[int, int]:
+def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]]:
+    """The campaign in the body of a request, and its plan. Raises ConfigError, UnsafePlan."""
+    campaign = campaign_of(table)
+    return campaign, checked_plan(cell, campaign)
+
+
+def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
     """How many visits and readings of poses a campaign has. Raises ConfigError, UnsafePlan."""
-    visits = checked_plan(cell, campaign)
+    _, visits = planned(cell, table)
     return len(visits), sum(len(visit.targets) for visit in visits if visit.kind == "pose")
 
 
-def keep(folder: Path, cell: Cell, campaign: Campaign, name: str, *, simulated: bool) -> None:
+def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulated: bool) -> None:
     """Check a campaign and write what came of it into a new folder. Raises ConfigError, UnsafePlan."""
-    visits, total = readings_of(cell, campaign)
+    visits, total = readings_of(cell, table)
     folder.mkdir()
     done = State.SUCCEEDED
     document = {

@@ -35,10 +35,14 @@ def _add(here: Service, kind: str, collection: str, body: OfDataset, key: str) -
 
 
 async def _get(here: Service, kind: str, name: str, wait: int, after: int) -> dict[str, Any]:
-    document = await here.waiting(lambda: here.jobs.document(kind, name))
+    def read() -> dict[str, Any]:
+        return here.jobs.document(kind, name)
+
+    what = f"{kind} {name}"
+    document = await here.reading(what, read)
     if wait and document["version"] <= after and document["state"] not in ("succeeded", "failed"):
-        await here.changed(lambda seconds: here.jobs.wait(kind, name, after, seconds) > after, wait)
-        document = await here.waiting(lambda: here.jobs.document(kind, name))
+        await here.changed(what, lambda seconds: here.jobs.wait(kind, name, after, seconds), after, wait)
+        document = await here.reading(what, read)
     return document
 
 

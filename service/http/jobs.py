@@ -1,32 +1,31 @@
-"""Identifications and diagnoses: worked off one at a time, each in a process of its own.
+"""Identifications and diagnoses: worked off one at a time, in a worker process that does nothing else.
 
     RECORD/identifications/ID/, RECORD/diagnoses/ID/: job.json, then result.json + report.html or problem.json
 
-A process, because a fit must not hold up the thread that stops a robot, and because matplotlib is not made for
-threads. The folder is the state: a job without an outcome that nobody works on was cut off.
+The folder is the state: a job without an outcome that nobody works on was cut off.
 """
 
 from __future__ import annotations
 
 import json
 import queue
-import subprocess
-import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from acquisition import Cell, State
 from calib.files import replace_file
+from service import job
 from service.files import as_json
 from service.http import problems
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
+from service.http.workers import WorkerDied, Workers
+from service.job import JOB, MODEL, PROBLEM, REPORT, RESULT
 from service.plain import utc_text
-from service.worker import JOB, MODEL, PROBLEM, REPORT, RESULT
 
-JOB_TIMEOUT_S = 900.0
 MOST_WAITING = 50
 _FOLDERS = {"identification": "identifications", "diagnosis": "diagnoses"}
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
@@ -41,8 +40,7 @@ class Jobs:
         self._changed = threading.Condition()
         self._waiting: set[Path] = set()
         self._current: Path | None = None
-        self._process: subprocess.Popen[bytes] | None = None
-        self._closed = False
+        self._worker = Workers(1, waiting=0)
         for folder in _FOLDERS.values():
             (record / folder).mkdir(parents=True, exist_ok=True)
         self._thread = threading.Thread(target=self._work, name="jobs")
@@ -55,7 +53,7 @@ class Jobs:
         """
         own = new_id()
         folder = self._record / _FOLDERS[kind] / own
-        job = {
+        order = {
             "id": own,
             "kind": kind,
             "dataset_id": dataset["id"],
@@ -69,7 +67,7 @@ class Jobs:
                 raise Problem(503, "Too many jobs are waiting.", "Ask again when some are done.")
             self._waiting.add(folder)
         folder.mkdir()
-        replace_file(folder / JOB, as_json(job))
+        replace_file(folder / JOB, as_json(order))
         self._queue.put(folder)
         return self.document(kind, own)
 
@@ -78,7 +76,7 @@ class Jobs:
         folder = self._record / _FOLDERS[kind] / name
         if not safe_id(name) or not (folder / JOB).is_file():
             raise not_found(kind, name)
-        job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+        order = json.loads((folder / JOB).read_text(encoding="utf-8"))
         with self._changed:
             waiting, current = folder in self._waiting, folder == self._current
         result = problem = None
@@ -92,7 +90,7 @@ class Jobs:
         else:
             state, version = State.FAILED, 3
             problem = self._problem(folder)
-        return {key: job[key] for key in ("id", "kind", "dataset_id", "created_utc")} | {
+        return {key: order[key] for key in ("id", "kind", "dataset_id", "created_utc")} | {
             "state": state.value,
             "state_code": state.code,
             "version": version,
@@ -140,45 +138,20 @@ class Jobs:
         while (folder := self._queue.get()) is not None:
             with self._changed:
                 self._waiting.discard(folder)
-                if self._closed:
-                    continue
                 self._current = folder
-                # Its input stays open as long as we live: when it closes, the guard ends the work.
-                self._process = subprocess.Popen(
-                    [
-                        sys.executable,
-                        "-m",
-                        "service.guard",
-                        sys.executable,
-                        "-m",
-                        "service.worker",
-                        str(folder),
-                    ],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    start_new_session=True,
-                )
                 self._changed.notify_all()
-            self._attend(self._process)
+            with suppress(Problem, WorkerDied):  # the job has no outcome then
+                self._worker.call(job.do, folder)
             with self._changed:
-                self._current = self._process = None
+                self._current = None
                 self._changed.notify_all()
 
-    def _attend(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None
-        try:
-            process.wait(JOB_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.terminate()
-        finally:
-            process.stdin.close()
-            process.wait()
+    def end(self) -> None:
+        """End the work in hand and begin none; it can be asked for again."""
+        self._worker.close()
 
     def close(self) -> None:
-        """End the work in hand; it can be asked for again."""
-        with self._changed:
-            self._closed = True
-            if self._process is not None:
-                self._process.terminate()
+        """Once all is ended."""
+        self.end()
         self._queue.put(None)
         self._thread.join()

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 
 from acquisition import Lease
 from service.http.bodies import Loops, LoopShown, NewLoop
-from service.http.campaigns import campaign_of
+from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
 from service.http.loops import ENDED
@@ -39,10 +39,13 @@ def create_loop(
         cell = here.cell
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
         if body.dry_run:
-            return _accepted(here, here.loops.check(cell, campaign_of(table), body.name))
+            return _accepted(here, here.loops.check(cell, table, body.name))
+        here.lease.needed(lease_id)
+        here.book.refuse_busy()
+        campaign, _ = here.workers.call(planned, cell, table)
 
         def begin(lease: Lease) -> str:
-            return here.loops.start(cell, campaign_of(table), body.name, body.poses, lease)
+            return here.loops.start(cell, campaign, body.name, body.poses, lease)
 
         return _accepted(here, here.let_move(lease_id, begin))
 
@@ -58,10 +61,16 @@ def list_loops(here: Here) -> dict[str, Any]:
 @router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
 async def get_loop(here: Here, loop_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
     """A loop; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
-    document = await here.waiting(lambda: here.loops.document(loop_id))
+
+    def read() -> dict[str, Any]:
+        return here.loops.document(loop_id)
+
+    document = await here.reading(f"loop {loop_id}", read)
     if wait and document["version"] <= after and document["state"] not in {state.value for state in ENDED}:
-        await here.changed(lambda seconds: here.loops.wait(loop_id, after, seconds) > after, wait)
-        document = await here.waiting(lambda: here.loops.document(loop_id))
+        await here.changed(
+            f"loop {loop_id}", lambda seconds: here.loops.wait(loop_id, after, seconds), after, wait
+        )
+        document = await here.reading(f"loop {loop_id}", read)
     return document
 
 
@@ -73,7 +82,7 @@ async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
         here.loops.pause(loop_id, by=who(here))
         return _accepted(here, loop_id)
 
-    return await here.urgent(work)
+    return await here.order(loop_id, work)
 
 
 @router.post("/loops/{loop_id}/resume", operation_id="resumeLoop", status_code=202, response_model=LoopShown)
@@ -98,4 +107,4 @@ async def stop_loop(here: Here, loop_id: str) -> JSONResponse:
         problems = here.loops.stop(loop_id, by=who(here))
         return _accepted(here, loop_id, problems=[problem.as_dict() for problem in problems])
 
-    return await here.urgent(work)
+    return await here.order(loop_id, work)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from acquisition import Campaign, Cell, Devices, Lease, State, checked_plan
+from acquisition import Campaign, Cell, Devices, Lease, State
 from acquisition.loop import LoopResult, check_loop
 from calib.files import replace_file
 from drivers.errors import AcquisitionError
@@ -25,9 +25,10 @@ from service.http.dry_runs import readings_of
 from service.http.loop_work import ABOUT, LoopWork
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
+from service.http.workers import Workers
+from service.job import RESULT
 from service.plain import utc_text
 from service.wording import counted
-from service.worker import RESULT
 
 ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
 CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
@@ -42,10 +43,11 @@ class Loops:
         book: Book,
         datasets: Datasets,
         open_devices: Callable[[Cell], Devices],
+        workers: Workers,
         *,
         simulated: bool,
     ) -> None:
-        self._folder, self._book, self._datasets = folder, book, datasets
+        self._folder, self._book, self._datasets, self._workers = folder, book, datasets, workers
         self._open_devices, self._simulated = open_devices, simulated
         self._work: dict[str, LoopWork] = {}
         folder.mkdir(parents=True, exist_ok=True)
@@ -87,10 +89,10 @@ class Loops:
 
     # -- making -------------------------------------------------------------------------------------------
 
-    def check(self, cell: Cell, campaign: Campaign, name: str) -> str:
+    def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
         """A dry run: its first campaign is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
         check_loop(cell)
-        _, total = readings_of(cell, campaign)
+        _, total = self._workers.call(readings_of, cell, table)
         reason = f"Checked only: {counted(total, 'reading')} in the first campaign; nothing has moved."
         document = self._new(name or cell.name, dry_run=True)
         self._write(document | _state(State.SUCCEEDED) | {"reason": reason})
@@ -99,7 +101,6 @@ class Loops:
     def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: Lease) -> str:
         """Begin a loop; the robot moves. Raises Problem 409 while it is busy, ConfigError, UnsafePlan."""
         check_loop(cell)
-        checked_plan(cell, campaign)
         self._book.refuse_busy()
         devices = self._open_devices(cell)
         document = self._new(name or cell.name, dry_run=False)

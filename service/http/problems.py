@@ -82,7 +82,10 @@ def response(
 
 
 def install(app: FastAPI) -> None:
-    """Every error of the service becomes a problem document."""
+    """Every error of the service becomes a problem document.
+
+    The handlers are coroutines: others would be given an ordinary thread, and the refusal of a stop would wait for one.
+    """
     app.add_exception_handler(HTTPException, _of_http)
     app.add_exception_handler(RequestValidationError, _of_request)
     app.add_exception_handler(DataError, _of_data)
@@ -90,7 +93,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _of_fault)
 
 
-def _of_http(request: Request, error: Exception) -> Response:
+async def _of_http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     headers = dict(error.headers or {})
     if isinstance(error, Problem):
@@ -99,7 +102,7 @@ def _of_http(request: Request, error: Exception) -> Response:
     return response(error.status_code, text, "Look at /openapi.json for what can be asked.", headers=headers)
 
 
-def _of_request(request: Request, error: Exception) -> Response:
+async def _of_request(request: Request, error: Exception) -> Response:
     """The values that were sent are left out: they may be NaN, which JSON cannot carry, or secret."""
     assert isinstance(error, RequestValidationError)
     errors = [
@@ -111,7 +114,7 @@ def _of_request(request: Request, error: Exception) -> Response:
     return response(422, text, "Correct the request; /openapi.json describes it.", errors=errors)
 
 
-def _of_data(request: Request, error: Exception) -> Response:
+async def _of_data(request: Request, error: Exception) -> Response:
     assert isinstance(error, DataError)
     return of_data(error)
 
@@ -144,13 +147,13 @@ def of_error(error: AcquisitionError | DataError) -> dict[str, Any]:
     return document(status, error.message.rstrip(".") + ".", error.what_to_do, error.code or None, **told)
 
 
-def _of_acquisition(request: Request, error: Exception) -> Response:
+async def _of_acquisition(request: Request, error: Exception) -> Response:
     assert isinstance(error, AcquisitionError)
     told = of_error(error)
     return JSONResponse(told, told["status"], media_type=MEDIA_TYPE)
 
 
-def _of_fault(request: Request, error: Exception) -> Response:
+async def _of_fault(request: Request, error: Exception) -> Response:
     """A fault of this program; the server's log has the rest."""
     return response(
         500, "The service has met a fault of its own.", "Note what was asked and look at the service's log."

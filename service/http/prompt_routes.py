@@ -34,16 +34,16 @@ class Verb(Enum):
 
 
 @router.get("/runs/{run_id}/prompts", operation_id="listPrompts", response_model=Prompts)
-def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
+async def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
     """What is being asked now."""
-    prompt = here.book.document(run_id)["prompt"]
+    prompt = (await here.reading(f"run {run_id}", lambda: here.book.document(run_id)))["prompt"]
     return {"prompts": [] if prompt is None else [prompt]}
 
 
 @router.post(
     "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunShown
 )
-def answer_prompt(
+async def answer_prompt(
     here: Here,
     run_id: str,
     prompt_id: str,
@@ -68,17 +68,18 @@ def answer_prompt(
         return reply(200, here.book.document(run_id))
 
     path = f"{RUNS}/{run_id}/prompts/{prompt_id}/{verb.value}"
-    return here.keys.once(idempotency_key, fingerprint(path, body.model_dump()), work)
+    asked = fingerprint(path, body.model_dump())
+    return await here.order(run_id, lambda: here.keys.once(idempotency_key, asked, work))
 
 
-def _run(here: Here, run_id: str) -> Run:
-    return here.book.get(run_id)
+async def _run(here: Here, run_id: str) -> Run:
+    return await here.waiting(lambda: here.book.get(run_id))
 
 
 # Not in the OpenAPI document: its description of event streams makes client generators refuse the whole of it.
 @router.get("/runs/{run_id}/events", response_class=EventSourceResponse, include_in_schema=False)
 async def stream_events(
-    here: Here, run: Annotated[Run, Depends(_run)], last_event_id: Annotated[str, Header()] = ""
+    here: Here, run_id: str, run: Annotated[Run, Depends(_run)], last_event_id: Annotated[str, Header()] = ""
 ) -> AsyncIterator[ServerSentEvent]:
     """Every event, from the first or after Last-Event-ID; ends when nothing can happen any more."""
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
@@ -91,7 +92,7 @@ async def stream_events(
             continue
         if (await here.waiting(run.status)).state in FINAL:
             return
-        await here.changed(lambda seconds, after=seen: run.wait(after, seconds) > after, 10.0)
+        await here.changed(f"run {run_id}", lambda seconds, after=seen: run.wait(after, seconds), seen, 10.0)
 
 
 def _shown(event: Event) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, PlainTextResponse
 
 from acquisition import Lease, export_events
 from service.http.bodies import DatasetShown, ExportBody, NewRun, Runs, RunShown, WhyBody
-from service.http.campaigns import campaign_of
+from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
 from service.http.state import Here, Service
@@ -38,11 +38,13 @@ def create_run(
         cell = here.cell
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
         if body.dry_run:
-            return accepted(here, here.book.check(cell, campaign_of(table), body.name))
+            return accepted(here, here.book.check(cell, table, body.name))
+        here.lease.needed(lease_id)
+        here.book.refuse_busy()
+        plan = here.workers.call(planned, cell, table)
 
-        def begin(lease: Lease) -> str:
-            here.book.refuse_busy()
-            return here.book.start(cell, campaign_of(table), body.name, lease)
+        def begin(lease: Lease) -> str:  # asked for again: planning may take longer than the lease was held
+            return here.book.start(cell, plan, body.name, lease)
 
         return accepted(here, here.let_move(lease_id, begin))
 
@@ -58,11 +60,16 @@ def list_runs(here: Here) -> dict[str, Any]:
 @router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
 async def get_run(here: Here, run_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
     """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
-    document = await here.waiting(lambda: here.book.document(run_id))
+
+    def read() -> dict[str, Any]:
+        return here.book.document(run_id)
+
+    what = f"run {run_id}"
+    document = await here.reading(what, read)
     if wait and document["version"] <= after and document["state"] not in FINAL and not document["dry_run"]:
         run = await here.waiting(lambda: here.book.get(run_id))
-        await here.changed(lambda seconds: run.wait(after, seconds) > after, wait)
-        document = await here.waiting(lambda: here.book.document(run_id))
+        await here.changed(what, lambda seconds: run.wait(after, seconds), after, wait)
+        document = await here.reading(what, read)
     return document
 
 
@@ -74,7 +81,7 @@ async def pause_run(here: Here, run_id: str) -> JSONResponse:
         here.book.pause(run_id, by=who(here))
         return accepted(here, run_id)
 
-    return await here.urgent(work)
+    return await here.order(run_id, work)
 
 
 @router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
@@ -118,7 +125,7 @@ async def stop_run(here: Here, run_id: str) -> JSONResponse:
         problems = here.book.stop(run_id, by=who(here))
         return accepted(here, run_id, problems=[problem.as_dict() for problem in problems])
 
-    return await here.urgent(work)
+    return await here.order(run_id, work)
 
 
 @router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
@@ -131,7 +138,8 @@ def export_run(
         runs = [run_id, *body.later]
         for each in runs:
             here.book.get(each)  # a dry run has none
-        dataset = here.datasets.export([here.book.path(each) for each in runs], body.name)
+        records = [here.book.path(each) for each in runs]
+        dataset = here.workers.call(here.datasets.export, records, body.name)
         return reply(201, dataset, location=f"/api/v1/datasets/{dataset['id']}")
 
     asked = fingerprint(f"{RUNS}/{run_id}/dataset", body.model_dump())
@@ -149,7 +157,7 @@ def download_events(here: Here, run_id: str) -> PlainTextResponse:
     here.book.get(run_id)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "events.jsonl"
-        export_events(here.book.path(run_id), file)
+        here.workers.call(export_events, here.book.path(run_id), file)
         return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
 
 

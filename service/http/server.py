@@ -36,9 +36,9 @@ class Server(uvicorn.Server):
         """Long polls are let go and the run is paused at once, not after the last connection has closed."""
         service = getattr(self._app.state, "service", None)
         if service is not None:
-            service.closing = True
             order = ("service ends", SERVICE_ENDS)
             threading.Thread(target=service.book.pause_all, args=order, daemon=True).start()
+            threading.Thread(target=service.end, daemon=True).start()
         # Not by the method above us, which raises the signal again in the end: the simulators must be ended first.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Callable
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import anyio
 import anyio.to_thread
@@ -22,11 +23,16 @@ from service.http.lease import Lease
 from service.http.loops import Loops
 from service.http.problems import Problem
 from service.http.settings import Settings
+from service.http.workers import Workers
 
 _T = TypeVar("_T")
 SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of the service, may hold a thread
 WAITERS = 100
-STOPPERS = 4
+STOPPERS = 16
+RESTING = 4
+READERS = 2  # few: threads that compute share one interpreter lock with the one that stops the robot
+ORDINARY = 24  # more than WORKERS + CALLS: those threads only wait
+WORKERS, CALLS = 2, 12  # processes, and calls that may wait for one
 
 
 class Service:
@@ -37,7 +43,10 @@ class Service:
         record.mkdir(parents=True, exist_ok=True)
         self.settings = settings
         self.keys = Keys(record)
-        self.book = Book(record / "runs", self._open_devices, simulated=settings.simulated is not None)
+        self.workers = Workers(WORKERS, waiting=CALLS)
+        self.book = Book(
+            record / "runs", self._open_devices, self.workers, simulated=settings.simulated is not None
+        )
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
         self.jobs = Jobs(record)
@@ -47,12 +56,19 @@ class Service:
             self.book,
             self.datasets,
             self._open_devices,
+            self.workers,
             simulated=settings.simulated is not None,
         )
         self.closing = False
-        # Threads of their own: a hundred clients that wait must never keep a stop from being heard.
-        self._waiters = anyio.CapacityLimiter(WAITERS)
+        # Threads of their own: however many ask, wait or read, a stop must be heard.
         self._stoppers = anyio.CapacityLimiter(STOPPERS)
+        self._resting = anyio.CapacityLimiter(RESTING)
+        self._waiters = anyio.CapacityLimiter(WAITERS)
+        self._readers = anyio.CapacityLimiter(READERS)
+        self._begin_reading = asyncio.Semaphore(READERS)
+        self._readings: dict[str, asyncio.Task[Any]] = {}  # not yet begun
+        self._watches: dict[str, asyncio.Task[int]] = {}
+        anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
 
     def _open_devices(self, cell: Cell) -> Devices:
         simulated = self.settings.simulated
@@ -80,31 +96,70 @@ class Service:
         whole = self.book if self.book.lent_to is None else self.loops
         whole.pause_all(by, reason)
 
-    async def changed(self, wait: Callable[[float], bool], seconds: float) -> None:
-        """Until `wait(slice)` is true, the service ends, or so many seconds have passed."""
+    async def changed(self, what: str, wait: Callable[[float], int], after: int, seconds: float) -> None:
+        """Until a version beyond `after` is there, the service ends, or so many seconds have passed.
+
+        wait: waits up to so many seconds for it, and returns the version. However many clients wait for the same
+        thing, one thread does.
+        """
         end = time.monotonic() + seconds
         while not self.closing and (left := end - time.monotonic()) > 0.0:
-            if await self.waiting(lambda left=left: wait(min(left, SLICE_S))):
+            watch = self._watches.get(what)
+            if watch is None:
+                watch = asyncio.create_task(self.waiting(lambda: wait(SLICE_S)))
+                self._watches[what] = watch
+                watch.add_done_callback(lambda _: self._watches.pop(what))
+            await asyncio.wait({watch}, timeout=left)
+            if watch.done() and watch.result() > after:
                 return
 
     async def waiting(self, what: Callable[[], _T]) -> _T:
         """In a thread of those that may wait."""
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
 
+    async def reading(self, what: str, read: Callable[[], _T]) -> _T:
+        """In a thread of those that read. All who ask for the same before it is begun share one reading."""
+
+        async def begin() -> _T:
+            async with self._begin_reading:
+                del self._readings[what]
+                return await anyio.to_thread.run_sync(read, limiter=self._readers)
+
+        if what not in self._readings:
+            self._readings[what] = asyncio.create_task(begin())
+        return await asyncio.shield(self._readings[what])
+
     async def urgent(self, what: Callable[[], _T]) -> _T:
-        """In a thread that is kept for stopping."""
+        """In a thread that is kept for orders to the robot and for its lease."""
         return await anyio.to_thread.run_sync(what, limiter=self._stoppers)
+
+    async def order(self, name: str, what: Callable[[], _T]) -> _T:
+        """An order to a run or a loop: urgent for the one that uses the robot.
+
+        The others move nothing, and their records may have to be opened, which can take seconds.
+        """
+        if name in (self.book.busy_with, self.book.lent_to):
+            return await self.urgent(what)
+        return await anyio.to_thread.run_sync(what, limiter=self._resting)
+
+    def end(self) -> None:
+        """The service is told to end: nothing new begins, long polls are let go, what is computed is given up."""
+        self.closing = True
+        self.book.refuse_new()
+        self.workers.close()
+        self.jobs.end()
 
     def close(self) -> None:
         """Pause what runs, give everything up."""
-        self.closing = True
+        self.end()
         self.loops.close()
         self.book.close()
         self.jobs.close()
         self.keys.close()
 
 
-def _service(request: Request) -> Service:
+async def _service(request: Request) -> Service:
+    """In the event loop: a dependency that is no coroutine would wait for one of the ordinary threads."""
     return request.app.state.service
 
 

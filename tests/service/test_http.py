@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from service.http.lanes import BODY_BYTES
 from service.http.settings import UPLOAD_BYTES
 from tests.service.test_http_support import ROOT, TOKEN, Served, problem, served
 
@@ -228,19 +229,27 @@ def test_a_refused_request_frees_its_key(service: Served) -> None:
     assert service.client.post("/campaigns", json={"campaign": CAMPAIGN}, headers=key).status_code == 201
 
 
-def test_too_much_is_413(service: Served) -> None:
-    assert "32 MB" in problem(_post(service, b"x" * (UPLOAD_BYTES + 1)), 413)["detail"]
-    piece = b"x" * 1_000_000
+@pytest.mark.parametrize(
+    ("path", "kind", "most", "words"),
+    [
+        ("/runs", "application/json", BODY_BYTES, "1 MB"),
+        ("/datasets", "multipart/form-data; boundary=here", UPLOAD_BYTES, "32 MB"),
+    ],
+)
+def test_too_much_is_413(service: Served, path: str, kind: str, most: int, words: str) -> None:
+    def post(content: Any) -> httpx2.Response:
+        return service.client.post(path, content=content, headers={"Content-Type": kind})
+
+    begin = b'--here\r\nContent-Disposition: form-data; name="csv"; filename="a.csv"\r\n\r\n'
+    assert words in problem(post(begin + b"x" * most), 413)["detail"]
+    piece = b"x" * (most // 4)
 
     def pieces() -> Iterator[bytes]:  # sent without a length
-        for _ in range(UPLOAD_BYTES // len(piece) + 2):
+        yield begin
+        for _ in range(5):
             yield piece
 
-    assert "32 MB" in problem(_post(service, pieces()), 413)["detail"]
-
-
-def _post(service: Served, content: Any) -> httpx2.Response:
-    return service.client.post("/runs", content=content, headers={"Content-Type": "application/json"})
+    assert words in problem(post(pieces()), 413)["detail"]
 
 
 # -- the description --------------------------------------------------------------------------------------------

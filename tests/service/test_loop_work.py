@@ -22,6 +22,7 @@ from service.http.datasets import Datasets
 from service.http.loop_work import ABOUT, LoopWork
 from service.http.loops import CUT_OFF, Loops
 from service.http.problems import Problem
+from service.http.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
 from tests.service.lease_clock import LeaseClock
@@ -52,7 +53,9 @@ class Stage:
     bench: Bench = field(default_factory=lambda: Bench(a_cell()))
 
     def __post_init__(self) -> None:
-        self.book = Book(self.folder / "runs", lambda cell: devices_of(self.bench), simulated=True)
+        self.book = Book(
+            self.folder / "runs", lambda cell: devices_of(self.bench), Workers(1, waiting=0), simulated=True
+        )
         (self.folder / "loop").mkdir()
 
     def play(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
@@ -187,8 +190,14 @@ def test_a_loop_that_was_cut_off_has_failed(stage: Stage, tmp_path: Path) -> Non
     folder.mkdir(parents=True)
     (folder / ABOUT).write_text(json.dumps(ABOUT_IT | {"run_id": "the-loop-campaign1"}), "utf-8")
     datasets = Datasets(tmp_path / "datasets")
+    workers = Workers(1, waiting=0)
     loops = Loops(
-        tmp_path / "loops", stage.book, datasets, lambda cell: devices_of(stage.bench), simulated=True
+        tmp_path / "loops",
+        stage.book,
+        datasets,
+        lambda cell: devices_of(stage.bench),
+        workers,
+        simulated=True,
     )
     shown = loops.document("the-loop")
     assert (shown["state"], shown["reason"], shown["run"]) == ("failed", CUT_OFF, None)

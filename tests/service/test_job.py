@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from acquisition import campaign_from, checked_plan, read_cell
-from service.worker import JOB, RESULT, main
+from service.job import JOB, RESULT, do
 from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import write_narrow_data
 
@@ -15,7 +15,7 @@ def result_of(folder: Path, data: Path, cell: str) -> dict[str, object]:
     folder.mkdir()
     job = {"kind": "diagnosis", "data": str(data), "simulated": True, "cell": cell}
     (folder / JOB).write_text(json.dumps(job), encoding="utf-8")
-    assert main(folder) == 0
+    do(folder)
     return json.loads((folder / RESULT).read_text("utf-8"))
 
 

@@ -1,0 +1,110 @@
+"""A stop while a link is down: it says which device it did not reach, and stops everything else.
+
+These would catch: a stop that answers "nothing to complain of" while the robot goes on, an instrument that waits for
+the robot to be given up, and a complaint about a robot that nobody has set moving.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from acquisition.devices import Devices
+from acquisition.rig import PRESS
+from drivers.errors import AcquisitionError, CannotStop, LinkLost, LinkTimeout
+from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
+from tests.acquisition.stage import Stage
+
+MOVE, CONNECT = 9, 10  # calls of a stage: to the pose; after a lost link, to the robot again
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    made = Stage(tmp_path)
+    with closing(made.run):
+        yield made
+
+
+class FarArm(FakeArm):
+    """Its cable is out: `stop` raises this."""
+
+    trouble: AcquisitionError
+
+    def stop(self) -> None:
+        super().stop()
+        raise self.trouble
+
+
+def far(stage: Stage, trouble: AcquisitionError) -> tuple[Devices, FarArm, FakeMeter]:
+    arm, meter = FarArm(stage.bench), FakeMeter(stage.bench)
+    arm.trouble = trouble
+    return Devices(arm, meter, stage.operator), arm, meter
+
+
+def lose_the_link() -> None:
+    raise LinkLost("reset", device="arm")
+
+
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [
+        (LinkTimeout("no answer", device="arm"), "no answer"),
+        (CannotStop("stock open_abb has no stop", device="arm"), "not connected"),
+    ],
+    ids=["no answer", "not asked who it is"],
+)
+def test_a_stop_while_the_robot_is_not_reached_says_so(
+    stage: Stage, trouble: AcquisitionError, words: str
+) -> None:
+    devices, arm, meter = far(stage, trouble)
+    problems: list[AcquisitionError] = []
+    stage.bench.faults[MOVE] = lose_the_link
+    stage.bench.faults[CONNECT] = lambda: problems.extend(stage.run.stop(by="anna"))
+    outcome = stage.run.execute(devices, stage.clock)
+    assert outcome.state.value == "stopped"
+    assert (arm.stops, meter.armed) == (1, False)
+    (told,) = problems
+    assert (told.device, told.what_to_do) == ("arm", PRESS)
+    assert words in told.message
+    assert stage.bench.log[-1] == "connect arm"
+
+
+def test_the_instrument_does_not_wait_for_the_robot_to_be_given_up(stage: Stage) -> None:
+    stopped = threading.Event()
+
+    class LastArm(FakeArm):
+        def stop(self) -> None:
+            assert stopped.wait(20.0), "the robot first, and nothing beside it"
+            raise LinkTimeout("no answer", device=self.name)
+
+    class Meter(FakeMeter):
+        def stop(self) -> None:
+            super().stop()
+            stopped.set()
+
+    problems: list[AcquisitionError] = []
+    stage.bench.faults[MOVE] = lambda: problems.extend(stage.run.stop(by="anna"))
+    devices = Devices(LastArm(stage.bench), Meter(stage.bench), stage.operator)
+    assert stage.run.execute(devices, stage.clock).state.value == "stopped"
+    assert [type(each) for each in problems] == [LinkTimeout]
+
+
+def test_a_robot_that_nobody_has_set_moving_is_no_complaint(stage: Stage) -> None:
+    devices, _, _ = far(stage, CannotStop("stock open_abb has no stop", device="arm"))
+    problems: list[AcquisitionError] = []
+    stage.bench.faults[1] = lambda: problems.extend(stage.run.stop(by="anna"))  # while it connects
+    assert stage.run.execute(devices, stage.clock).state.value == "stopped"
+    assert problems == []
+
+
+def test_a_link_that_is_there_again_is_none_that_is_down(stage: Stage) -> None:
+    devices = devices_of(stage.bench, stage.operator)
+    problems: list[AcquisitionError] = []
+    stage.bench.faults[MOVE] = lose_the_link
+    stage.bench.faults[CONNECT + 2] = lambda: problems.extend(stage.run.stop(by="anna"))
+    assert stage.run.execute(devices, stage.clock).state.value == "stopped"
+    assert problems == []
