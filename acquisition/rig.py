@@ -55,6 +55,9 @@ class Rig:
         self._stands = False  # since its last move nothing happened that may have set it moving
         self.moving = False
         self.lost_in_move = False
+        self._halting = threading.Condition()
+        self._halts = 0  # under way
+        self._released = False
 
     def meet(self) -> None:
         """Connect what is not connected; nothing is armed. Raises AcquisitionError, Stopping."""
@@ -165,6 +168,16 @@ class Rig:
 
         Both at the same time: a robot whose link is down takes seconds to be given up.
         """
+        with self._halting:
+            self._halts += 1
+        try:
+            return self._halt()
+        finally:
+            with self._halting:
+                self._halts -= 1
+                self._halting.notify_all()
+
+    def _halt(self) -> list[AcquisitionError]:
         problems: list[AcquisitionError] = []
         moving = self.moving or self.lost_in_move
         lost = set(self._lost)
@@ -173,7 +186,7 @@ class Rig:
             try:
                 device.stop()
             except AcquisitionError as error:
-                not_reached = isinstance(error, LinkError) and role in self._seen
+                not_reached = isinstance(error, LinkError) and role in self._seen and not self._released
                 if moving or not_reached or role in lost:
                     problems.append(_not_stopped(role, error, lost=role in lost))
 
@@ -184,7 +197,10 @@ class Rig:
         return problems
 
     def release(self) -> None:
-        """Disarm and disconnect both."""
+        """Disarm and disconnect both, once a stop under way has been heard: it uses the same connections."""
+        with self._halting:
+            self._halting.wait_for(lambda: not self._halts)
+            self._released = True
         for _, device in self._both():
             # One by one: a device that cannot be disarmed is disconnected all the same.
             with suppress(AcquisitionError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import closing
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from acquisition.rig import PRESS
 from drivers.errors import AcquisitionError, CannotStop, LinkLost, LinkTimeout
 from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
 from tests.acquisition.stage import Stage
+from tests.drivers.waiting import in_thread
 
 MOVE, CONNECT = 9, 10  # calls of a stage: to the pose; after a lost link, to the robot again
 
@@ -99,6 +101,33 @@ def test_a_robot_that_nobody_has_set_moving_is_no_complaint(stage: Stage) -> Non
     stage.bench.faults[1] = lambda: problems.extend(stage.run.stop(by="anna"))  # while it connects
     assert stage.run.execute(devices, stage.clock).state.value == "stopped"
     assert problems == []
+
+
+def test_no_link_is_closed_while_a_stop_uses_it(stage: Stage) -> None:
+    """The move ends as soon as the robot halts; the answer to the stop is still on its way then."""
+    stopping, closed = threading.Event(), threading.Event()
+
+    class Arm(FakeArm):
+        def stop(self) -> None:
+            super().stop()
+            stopping.set()
+            if closed.wait(0.2):
+                raise LinkLost("bad file descriptor", device=self.name)
+
+        def disconnect(self) -> None:
+            closed.set()
+
+    told: list[Future[list[AcquisitionError]]] = []
+
+    def stop() -> None:
+        told.append(in_thread(lambda: stage.run.stop(by="anna")))
+        stopping.wait(20.0)
+
+    stage.bench.faults[MOVE] = stop
+    devices = Devices(Arm(stage.bench), FakeMeter(stage.bench), stage.operator)
+    assert stage.run.execute(devices, stage.clock).state.value == "stopped"
+    assert told[0].result(20.0) == []
+    assert closed.is_set()
 
 
 def test_a_link_that_is_there_again_is_none_that_is_down(stage: Stage) -> None:
