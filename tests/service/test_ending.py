@@ -1,0 +1,127 @@
+"""The service ends with heavy work in hand: promptly, its run paused, no process left behind.
+
+These would catch: a service that computes to the end of a dry run before it ends, worker processes that outlive it,
+also where it was killed and could see to nothing, and clients that are never answered.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+from acquisition import read_status
+from calib.errors import DataError
+from service.http.problems import Problem
+from service.http.workers import WorkerDied, Workers
+from tests.drivers.waiting import in_thread, until
+from tests.end_to_end.simulated import EXAMPLE, campaign_file, cell_file
+from tests.service.test_http_support import Served, problem, served
+
+# Minutes of computing, over long before the test by being ended.
+LONG: dict[str, Any] = {
+    "format": "truepose-campaign/1",
+    "block": [{"set": "calibration", "count": 800, "select": "observability"}],
+}
+linux = pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are counted in /proc")
+
+
+def workers_of(pid: int) -> list[int]:
+    """Worker processes of a service."""
+    children = " ".join(
+        (task / "children").read_text() for task in Path(f"/proc/{pid}/task").iterdir()
+    ).split()
+    return [int(c) for c in children if b"service.worker" in Path(f"/proc/{c}/cmdline").read_bytes()]
+
+
+def computing(pid: int) -> bool:
+    """A worker that has its modules loaded and is at work."""
+    seconds = sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]))
+    return seconds / os.sysconf("SC_CLK_TCK") > 2.0
+
+
+def ask_much(service: Served, count: int) -> list[Future[httpx2.Response]]:
+    return [in_thread(lambda: service.client.post("/runs", json={"campaign": LONG})) for _ in range(count)]
+
+
+@linux
+def test_it_ends_promptly_with_its_run_paused_and_its_workers_gone(tmp_path: Path) -> None:
+    cell = cell_file(tmp_path, time_scale=1.0)
+    campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=600.0).read_text("utf-8"))
+    with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
+        service.lease()
+        run = service.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
+        asked = ask_much(service, 6)
+        until(lambda: len(workers_of(service.process.pid)) == 2, 30.0)
+        workers = workers_of(service.process.pid)
+        service.until(f"/runs/{run}", "running")
+        service.process.terminate()
+        assert service.process.wait(20.0) == 0  # some 2 s; it was minutes
+        assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+        for each in asked:
+            assert problem(each.result(20.0), 503)["code"] == 8122
+    status = read_status(tmp_path / "record" / "runs" / run)
+    assert (status.state, status.reason) == ("paused", "The service was ended.")
+
+
+@linux
+def test_its_workers_end_when_it_is_killed(tmp_path: Path) -> None:
+    with served(tmp_path / "record", "--cell", str(EXAMPLE / "cell.toml")) as service:
+        asked = ask_much(service, 2)
+        pid = service.process.pid
+        until(lambda: len(workers_of(pid)) == 2 and all(map(computing, workers_of(pid))), 60.0)
+        workers = workers_of(pid)
+        service.process.kill()
+        service.process.wait()
+        until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers), 20.0)
+        for each in asked:
+            assert isinstance(each.exception(20.0), httpx2.TransportError)
+
+
+# -- workers ----------------------------------------------------------------------------------------------------
+
+
+def _refuse(line: int) -> None:
+    raise DataError("is bad.", do="Mend it.", file="a.csv", line=line, key="x_mm")
+
+
+def test_refusals_come_back_whole_and_a_worker_that_dies_is_replaced() -> None:
+    workers = Workers(1, waiting=0)
+    try:
+        assert workers.call(divmod, 7, 2) == (3, 1)
+        first = workers.call(os.getpid)
+        with pytest.raises(DataError) as refused:
+            workers.call(_refuse, 3)
+        assert (refused.value.line, refused.value.key, refused.value.do) == (3, "x_mm", "Mend it.")
+        assert str(refused.value) == "a.csv, line 3, key 'x_mm': is bad. Mend it."
+        assert workers.call(os.getpid) == first
+        with pytest.raises(WorkerDied):
+            workers.call(os._exit, 1)
+        assert workers.call(os.getpid) != first
+    finally:
+        workers.close()
+    with pytest.raises(Problem, match="being ended"):
+        workers.call(os.getpid)
+
+
+def test_more_calls_than_may_wait_are_refused(tmp_path: Path) -> None:
+    workers, pipe = Workers(1, waiting=1), tmp_path / "pipe"
+    os.mkfifo(pipe)
+    try:
+        busy = in_thread(lambda: workers.call(Path.read_bytes, pipe))  # until somebody writes
+        until(lambda: workers._busy)
+        waits = in_thread(lambda: workers.call(os.getpid))
+        until(lambda: workers._waiting)
+        with pytest.raises(Problem) as refused:
+            workers.call(os.getpid)
+        assert (refused.value.status_code, refused.value.code) == (503, 8120)
+        pipe.write_bytes(b"done")
+        assert busy.result(20.0) == b"done"
+        assert waits.result(20.0) > 0
+    finally:
+        workers.close()
