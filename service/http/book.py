@@ -44,7 +44,7 @@ PAUSE_S = (
 REST_S = 3.0  # for that; then the robot is stopped
 STOP_S = 60.0  # longer than any deadline of a device
 FINISH_S = 5.0
-STOPPED_S = 0.05  # so long the answer to a stop waits for the run to have ended
+STOPPED_S = 0.02  # so long the answer to a stop waits for the run to have ended
 SERVICE_ENDS = "The service was ended."
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 

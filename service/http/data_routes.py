@@ -6,7 +6,7 @@ import hashlib
 from typing import Annotated, Any
 
 from fastapi import APIRouter, File, Form, UploadFile
-from fastapi.responses import FileResponse, JSONResponse
+from fastapi.responses import FileResponse, JSONResponse, Response
 
 from service.http.bodies import Campaigns, CampaignShown, Datasets, DatasetShown, NewCampaign
 from service.http.datasets import CSV, TOML
@@ -36,9 +36,9 @@ def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyK
 
 
 @router.get("/campaigns", operation_id="listCampaigns", response_model=Campaigns, tags=["campaigns"])
-def list_campaigns(here: Here) -> dict[str, Any]:
+async def list_campaigns(here: Here) -> Response:
     """Every campaign, newest first."""
-    return {"campaigns": here.shelf.all()}
+    return await here.listed("campaigns", here.shelf.all)
 
 
 @router.get(
@@ -76,9 +76,9 @@ def upload_dataset(
 
 
 @router.get("/datasets", operation_id="listDatasets", response_model=Datasets, tags=["datasets"])
-def list_datasets(here: Here) -> dict[str, Any]:
+async def list_datasets(here: Here) -> Response:
     """Every data set, newest first."""
-    return {"datasets": here.datasets.all()}
+    return await here.listed("datasets", here.datasets.all)
 
 
 @router.get(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import APIRouter
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 
 from acquisition import Lease
 from service.http.bodies import Loops, LoopShown, NewLoop
@@ -53,9 +53,9 @@ def create_loop(
 
 
 @router.get("/loops", operation_id="listLoops", response_model=Loops)
-def list_loops(here: Here) -> dict[str, Any]:
+async def list_loops(here: Here) -> Response:
     """Every loop, newest first."""
-    return {"loops": here.loops.documents()}
+    return await here.listed("loops", here.loops.documents)
 
 
 @router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fastapi import APIRouter
-from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
 from acquisition import Lease, export_events
 from service.http.bodies import DatasetShown, ExportBody, NewRun, Runs, RunShown, WhyBody
@@ -52,9 +52,9 @@ def create_run(
 
 
 @router.get("/runs", operation_id="listRuns", response_model=Runs)
-def list_runs(here: Here) -> dict[str, Any]:
+async def list_runs(here: Here) -> Response:
     """Every run, newest first."""
-    return {"runs": here.book.documents()}
+    return await here.listed("runs", here.book.documents)
 
 
 @router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar
 import anyio
 import anyio.to_thread
 from fastapi import Depends, Request
+from fastapi.responses import JSONResponse, Response
 
 import acquisition
 from acquisition import Cell, Devices, open_devices
@@ -22,6 +23,7 @@ from service.http.jobs import Jobs
 from service.http.lease import Lease
 from service.http.loops import Loops
 from service.http.problems import Problem
+from service.http.readings import Readings
 from service.http.settings import Settings
 from service.http.workers import Workers
 
@@ -30,7 +32,7 @@ SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of 
 WAITERS = 100
 STOPPERS = 16
 RESTING = 4
-READERS = 2  # few: threads that compute share one interpreter lock with the one that stops the robot
+READERS = 2
 ORDINARY = 24  # more than WORKERS + CALLS: those threads only wait
 WORKERS, CALLS = 2, 12  # processes, and calls that may wait for one
 
@@ -64,9 +66,8 @@ class Service:
         self._stoppers = anyio.CapacityLimiter(STOPPERS)
         self._resting = anyio.CapacityLimiter(RESTING)
         self._waiters = anyio.CapacityLimiter(WAITERS)
-        self._readers = anyio.CapacityLimiter(READERS)
-        self._begin_reading = asyncio.Semaphore(READERS)
-        self._readings: dict[str, asyncio.Task[Any]] = {}  # not yet begun
+        self.reading = Readings(READERS)  # how a run, a loop or a job is
+        self.listing = Readings(1)  # everything that was kept, which may be much
         self._watches: dict[str, asyncio.Task[int]] = {}
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
 
@@ -117,18 +118,6 @@ class Service:
         """In a thread of those that may wait."""
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
 
-    async def reading(self, what: str, read: Callable[[], _T]) -> _T:
-        """In a thread of those that read. All who ask for the same before it is begun share one reading."""
-
-        async def begin() -> _T:
-            async with self._begin_reading:
-                del self._readings[what]
-                return await anyio.to_thread.run_sync(read, limiter=self._readers)
-
-        if what not in self._readings:
-            self._readings[what] = asyncio.create_task(begin())
-        return await asyncio.shield(self._readings[what])
-
     async def urgent(self, what: Callable[[], _T]) -> _T:
         """In a thread that is kept for orders to the robot and for its lease."""
         return await anyio.to_thread.run_sync(what, limiter=self._stoppers)
@@ -141,6 +130,14 @@ class Service:
         if name in (self.book.busy_with, self.book.lent_to):
             return await self.urgent(what)
         return await anyio.to_thread.run_sync(what, limiter=self._resting)
+
+    async def listed(self, name: str, documents: Callable[[], list[dict[str, Any]]]) -> Response:
+        """All documents of a kind under this name, as JSON that is made once for all who ask meanwhile."""
+
+        def read() -> bytes:
+            return bytes(JSONResponse({name: documents()}).body)
+
+        return Response(await self.listing(name, read), media_type=JSONResponse.media_type)
 
     def end(self) -> None:
         """The service is told to end: nothing new begins, long polls are let go, what is computed is given up."""

@@ -27,6 +27,7 @@ from tests.benchmarks import (
     pairs,
     peers,
     selection,
+    stop,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -36,6 +37,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "pairs": (pairs.run, None),
     "inverse": (inverse.run, None),
     "overhead": (overhead.run, None),
+    "stop": (stop.run, 20),
     "floor": (floor.run, 50),
     "coverage": (coverage.run, 300),
     "diagnosis": (diagnosis.run, 100),

@@ -68,7 +68,7 @@ class Held:
         """Ordinary requests and streams of events, more of both than there are threads."""
         ordinary = anyio.to_thread.current_default_thread_limiter()
         waiters = self.service._waiters
-        for limiter, path in ((ordinary, "/campaigns"), (waiters, "/runs/held-{}/events")):
+        for limiter, path in ((ordinary, "/campaigns/held"), (waiters, "/runs/held-{}/events")):
             more = int(limiter.total_tokens) + 5
             self.requests += [asyncio.create_task(self.client.get(path.format(i))) for i in range(more)]
         async with asyncio.timeout(PATIENCE_S):
@@ -94,9 +94,9 @@ def in_held_service(
         def open(self, cell: Cell) -> Devices:
             return Devices(arm, FakeMeter(bench))
 
-    def all_campaigns(shelf: Shelf) -> list[dict[str, Any]]:
+    def held_campaign(shelf: Shelf, name: str) -> dict[str, Any]:
         released.wait()
-        return []
+        return {}
 
     async def play() -> None:
         settings = Settings(folder, TOKEN, bench.cell, cast(SimulatedDevices, Fakes()))
@@ -119,7 +119,7 @@ def in_held_service(
                     arm.halted.set()
                     await asyncio.gather(*held.requests, return_exceptions=True)
 
-    monkeypatch.setattr(Shelf, "all", all_campaigns)
+    monkeypatch.setattr(Shelf, "get", held_campaign)
     monkeypatch.setattr(Workers, "call", lambda self, function, *args: function(*args))
     asyncio.run(play())
 

@@ -1,0 +1,37 @@
+"""Readings of documents, shared: however many clients ask for the same, it is read once for all who wait.
+
+Documents come from SQLite and JSON files and cost milliseconds of the interpreter, which all threads share with the
+one that stops the robot; so a few threads read, and two hundred clients who look at one run cost little more than one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import anyio
+import anyio.to_thread
+
+_T = TypeVar("_T")
+
+
+class Readings:
+    """Made and used within the event loop. `threads`: how many read at the same time."""
+
+    def __init__(self, threads: int) -> None:
+        self._threads = anyio.CapacityLimiter(threads)
+        self._turn = asyncio.Semaphore(threads)
+        self._waiting: dict[str, asyncio.Task[Any]] = {}
+
+    async def __call__(self, what: str, read: Callable[[], _T]) -> _T:
+        """What `read` returns, begun after this call. All who ask for `what` before it is begun share it."""
+
+        async def begin() -> _T:
+            async with self._turn:
+                del self._waiting[what]
+                return await anyio.to_thread.run_sync(read, limiter=self._threads)
+
+        if what not in self._waiting:
+            self._waiting[what] = asyncio.create_task(begin())
+        return await asyncio.shield(self._waiting[what])
