@@ -18,14 +18,11 @@ from typing import Any, BinaryIO
 from calib.errors import DataError
 from drivers.errors import AcquisitionError
 
-NICE = 10  # the service, which stops the robot, is never kept waiting for a processor by what it computes
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
 def main() -> None:
     """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
-    if hasattr(os, "nice"):
-        os.nice(NICE)
     calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     requests = os.fdopen(os.dup(0), "rb")

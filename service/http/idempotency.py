@@ -51,6 +51,8 @@ class Keys:
 
     def __init__(self, folder: Path) -> None:
         self._mutex = threading.Lock()
+        self._syncing = threading.Lock()
+        self._written = self._synced = 0  # lines
         self._entries: dict[str, _Entry] = {}
         path = folder / JOURNAL
         if path.is_file():
@@ -81,8 +83,8 @@ class Keys:
             mine = entry is None
             if entry is None:
                 entry = self._entries[key] = _Entry(request)
-                self._write(what="begun", key=key, fingerprint=request)
         if mine:
+            self._write(what="begun", key=key, fingerprint=request)
             return self._work(key, entry, work)
         if entry.fingerprint != request:
             raise Problem(
@@ -111,23 +113,31 @@ class Keys:
                 "headers": {name: answer.headers[name] for name in names if name in answer.headers},
                 "content": json.loads(bytes(answer.body)),
             }
-            with self._mutex:
-                entry.reply = told
-                self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=told)
+            self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=told)
+            entry.reply = told
         except (Problem, AcquisitionError, DataError):
             # Refused: nothing was made, so a corrected request may use the key again.
+            self._write(what="freed", key=key)
             with self._mutex:
                 self._entries.pop(key)
-                self._write(what="freed", key=key)
             raise
         finally:
             entry.done.set()
         return answer
 
     def _write(self, **told: Any) -> None:
-        self._journal.write(json.dumps(told).encode() + b"\n")
-        self._journal.flush()
-        os.fsync(self._journal.fileno())
+        """Durable on return. Lines that come while the disk is busy share the next sync: none waits for many."""
+        line = json.dumps(told).encode() + b"\n"
+        with self._mutex:
+            self._journal.write(line)
+            self._journal.flush()
+            self._written += 1
+            mine = self._written
+        with self._syncing:
+            if self._synced < mine:
+                written = self._written
+                os.fsync(self._journal.fileno())
+                self._synced = written
 
     def close(self) -> None:
         self._journal.close()

@@ -2,7 +2,8 @@
 
 Service, simulators and the 200 clients (`stop_load`) are programs of their own; the time at which the arm was halted
 is taken by the simulator (`stop_cell`). Beside it, how soon the lease is renewed and the status of the run is told.
-Answers below 100 ms, the command at the controller below 300 ms, in each of 20 tries: the worst one counts.
+Answers below 100 ms, the command at the controller below 300 ms, in each of 20 tries: the worst one counts. What the
+machine itself takes is shown beside it: the simulators, another program that hardly computes, are asked something.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from tests.service.test_http_support import Served, served
 TRIES, ROWS = 20, 400
 ANSWER_MS, ARRIVAL_MS = 100.0, 300.0
 PATIENCE_S = 120.0
+BESIDE = "(the simulators, asked directly)"
 
 
 def run(count: int = TRIES) -> bool:
@@ -44,10 +46,11 @@ def run(count: int = TRIES) -> bool:
     reached = True
     for what, times in busy.items():
         wanted = ARRIVAL_MS if "controller" in what else ANSWER_MS
-        good = max(times) < wanted
+        good = what == BESIDE or max(times) < wanted
         reached &= good
         figures = f"{statistics.median(times):.0f} / {max(times):.0f} ms"
-        line(f"{what}, 200 requests under way: median / max", figures, f"< {wanted:g} ms", good)
+        told = "" if what == BESIDE else f"< {wanted:g} ms"
+        line(f"{what}, 200 requests under way: median / max", figures, told, good)
     return reached
 
 
@@ -64,6 +67,7 @@ def _begin(service: Served, folder: Path) -> str:
 def _try(simulated: SimulatedCell, service: Served, run: str, count: int) -> dict[str, list[float]]:
     """Milliseconds of so many stops in mid-motion, and of what is asked just before each."""
     times: dict[str, list[float]] = {
+        BESIDE: [],
         "lease renewed": [],
         "status": [],
         "stop answered": [],
@@ -73,6 +77,7 @@ def _try(simulated: SimulatedCell, service: Served, run: str, count: int) -> dic
         if number:
             until(lambda: service.client.post(f"/runs/{run}/resume").status_code == 202, PATIENCE_S)
         until(lambda: simulated.do("state")["moving"], PATIENCE_S)
+        times[BESIDE].append(_ms(lambda: simulated.do("state")))
         times["lease renewed"].append(_ms(lambda: service.lease(seconds=300.0)))
         times["status"].append(_ms(lambda: service.client.get(f"/runs/{run}")))
         assert simulated.do("state")["moving"]

@@ -56,7 +56,7 @@ def test_it_ends_promptly_with_its_run_paused_and_its_workers_gone(tmp_path: Pat
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
         service.lease()
         run = service.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
-        asked = ask_much(service, 6)
+        asked = ask_much(service, 2)
         until(lambda: len(workers_of(service.process.pid)) == 2, 30.0)
         workers = workers_of(service.process.pid)
         service.until(f"/runs/{run}", "running")
@@ -109,6 +109,7 @@ def test_refusals_come_back_whole_and_a_worker_that_dies_is_replaced() -> None:
         workers.call(os.getpid)
 
 
+@linux
 def test_more_calls_than_may_wait_are_refused(tmp_path: Path) -> None:
     workers, pipe = Workers(1, waiting=1), tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -125,3 +126,15 @@ def test_more_calls_than_may_wait_are_refused(tmp_path: Path) -> None:
         assert waits.result(20.0) > 0
     finally:
         workers.close()
+
+
+@linux
+def test_the_end_refuses_what_is_computed_and_what_waits(tmp_path: Path) -> None:
+    workers, pipe = Workers(1, waiting=1), tmp_path / "pipe"
+    os.mkfifo(pipe)
+    calls = [in_thread(lambda: workers.call(Path.read_bytes, pipe)) for _ in range(2)]
+    until(lambda: workers._busy and workers._waiting)
+    workers.close()
+    for each in calls:
+        with pytest.raises(Problem, match="being ended"):
+            each.result(20.0)

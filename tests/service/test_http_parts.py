@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import threading
 from contextlib import closing
 from pathlib import Path
@@ -59,6 +60,35 @@ def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: P
             with pytest.raises(Problem, match="another request"):
                 keys.once("done", "b", _never)
             assert keys.once("refused", "a", lambda: reply(201, {"id": "y"})).status_code == 201
+
+
+def test_lines_that_come_while_the_disk_is_busy_share_a_sync(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An answer to a prompt does not wait for the syncs of a hundred uploads before it."""
+    synced: list[int] = []
+    busy, go = threading.Event(), threading.Event()
+    fsync = os.fsync
+
+    def slow(handle: int) -> None:
+        synced.append(handle)
+        busy.set()
+        go.wait(20.0)
+        fsync(handle)
+
+    with closing(Keys(tmp_path)) as keys:
+        monkeypatch.setattr(os, "fsync", slow)
+        first = in_thread(lambda: keys.once("first", "a", lambda: reply(201, {})))
+        busy.wait(20.0)
+        others = [
+            in_thread(lambda n=n: keys.once(f"k{n}", "a", lambda: reply(201, {"id": n}))) for n in range(20)
+        ]
+        until(lambda: keys._written == 21)
+        go.set()
+        assert [each.result(20.0).status_code for each in (first, *others)] == [201] * 21
+        assert len(synced) < 42  # each line by itself
+        written = len((tmp_path / JOURNAL).read_bytes().splitlines())
+    assert written == 42
 
 
 def _refuse() -> JSONResponse:
