@@ -29,6 +29,7 @@ from tests.service.test_http_support import Served, served
 TRIES, ROWS = 20, 400
 ANSWER_MS, ARRIVAL_MS = 100.0, 300.0
 PATIENCE_S = 120.0
+LEASE = {"holder": "anna", "seconds": 300.0}
 BESIDE = "(the simulators, asked directly)"
 
 
@@ -78,7 +79,7 @@ def _try(simulated: SimulatedCell, service: Served, run: str, count: int) -> dic
             until(lambda: service.client.post(f"/runs/{run}/resume").status_code == 202, PATIENCE_S)
         until(lambda: simulated.do("state")["moving"], PATIENCE_S)
         times[BESIDE].append(_ms(lambda: simulated.do("state")))
-        times["lease renewed"].append(_ms(lambda: service.lease(seconds=300.0)))
+        times["lease renewed"].append(_ms(lambda: service.client.post("/cell/lease", json=LEASE)))
         times["status"].append(_ms(lambda: service.client.get(f"/runs/{run}")))
         assert simulated.do("state")["moving"]
         begin = time.monotonic()

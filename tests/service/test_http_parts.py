@@ -21,7 +21,7 @@ from service.http.problems import Problem
 from service.http.roles import Tokens
 from service.http.settings import Settings
 from service.plain import finite, utc_text
-from tests.drivers.waiting import in_thread
+from tests.drivers.waiting import in_thread, until
 
 
 def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> None:

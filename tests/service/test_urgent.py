@@ -27,6 +27,7 @@ from drivers.interfaces import JointReading
 from service.http.app import PREFIX, create_app
 from service.http.campaigns import Shelf
 from service.http.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
+from service.http.roles import Tokens
 from service.http.settings import Settings
 from service.http.state import Service
 from service.http.workers import Workers
@@ -34,7 +35,7 @@ from service.simulated_cell import SimulatedDevices
 from tests.acquisition.fakes import CAMPAIGN, Bench, FakeArm, FakeMeter, a_cell
 
 PATIENCE_S = 20.0  # only a request that waits for what is held takes so long
-TOKEN = "only-for-the-tests-of-truepose"
+TOKENS = Tokens("only-for-the-tests-of-truepose", "only-looks-at-the-tests-of-truepose")
 
 
 class SlowArm(FakeArm):
@@ -99,7 +100,7 @@ def in_held_service(
         return {}
 
     async def play() -> None:
-        settings = Settings(folder, TOKEN, bench.cell, cast(SimulatedDevices, Fakes()))
+        settings = Settings(folder, TOKENS, cell=bench.cell, simulated=cast(SimulatedDevices, Fakes()))
         app = create_app(settings)
         async with app.router.lifespan_context(app):
             service: Service = app.state.service
@@ -108,7 +109,7 @@ def in_held_service(
                 service.book, "get", lambda name: released.wait() if "held" in name else opened(name)
             )
             transport = httpx2.ASGITransport(app)
-            headers = {"Authorization": f"Bearer {TOKEN}"}
+            headers = {"Authorization": f"Bearer {TOKENS.operator}"}
             base = f"http://127.0.0.1{PREFIX}"
             async with httpx2.AsyncClient(transport=transport, base_url=base, headers=headers) as client:
                 held = Held(client, service, arm, released)
@@ -126,7 +127,9 @@ def in_held_service(
 
 async def a_run(held: Held) -> str:
     """Begun, up to its first question."""
-    assert (await held.client.post("/cell/lease", json={"holder": "anna"})).status_code == 200
+    lease = await held.client.post("/cell/lease", json={"holder": "anna"})
+    assert lease.status_code == 200
+    held.client.headers["Lease-Id"] = lease.json()["lease_id"]
     answer = await held.client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False})
     assert answer.status_code == 202, answer.text
     run = f"/runs/{answer.json()['id']}"
@@ -145,6 +148,8 @@ def test_what_is_urgent_is_served_while_every_other_thread_is_held(
             assert (await client.get("/cell")).json()["run_id"] == run.rpartition("/")[2]
             renewed = await client.post("/cell/lease", json={"holder": "anna", "seconds": 60.0})
             assert renewed.json()["seconds"] == 60.0
+            wrong = {"holder": "anna", "seconds": 0.0}
+            assert (await client.post("/cell/lease", json=wrong)).status_code == 422
             assert (await client.post("/cell/lease", json={"holder": "bert"})).status_code == 409
             while not held.arm.moving.is_set():  # every question up to the first move
                 (prompt,) = (await client.get(f"{run}/prompts")).json()["prompts"] or (None,)
@@ -165,7 +170,7 @@ def test_what_is_urgent_is_served_while_every_other_thread_is_held(
     in_held_service(tmp_path, monkeypatch, scene)
 
 
-@pytest.mark.parametrize("how", ["give the lease back", "pause", "abort"])
+@pytest.mark.parametrize("how", ["give the lease back", "take the lease over", "pause", "abort"])
 def test_other_orders_are_served_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     async def scene(held: Held) -> None:
         client, run = held.client, await a_run(held)
@@ -176,6 +181,9 @@ def test_other_orders_are_served_as_well(tmp_path: Path, monkeypatch: pytest.Mon
             elif how == "abort":
                 prompt = (await client.get(run)).json()["prompt"]["id"]
                 answer = await client.post(f"{run}/prompts/{prompt}/abort")
+            elif how == "take the lease over":
+                order = {"holder": "bert", "reason": "anna has gone home"}
+                answer = await client.post("/cell/lease/takeover", json=order)
             else:
                 answer = await client.delete("/cell/lease")
         assert answer.status_code < 300, answer.text
@@ -283,7 +291,7 @@ def test_a_client_that_sends_slowly_holds_up_nobody() -> None:
 
 @contextmanager
 def _described(folder: Path) -> Iterator[dict[str, Any]]:
-    yield create_app(Settings(folder, TOKEN)).openapi()["paths"]
+    yield create_app(Settings(folder, TOKENS)).openapi()["paths"]
 
 
 def test_every_order_to_the_robot_is_in_the_first_lane(tmp_path: Path) -> None:
