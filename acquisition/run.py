@@ -344,6 +344,12 @@ class Run:
                     self._trouble = None
         return problems
 
+    def halt(self) -> list[AcquisitionError]:
+        """Halt the robot now, in a run that was told to pause at once: it then is paused. Returns as `stop`."""
+        with self._mutex:
+            execution = self._execution
+        return [] if execution is None else execution.rig.halt()
+
     def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "") -> None:
         """Answer the prompt that is being asked; `reason` is kept beside it. Raises UnknownPrompt."""
         with self._mutex:

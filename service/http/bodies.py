@@ -81,7 +81,7 @@ ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
 class TargetsToCorrect(Body):
     """One of `csv` and `targets`: joint angles `j1_deg` ..., or poses `x_mm` ... `rot_z` with their `config`."""
 
-    csv: Annotated[str, Field(max_length=10_000_000, description="As in TARGETS.csv.")] = ""
+    csv: Annotated[str, Field(max_length=1_000_000, description="As in TARGETS.csv.")] = ""
     targets: Annotated[list[dict[str, Any]], Field(max_length=50_000)] = Field(default_factory=list)
     conditions: Annotated[str, Field(max_length=1000)] = Field(
         default="", description="KEY=VALUE,...: side, approach, temperature, time, mass, cog, series."

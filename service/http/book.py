@@ -41,7 +41,7 @@ from service.plain import finite
 PAUSE_S = (
     2.0  # for the reading in hand when the service ends; then nothing but the move in hand is waited for
 )
-REST_S = 3.0  # for that; then the robot is stopped
+REST_S = 3.0  # for that; then the robot is halted
 STOP_S = 60.0  # longer than any deadline of a device
 FINISH_S = 5.0
 STOPPED_S = 0.02  # so long the answer to a stop waits for the run to have ended
@@ -351,7 +351,7 @@ class Book:
         self._closed = True
 
     def close(self) -> None:
-        """Pause what runs, let it come to rest, after a while stop it; give every record up."""
+        """Pause what runs, let it come to rest, after a while halt the robot; give every record up."""
         self.refuse_new()
         by = "service ends"
         if (name := self.busy_with) is not None:
@@ -359,7 +359,7 @@ class Book:
             if not self.join(PAUSE_S):
                 self.get(name).pause(by, reason=SERVICE_ENDS, at_once=True)
             if not self.join(REST_S):
-                self.get(name).stop(by)
+                self.get(name).halt()
                 self.join(STOP_S)
         with self._mutex:
             for run in self._runs.values():

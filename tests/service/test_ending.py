@@ -15,12 +15,16 @@ from typing import Any
 import httpx2
 import pytest
 
-from acquisition import read_status
+from acquisition import Devices, Lease, checked_plan, read_status
 from calib.errors import DataError
+from service.http import book
+from service.http.book import Book
 from service.http.problems import Problem
 from service.http.workers import WorkerDied, Workers
+from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
 from tests.drivers.waiting import in_thread, until
 from tests.end_to_end.simulated import EXAMPLE, campaign_file, cell_file
+from tests.service.slow_arm import SlowArm
 from tests.service.test_http_support import Served, problem, served
 
 # Minutes of computing, over long before the test by being ended.
@@ -81,6 +85,24 @@ def test_its_workers_end_when_it_is_killed(tmp_path: Path) -> None:
         until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers), 20.0)
         for each in asked:
             assert isinstance(each.exception(20.0), httpx2.TransportError)
+
+
+def test_a_long_move_is_halted_and_the_run_paused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(book, "PAUSE_S", 0.05)
+    monkeypatch.setattr(book, "REST_S", 0.05)
+    bench = Bench(a_cell())
+    arm = SlowArm(bench)
+    runs = Book(tmp_path, lambda _: Devices(arm, FakeMeter(bench)), Workers(1, waiting=0), simulated=True)
+    campaign = a_campaign(settle_s=0.0)
+    plan = campaign, checked_plan(bench.cell, campaign)
+    run = runs.start(bench.cell, plan, "night", Lease("anna", 300.0))
+    assert arm.moving.wait(20.0)
+    runs.close()
+    assert arm.halted.is_set()
+    status = read_status(tmp_path / run)
+    assert (status.state, status.reason) == ("paused", "The service was ended.")
+    with pytest.raises(Problem, match="being ended"):
+        runs.start(bench.cell, plan, "another", Lease("anna", 300.0))
 
 
 # -- workers ----------------------------------------------------------------------------------------------------

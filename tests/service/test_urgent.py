@@ -22,8 +22,6 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from acquisition import Cell, Devices
-from drivers.errors import MotionStopped
-from drivers.interfaces import JointReading
 from service.http.app import PREFIX, create_app
 from service.http.campaigns import Shelf
 from service.http.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
@@ -32,27 +30,11 @@ from service.http.settings import Settings
 from service.http.state import Service
 from service.http.workers import Workers
 from service.simulated_cell import SimulatedDevices
-from tests.acquisition.fakes import CAMPAIGN, Bench, FakeArm, FakeMeter, a_cell
+from tests.acquisition.fakes import CAMPAIGN, Bench, FakeMeter, a_cell
+from tests.service.slow_arm import SlowArm
 
 PATIENCE_S = 20.0  # only a request that waits for what is held takes so long
 TOKENS = Tokens("only-for-the-tests-of-truepose", "only-looks-at-the-tests-of-truepose")
-
-
-class SlowArm(FakeArm):
-    """Moves until it is stopped."""
-
-    def __init__(self, bench: Bench) -> None:
-        super().__init__(bench)
-        self.moving, self.halted = threading.Event(), threading.Event()
-
-    def move_to(self, joints_deg: object) -> JointReading:
-        self.moving.set()
-        self.halted.wait()
-        raise MotionStopped("stopped", device=self.name)
-
-    def stop(self) -> None:
-        super().stop()
-        self.halted.set()
 
 
 @dataclass
