@@ -184,6 +184,8 @@ class Run:
                 ending, reason = State.STOPPED, "Stopped on request."
             except AcquisitionError as caught:
                 error, reason = caught, f"{caught.message}. {caught.what_to_do}"
+                if execution.control.stopping:  # whatever the devices make of it
+                    ending, reason = State.STOPPED, f"Stopped on request; {reason}"
                 execution.rig.halt()
             finally:
                 # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.

@@ -16,7 +16,7 @@ import pytest
 
 from acquisition.devices import Devices
 from acquisition.rig import PRESS
-from drivers.errors import AcquisitionError, CannotStop, LinkLost, LinkTimeout
+from drivers.errors import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
 from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
 from tests.acquisition.stage import Stage
 from tests.drivers.waiting import in_thread
@@ -101,6 +101,19 @@ def test_a_robot_that_nobody_has_set_moving_is_no_complaint(stage: Stage) -> Non
     stage.bench.faults[1] = lambda: problems.extend(stage.run.stop(by="anna"))  # while it connects
     assert stage.run.execute(devices, stage.clock).state.value == "stopped"
     assert problems == []
+
+
+def test_a_stop_ends_the_run_whatever_the_controller_makes_of_it(stage: Stage) -> None:
+    """A stop that arrives late looks to the driver like a safety function."""
+
+    def stop() -> None:
+        stage.run.stop(by="anna")
+        raise ProtectiveStop("motion stopped by the controller", device="arm")
+
+    stage.bench.faults[MOVE] = stop
+    outcome = stage.execute()
+    assert (outcome.state.value, stage.run.status().state) == ("stopped", "stopped")
+    assert outcome.reason.startswith("Stopped on request; motion stopped by the controller.")
 
 
 def test_no_link_is_closed_while_a_stop_uses_it(stage: Stage) -> None:
