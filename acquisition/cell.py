@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike, NDArray
 
+from acquisition.arm import TOOL_RADIUS_MM, Arm
+from acquisition.clearance import Clearance
+from acquisition.obstacles import Obstacle, Table, read_fixtures, read_keep_out
 from acquisition.toml_table import TomlTable, Vector, parse_toml
 from calib.errors import DataError
 from calib.robot import Load, Robot, load_robot
@@ -56,7 +60,7 @@ class RobotSection:
     speed_deg_s: float
     limits_deg: tuple[tuple[float, float], ...]
     table_z_mm: float
-    keep_out_mm: tuple[tuple[Vector, Vector], ...]
+    keep_out: tuple[Obstacle, ...]
     home_deg: tuple[float, ...] | None
     repeatability_deg: float
 
@@ -100,10 +104,14 @@ class InstrumentSection:
 
 @dataclass(frozen=True)
 class ToolSection:
-    """Targets on the tool, flange frame; mass and centre None: as in the robot file."""
+    """Targets on the tool, flange frame; mass and centre None: as in the robot file.
+
+    radius_mm: of the capsules from the flange to the targets.
+    """
 
     targets: Mapping[str, Vector]
     normals: Mapping[str, Vector]
+    radius_mm: float
     mass_kg: float | None
     cog_mm: Vector | None
 
@@ -120,9 +128,17 @@ class Cell:
     instrument: InstrumentSection
     nests: Mapping[str, Vector]
     tool: ToolSection
+    fixtures: tuple[Obstacle, ...]
     time_scale: float
     rehearsed: bool
     source: str = field(repr=False)
+
+    @cached_property
+    def clearance(self) -> Clearance:
+        """What arm and tool must keep clear of: the table, keep-out boxes and fixtures."""
+        robot, tool = self.robot, self.tool
+        arm = Arm.of(robot.model, robot.coupling, tool.targets, tool.radius_mm)
+        return Clearance.of(arm, (Table(robot.table_z_mm), *robot.keep_out, *self.fixtures))
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -144,7 +160,7 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
     """A cell from a parsed table. `file` is named in refusals; `beside`: where a robot file is looked for."""
     top = TomlTable(table, file)
     top.text("format", allowed=(FORMAT,))
-    top.only(("format", "name", "robot", "instrument", "world", "tool", "simulation"))
+    top.only(("format", "name", "robot", "instrument", "world", "tool", "fixture", "simulation"))
     nests = top.table("world").vectors("nests")
     if len(nests) < 3:
         raise top.refuse("world.nests", f"names {len(nests)} nests; the world frame needs three.")
@@ -157,6 +173,7 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
         instrument=_instrument(top.table("instrument")),
         nests=nests,
         tool=_tool(top.table("tool"), nests),
+        fixtures=tuple(read_fixtures(top)),
         time_scale=top.table("simulation").number("time_scale", 1.0, low=1e-3, high=1e6),
         rehearsed=top.table("simulation").text("operator", "person", ("person", "confirms")) == "confirms",
         source=source or tomli_w.dumps(table),
@@ -189,12 +206,6 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
                 "limits_deg",
                 f"joint {i} [{low:g}, {high:g}] is not within the robot's [{least:g}, {most:g}].",
             )
-    boxes = []
-    for i, box in enumerate(table.values.get("keep_out", ())):
-        corners = TomlTable({"keep_out": box}, table.file, table.prefix).rows("keep_out", 3)
-        if len(corners) != 2 or not all(a < b for a, b in zip(*corners, strict=True)):
-            raise table.refuse("keep_out", f"box {i} needs two corners, the lower one first.")
-        boxes.append(((*corners[0],), (*corners[1],)))
     # A robot file with one joint matrix says how its controller counts.
     usual = next(iter(robot.joint_matrices)) if len(robot.joint_matrices) == 1 else "none"
     return RobotSection(
@@ -206,7 +217,7 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         speed_deg_s=table.number("speed_deg_s", SPEED_CAP_DEG_S, low=0.1, high=SPEED_CAP_DEG_S),
         limits_deg=tuple((low, high) for low, high in rows),
         table_z_mm=table.number("table_z_mm", 0.0),
-        keep_out_mm=tuple(boxes),
+        keep_out=tuple(read_keep_out(table)),
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
     )
@@ -252,7 +263,7 @@ def _instrument(table: TomlTable) -> InstrumentSection:
 
 
 def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
-    table.only(("targets", "normals", "mass_kg", "cog_mm"))
+    table.only(("targets", "normals", "radius_mm", "mass_kg", "cog_mm"))
     targets = table.vectors("targets")
     if not targets:
         raise table.refuse("targets", "is missing: name the targets on the tool, e.g. T1 = [0, 0, 125].")
@@ -273,6 +284,7 @@ def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
     return ToolSection(
         targets=targets,
         normals=normals,
+        radius_mm=table.number("radius_mm", TOOL_RADIUS_MM, low=0.1, high=1000.0),
         mass_kg=table.number("mass_kg", low=1e-6) if weighed else None,
         cog_mm=table.vector("cog_mm") if weighed else None,
     )

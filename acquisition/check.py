@@ -1,4 +1,4 @@
-"""The whole plan is checked before the first motion: limits, table, keep-out boxes, of poses, approach points and ways.
+"""The whole plan is checked before the first motion: limits, and what arm and tool may not touch.
 
 A pose that fails refuses the campaign (exit code 5) and is named; nothing has moved. The approach point is a
 pose like any other: 5 deg beside a legal pose it can leave the limits or touch the table. From every pose there must be
@@ -15,7 +15,6 @@ from acquisition.cell import Cell
 from acquisition.errors import NoClearWay, UnsafePlan
 from acquisition.plan import Visit
 from acquisition.transit import Transit, clear_ways
-from acquisition.workspace import above_table, may_stand, outside_boxes, points_of_arm
 
 
 def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
@@ -24,47 +23,36 @@ def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
     if not standing:
         return
     home = cell.robot.home_deg
-    if home is not None and not may_stand(cell, np.array([home]))[0]:
-        raise UnsafePlan(
-            "home_deg of the cell file brings arm or tool too low or into a box", command="check"
-        )
+    if home is not None and (contact := cell.clearance.at(np.array([home]))[0]) is not None:
+        raise _unsafe(f"home_deg of the cell file: {contact}")
     for what, joints in (
         ("", np.array([visit.joints_deg for visit in standing])),
         ("the approach point of ", np.array([visit.approach_deg for visit in standing])),
     ):
         _within_limits(cell, standing, joints, what)
-        points = points_of_arm(cell, joints)
-        for good, why in (
-            (above_table(cell, points), f"lower than table_z_mm = {cell.robot.table_z_mm:g}"),
-            (outside_boxes(cell, points), "inside a keep-out box"),
-        ):
-            if not good.all():
-                i = int(np.argmin(good))
-                raise UnsafePlan(
-                    f"{what}{standing[i].name} ({_angles(joints[i])}) brings arm or tool {why}",
-                    command="check",
-                )
-
+        for visit, angles, contact in zip(standing, joints, cell.clearance.at(joints), strict=True):
+            if contact is not None:
+                raise _unsafe(f"{what}{visit.name} ({_angles(angles)}): {contact}")
     _ways(cell, standing)
 
 
 def _ways(cell: Cell, standing: Sequence[Visit]) -> None:
     poses = np.array([visit.joints_deg for visit in standing])
     approaches = np.array([visit.approach_deg for visit in standing])
-    for i in np.flatnonzero(~clear_ways(cell, approaches, poses)).tolist():
-        raise _in_the_way(cell, f"the last move to {standing[i].name} ({_angles(poses[i])})")
+    for visit, contact in zip(standing, cell.clearance.contacts(approaches, poses), strict=True):
+        if contact is not None:
+            raise _unsafe(f"the last move to {visit.name} ({_angles(visit.joints_deg)}): {contact.during}")
     transit = Transit(cell)
     for i in np.flatnonzero(~clear_ways(cell, poses[:-1], approaches[1:])).tolist():
         try:
             transit.way(poses[i], approaches[i + 1])
         except NoClearWay as error:
-            what = f"every way from {standing[i].name} to {standing[i + 1].name} ({_angles(poses[i + 1])})"
-            raise _in_the_way(cell, what) from error
+            there = f"{standing[i + 1].name} ({_angles(poses[i + 1])})"
+            raise _unsafe(f"between {standing[i].name} and {there}: {error.message}") from error
 
 
-def _in_the_way(cell: Cell, what: str) -> UnsafePlan:
-    limit = f"lower than table_z_mm = {cell.robot.table_z_mm:g} or into a keep-out box"
-    return UnsafePlan(f"{what} brings arm or tool {limit}", command="check")
+def _unsafe(what: str) -> UnsafePlan:
+    return UnsafePlan(what, command="check")
 
 
 def _within_limits(cell: Cell, standing: Sequence[Visit], joints: np.ndarray, what: str) -> None:
@@ -79,5 +67,5 @@ def _within_limits(cell: Cell, standing: Sequence[Visit], joints: np.ndarray, wh
         )
 
 
-def _angles(joints: np.ndarray) -> str:
+def _angles(joints: Sequence[float] | np.ndarray) -> str:
     return ", ".join(f"{q:g}" for q in joints) + " deg"

@@ -27,12 +27,13 @@ class UnsafePlan(Refused):
     code = 3102
     exit_code = 5
     advice = (
-        "Remove the pose, or correct limits, table or keep-out boxes in the cell file; nothing has moved."
+        "Remove the pose, or correct limits, table, keep-out boxes or fixtures in the cell file, or the capsules of the "
+        "robot file; nothing has moved."
     )
 
 
 class NoClearWay(Refused):
-    """The straight way to a pose, and every other that was tried, touches the table or a keep-out box."""
+    """The straight way to a pose, and every other that was tried, touches the table, a keep-out box or a fixture."""
 
     code = 3108
     exit_code = 5

@@ -36,7 +36,7 @@ def draw_poses(
     """`count` pairs of joint angles (deg) and sides of approach (+1 from below, -1 from above).
 
     offset_deg: signed offset of the approach point; its sign is the side where not `both`. Pose and approach
-    point q - side x |offset| are within the limits and clear of table and boxes; `targets` (None: all of the cell)
+    point q - side x |offset| are within the limits and clear of table, boxes and fixtures; `targets` (None: all of the cell)
     are seen at the pose. Raises ConfigError when the cell leaves hardly any such pose.
     """
     found = draw_candidates(cell, count, rng, offset_deg, both=both, decimals=decimals, targets=targets)
@@ -98,5 +98,5 @@ def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) 
         f" and turn {', '.join(looking)} to the instrument within {cone_deg(cell):g} deg" if looking else ""
     )
     return ConfigError(
-        f"only {found} random poses clear the table and the keep-out boxes{seen}; {needed} are needed"
+        f"only {found} random poses clear table, keep-out boxes and fixtures{seen}; {needed} are needed"
     )

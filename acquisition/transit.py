@@ -1,10 +1,10 @@
 """The way from one stand to the next: straight in joint space where that is clear, else over the home of the cell.
 
-Controllers drive a joint move with all axes in proportion, so the way is a straight line of joint angles. It is
-looked at every few degrees of the widest joint: no part of arm or tool (`acquisition.workspace`) below the table or in
-a keep-out box. Home is the `home_deg` of the cell file, or else a posture that keeps arm and tool high above the table.
-Poses that the program draws are such that the straight ways between them and home are clear, so there always is one. A
-robot that stands too low already, parked or after an interruption, may rise from there, but not go lower. Angles deg.
+Controllers drive a joint move with all axes in proportion, so the way is a straight line of joint angles; it is clear
+when arm and tool touch nothing at any instant of it (`acquisition.clearance`). Home is the `home_deg` of the cell file,
+or else a posture that keeps arm and tool high above the table. Poses that the program draws are such that the straight
+ways between them and home are clear, so there always is one. A robot that stands too low already, parked or after an
+interruption, may rise from there, but not go lower. Angles deg.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.cell import Cell
+from acquisition.clearance import NEAREST_MM, Clearance, Contact
 from acquisition.errors import NoClearWay
-from acquisition.workspace import Array, may_stand, outside_boxes, points_of_arm
+from acquisition.obstacles import Table
+from acquisition.workspace import Array, lowest_of, may_stand
 
 LEAVES_WITHIN_MM = 100.0  # that a robot which stands too low may go before it is clear
-STEP_DEG, STEP_BY_BOXES_DEG = 4.0, 2.0
-"""Between two looks a turning arm sags by less than a millimetre towards a table, but may pass a thin box."""
 _POSTURES = 500  # of which the highest is home
-_AT_ONCE = 64  # ways, to bound the memory
+_LOOKS = 200  # for where a robot that rises is clear; from there on and before it is proven
 _SLACK_MM = 0.5  # by which a robot that rises may seem to sink: read-back is rounded
 
 Joints = tuple[float, ...]
@@ -38,14 +38,21 @@ class Transit:
     def way(self, start_deg: Sequence[float], goal_deg: Sequence[float]) -> list[Joints]:
         """Where to go one after the other; `goal_deg` comes last. Raises NoClearWay."""
         start, goal = np.array([start_deg]), np.array([goal_deg])
-        if clear_ways(self._cell, start, goal)[0]:
+        contact = contacts_on_ways(self._cell, start, goal)[0]
+        if contact is None:
             return [tuple(goal_deg)]
+        tried = [f"straight, {contact.during}"]
         if self._home is not None:
             home = np.array([self._home])
-            if clear_ways(self._cell, np.vstack([start, home]), np.vstack([home, goal])).all():
+            ways = (("to home", start, home), ("from home on", home, goal))
+            over = [
+                (where, contacts_on_ways(self._cell, one, other)[0]) for where, one, other in ways
+            ]
+            if all(found is None for _, found in over):
                 return [self._home, tuple(goal_deg)]
+            tried += [f"{where}, {found.during}" for where, found in over if found is not None]
         shown = ", ".join(f"{q:.1f}" for q in start_deg)
-        raise NoClearWay(f"no way from {shown} deg is clear of table and keep-out boxes", command="move")
+        raise NoClearWay(f"no way from {shown} deg is clear: {'; '.join(tried)}", command="move")
 
 
 def home_of(cell: Cell) -> Joints | None:
@@ -57,43 +64,63 @@ def home_of(cell: Cell) -> Joints | None:
     postures = postures[may_stand(cell, postures)]
     if not len(postures):
         return None
-    lowest = points_of_arm(cell, postures)[:, :, 2].min(axis=1)
-    return tuple(float(q) for q in postures[np.argmax(lowest)])
+    return tuple(float(q) for q in postures[np.argmax(lowest_of(cell, postures))])
 
 
 def may_visit(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
-    """(n,) stands and their approach points, both (n, N), within limits and clear; so are the ways between and home."""
+    """(n,) poses and their approach points, both (n, N), within limits and clear; so are the ways between and home."""
     good = may_stand(cell, joints_deg) & may_stand(cell, approach_deg)
     home = home_of(cell)
     if home is None:
         return good
     joints, approach = joints_deg[good], approach_deg[good]
     homes = np.broadcast_to(home, joints.shape)
-    ways = ((homes, approach), (approach, joints), (joints, homes))
-    good[good] = np.all([clear_ways(cell, start, goal) for start, goal in ways], axis=0)
+    starts, goals = np.vstack([homes, approach, joints]), np.vstack([approach, joints, homes])
+    clear = cell.clearance.clear_between(starts, goals)
+    good[good] = clear.reshape(3, -1).all(axis=0)
     return good
 
 
 def clear_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
     """(n,) whether the straight ways from (n, N) to (n, N) are clear, both ends included."""
-    parts = range(0, len(start_deg), _AT_ONCE)
-    done = [_clear_ways(cell, start_deg[i : i + _AT_ONCE], goal_deg[i : i + _AT_ONCE]) for i in parts]
-    return np.concatenate(done) if done else np.zeros(0, dtype=bool)
+    return np.array([contact is None for contact in contacts_on_ways(cell, start_deg, goal_deg)], dtype=bool)
 
 
-def _clear_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
-    widest = float(np.abs(goal_deg - start_deg).max(initial=0.0))
-    step = STEP_BY_BOXES_DEG if cell.robot.keep_out_mm else STEP_DEG
-    share = np.linspace(0.0, 1.0, 2 + int(widest / step))
-    path = start_deg[:, None] + share[None, :, None] * (goal_deg - start_deg)[:, None]
-    points = points_of_arm(cell, path.reshape(-1, path.shape[2]))
-    low = points[:, :, 2].min(axis=1).reshape(path.shape[:2])
-    outside = outside_boxes(cell, points).reshape(path.shape[:2])
-    clear = (low > cell.robot.table_z_mm) & outside
-    # Out of what is too low the arm may only rise, and only a little: farther on nobody knows what stands beside it.
-    before = np.cumsum(clear, axis=1) == 0
-    rises = np.diff(low, axis=1, prepend=low[:, :1]) >= -_SLACK_MM
-    placed = points.reshape(*path.shape[:2], -1, 3)
-    gone = np.linalg.norm(placed - placed[:, :1], axis=3).max(axis=2)
-    leaves = before & outside & rises & (gone <= LEAVES_WITHIN_MM)
-    return np.all(clear | leaves, axis=1) & clear[:, -1]
+def contacts_on_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> list[Contact | None]:
+    """What each straight way from (n, N) to (n, N) touches; None where it is clear, or rises from the table."""
+    found = cell.clearance.contacts(start_deg, goal_deg)
+    for i, contact in enumerate(found):
+        if contact is not None and contact.share == 0.0 and _rises(cell.clearance, start_deg[i], goal_deg[i]):
+            found[i] = None
+    return found
+
+
+def _rises(room: Clearance, start: Array, goal: Array) -> bool:
+    """Whether a way from a stand that is too low only rises from there, a little, and then is clear of everything.
+
+    Only a little: farther on nobody knows what stands beside the arm.
+    """
+    share = np.linspace(0.0, 1.0, _LOOKS)
+    path = start + share[:, None] * (goal - start)
+    clear = np.flatnonzero(room.clear_at(path))
+    if not len(clear):
+        return False
+    out = path[: clear[0] + 1]
+    lines = room.arm.lines(out)
+    gone = float(np.linalg.norm(lines - lines[:1], axis=3).max())
+    bend = float(room.arm.bends(start[None], goal[None]).max()) * share[1] ** 2 / 8.0
+    if gone + bend > LEAVES_WITHIN_MM:
+        return False
+    first = _not_lower(room, lines[0]).clear_between(out[:1], out[-1:])
+    return bool(first[0] and room.clear_between(out[-1:], goal[None])[0])
+
+
+def _not_lower(room: Clearance, lines: Array) -> Clearance:
+    """The same cell, but every part of the arm that is too low now, (c, 2, 3), has the table where it is."""
+    bottom = lines[:, :, 2].min(axis=1) - room.arm.radii - NEAREST_MM - _SLACK_MM
+    is_table = np.array([isinstance(obstacle, Table) for obstacle in room.obstacles])
+    heights = [obstacle.z_mm for obstacle in room.obstacles if isinstance(obstacle, Table)]
+    floors = [Table(min(*heights, float(z))) for z in bottom]
+    others = [obstacle for obstacle in room.obstacles if not isinstance(obstacle, Table)]
+    own = np.diag(room.pairs[:, is_table].all(axis=1))
+    return Clearance(room.arm, (*others, *floors), np.hstack([room.pairs[:, ~is_table], own]))

@@ -16,6 +16,7 @@ import numpy as np
 
 from calib.diagnose.diagnosis import Diagnosis
 from calib.effects.effect import Effect
+from calib.capsules import Capsule
 from calib.errors import DataError
 from calib.files import replace_file
 from calib.header import Vector
@@ -171,7 +172,12 @@ def _robot(table: dict[str, Any]) -> Robot:
     }
     plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     loads = tuple(_load(load) for load in table["loads"])
-    return Robot(**{**plain, "loads": loads, "joint_matrices": matrices})
+    capsules = tuple(_capsule(capsule) for capsule in table.get("capsules", ()))
+    return Robot(**{**plain, "loads": loads, "joint_matrices": matrices, "capsules": capsules})
+
+
+def _capsule(table: dict[str, Any]) -> Capsule:
+    return Capsule(**{**table, "from_mm": tuple(table["from_mm"]), "to_mm": tuple(table["to_mm"])})
 
 
 def _load(table: dict[str, Any]) -> Load:

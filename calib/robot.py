@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.capsules import Capsule, default_capsules, parse_capsules
 from calib.errors import DataError
 from calib.units import DEG
 
@@ -64,6 +65,7 @@ class Robot:
     joint_matrices: Mapping[str, JointMatrix]
     controller_world_mm: tuple[float, float, float]
     source: str
+    capsules: tuple[Capsule, ...] = ()
 
     @property
     def joints(self) -> int:
@@ -80,6 +82,11 @@ class Robot:
         kinds = ("alpha", "a", "theta", "d")
         first = [("alpha", 1), ("a", 1)] if self.convention == "dh" else []
         return tuple(first + [(kind, link) for link in range(2, self.joints + 1) for kind in kinds])
+
+    @cached_property
+    def body(self) -> tuple[Capsule, ...]:
+        """The capsules of the robot file, or where it has none what encloses most arms of this length."""
+        return self.capsules or default_capsules(self.convention, self.alpha, self.a, self.d)
 
     def model_angles(self, controller: NDArray[np.float64], coupling: str) -> NDArray[np.float64]:
         """(n, N) controller angles -> (n, N) model angles, rad. Raises KeyError for an unknown `coupling`."""
@@ -163,6 +170,7 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
             joint_matrices=matrices,
             controller_world_mm=tuple(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
             source=table["source"],
+            capsules=parse_capsules(table.get("capsule", []), joints, path),
         )
     except DataError:
         raise

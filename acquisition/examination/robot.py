@@ -14,7 +14,6 @@ from acquisition.cell import Cell
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
 from acquisition.identity import OtherDevice, match_robot
-from acquisition.workspace import above_table, outside_boxes, points_of_arm
 from calib.units import DEG
 from drivers.details import Details, details_of
 from drivers.errors import Busy, CannotStop, EmergencyStop, LinkError, SafetyStop, WrongMode
@@ -112,7 +111,7 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
     low, high = np.array(cell.robot.limits_deg).T
     impossible = np.flatnonzero((joints < reach[0]) | (joints > reach[1]))
     outside = np.flatnonzero((joints < low) | (joints > high))
-    points = points_of_arm(cell, joints[None, :])
+    contact = cell.clearance.at(joints[None, :])[0]
     if impossible.size:
         i = int(impossible[0])
         chart.fault(
@@ -129,11 +128,11 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
             f"{shown}; joint {i + 1} is outside the cell's {low[i]:g} to {high[i]:g}",
             "Jog the robot within the limits before a campaign: nobody has checked its way there.",
         )
-    elif not (above_table(cell, points)[0] and outside_boxes(cell, points)[0]):
+    elif contact is not None:
         chart.note(
             "position",
-            f"{shown}; arm or tool below the table or in a keep-out box of the cell file",
-            "Jog the robot clear before a campaign, or correct table_z_mm and keep_out.",
+            f"{shown}; {contact}",
+            "Jog the robot clear before a campaign, or correct table_z_mm, keep_out or the fixture.",
         )
     else:
         chart.ok("position", f"{shown}, within the limits of the cell")

@@ -10,7 +10,7 @@ import pytest
 from acquisition.check import check_plan
 from acquisition.errors import UnsafePlan
 from acquisition.plan import Visit, make_plan
-from acquisition.workspace import points_of_arm, targets_at
+from acquisition.workspace import targets_at
 from calib.kinematics import forward
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import CAMPAIGN, a_campaign, a_cell
@@ -123,9 +123,9 @@ def test_a_cell_without_room_says_so() -> None:
 def test_the_arm_is_looked_at_from_the_elbow_to_the_targets() -> None:
     cell = a_cell()
     joints = np.array([GOOD, [0.0] * 6])
-    points = points_of_arm(cell, joints)
+    lines = cell.clearance.arm.lines(joints)
     flange = forward(cell.robot.model, np.radians(joints))[:, :3, 3]
     for i in range(2):
         for place in (flange[i], *targets_at(cell, joints)[i]):
-            assert np.min(np.linalg.norm(points[i] - place, axis=1)) < 1e-9
+            assert np.min(np.linalg.norm(lines[i].reshape(-1, 3) - place, axis=1)) < 1e-9
     assert CAMPAIGN["block"]  # the shared table was not changed by any test above
