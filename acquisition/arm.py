@@ -23,7 +23,9 @@ from calib.robot import Robot
 from calib.units import DEG
 
 Array = NDArray[np.float64]
-TOOL_RADIUS_MM = 25.0  # of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
+TOOL_RADIUS_MM = (
+    25.0  # of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
+)
 
 
 @dataclass(frozen=True)

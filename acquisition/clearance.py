@@ -59,7 +59,7 @@ class Clearance:
 
     @classmethod
     def of(cls, arm: Arm, obstacles: Sequence[Obstacle]) -> Clearance:
-        """All pairs but those of the mounting, and the robot's own foot, which the links from the elbow on must not hit.
+        """All pairs but those of the mounting, and the links from the elbow on against the robot's own foot.
 
         What a part of the first two links touches wherever joints 1 and 2 stand, over the whole range of the robot,
         is taken for the table, foot or box on which or in which it is mounted.
@@ -79,7 +79,7 @@ class Clearance:
         return cls(arm, (*obstacles, *feet), pairs)
 
     def distances(self, lines: Array) -> Array:
-        """(n, c, o) mm between the capsules with centre lines (n, c, 2, 3) and the obstacles; inf where they may touch."""
+        """(n, c, o) mm between capsules with centre lines (n, c, 2, 3) and obstacles; inf where they may touch."""
         out = np.full((*lines.shape[:2], len(self.obstacles)), np.inf)
         for o, obstacle in enumerate(self.obstacles):
             which = self.pairs[:, o]
@@ -96,7 +96,9 @@ class Clearance:
         flat = apart.reshape(len(apart), -1)
         deepest = np.argmin(flat, axis=1)
         return [
-            self._contact(*divmod(int(i), len(self.obstacles)), 0.0, float(row[i])) if row[i] < NEAREST_MM else None
+            self._contact(*divmod(int(i), len(self.obstacles)), 0.0, float(row[i]))
+            if row[i] < NEAREST_MM
+            else None
             for row, i in zip(flat, deepest, strict=True)
         ]
 
@@ -127,7 +129,7 @@ class Clearance:
         for halving in range(_HALVINGS):
             if not len(pieces.move):
                 break
-            share = pieces.begins + 0.5**(halving + 1)
+            share = pieces.begins + 0.5 ** (halving + 1)
             at = start[pieces.move] + share[:, None] * (goal - start)[pieces.move]
             middle = self.arm.lines(at)
             slack = bends[pieces.move] * 0.25 ** (halving + 1) / 8.0

@@ -27,8 +27,8 @@ class UnsafePlan(Refused):
     code = 3102
     exit_code = 5
     advice = (
-        "Remove the pose, or correct limits, table, keep-out boxes or fixtures in the cell file, or the capsules of the "
-        "robot file; nothing has moved."
+        "Remove the pose, or correct limits, table, keep-out boxes or fixtures in the cell file, or the capsules of "
+        "the robot file; nothing has moved."
     )
 
 

@@ -36,8 +36,8 @@ def draw_poses(
     """`count` pairs of joint angles (deg) and sides of approach (+1 from below, -1 from above).
 
     offset_deg: signed offset of the approach point; its sign is the side where not `both`. Pose and approach
-    point q - side x |offset| are within the limits and clear of table, boxes and fixtures; `targets` (None: all of the cell)
-    are seen at the pose. Raises ConfigError when the cell leaves hardly any such pose.
+    point q - side x |offset| are within the limits and clear of table, boxes and fixtures; `targets` (None: all of
+    the cell) are seen at the pose. Raises ConfigError when the cell leaves hardly any such pose.
     """
     found = draw_candidates(cell, count, rng, offset_deg, both=both, decimals=decimals, targets=targets)
     if len(found) < count:

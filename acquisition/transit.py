@@ -45,9 +45,7 @@ class Transit:
         if self._home is not None:
             home = np.array([self._home])
             ways = (("to home", start, home), ("from home on", home, goal))
-            over = [
-                (where, contacts_on_ways(self._cell, one, other)[0]) for where, one, other in ways
-            ]
+            over = [(where, contacts_on_ways(self._cell, one, other)[0]) for where, one, other in ways]
             if all(found is None for _, found in over):
                 return [self._home, tuple(goal_deg)]
             tried += [f"{where}, {found.during}" for where, found in over if found is not None]

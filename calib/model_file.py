@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from calib.capsules import Capsule
 from calib.diagnose.diagnosis import Diagnosis
 from calib.effects.effect import Effect
-from calib.capsules import Capsule
 from calib.errors import DataError
 from calib.files import replace_file
 from calib.header import Vector

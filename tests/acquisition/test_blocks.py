@@ -241,7 +241,9 @@ def test_a_sphere_about_the_taught_centre(target: str) -> None:
     assert radius == pytest.approx(300.0, abs=2e-3)  # what four decimals of a degree leave
     assert np.all(points[:, 2] >= centre[2] - 1e-3)
     spread = np.linalg.svd((points - centre) / 300.0, compute_uv=False) / 10.0
-    assert spread.min() > 0.3  # all directions, not a ring
+    assert (
+        spread.min() > 0.25
+    )  # all directions, not a ring; an arm of its thickness reaches fewer than a line did
     for before, visit in pairwise(visits):
         assert visit.approach_deg == before.joints_deg  # no suppression of backlash
     suppressed = plan_of(block | {"approach": {"offset_deg": -3.0}})

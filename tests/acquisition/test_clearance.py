@@ -53,7 +53,9 @@ def test_no_move_that_touches_is_clear_and_none_that_passes_is_refused(
     cell = cell_with(fixture, robot__model=model, **limits)
     postures = clear_postures(cell, 60)
     starts, goals = postures[0::2], postures[1::2]
-    goals = starts + (goals - starts) * np.minimum(1.0, 180.0 / np.abs(goals - starts).max(axis=1, keepdims=True))
+    goals = starts + (goals - starts) * np.minimum(
+        1.0, 180.0 / np.abs(goals - starts).max(axis=1, keepdims=True)
+    )
     found = cell.clearance.contacts(starts, goals)
     for start, goal, contact in zip(starts, goals, found, strict=True):
         nearest, moved = looked_at(cell, start, goal, 800)
@@ -78,7 +80,12 @@ def test_a_post_of_100_mm_is_grazed_by_no_move_that_passes_for_clear() -> None:
 def test_a_rod_of_30_mm_does_not_slip_between_two_looks() -> None:
     """A horizontal bar in the way of the wrist as joint 1 turns past: 50 moves, the rod always struck in the middle."""
     tip = cell_with().clearance.arm.lines(np.zeros((1, 6)))[0, 4, 0]  # of the wrist, straight ahead
-    rod = {"name": "rod", "from_mm": [*tip[:2], tip[2] - 60.0], "to_mm": [*tip[:2], tip[2] + 60.0], "radius_mm": 15}
+    rod = {
+        "name": "rod",
+        "from_mm": [*tip[:2], tip[2] - 60.0],
+        "to_mm": [*tip[:2], tip[2] + 60.0],
+        "radius_mm": 15,
+    }
     cell = cell_with(rod)
     rng = np.random.default_rng(2)
     turned = np.zeros((50, 6))
@@ -112,7 +119,9 @@ def test_the_capsules_are_where_the_simulators_links_are(model: str) -> None:
     cell = cell_with(robot__model=model, robot__limits_deg=None)
     robot = robot_named(model)
     for joints in np.random.default_rng(4).uniform(-120.0, 120.0, (5, 6)):
-        chain = frames(robot.convention, nominal_geometry(robot), cell.robot.model_angles(joints[None])[0].tolist())
+        chain = frames(
+            robot.convention, nominal_geometry(robot), cell.robot.model_angles(joints[None])[0].tolist()
+        )
         lines = cell.clearance.arm.lines(joints[None])[0]
         for capsule, line in zip(cell.clearance.arm.capsules, lines, strict=True):
             for end, seen in zip((capsule.from_mm, capsule.to_mm), line, strict=True):
@@ -146,7 +155,7 @@ point = st.tuples(coordinate, coordinate, coordinate)
 @given(st.lists(st.tuples(point, point), min_size=1, max_size=6))
 @settings(max_examples=60, deadline=None)
 def test_lines_to_a_box(ends: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> None:
-    """Against a search along the line; faces, edges, corners, lines through the box, points, and lines along an axis."""
+    """Against a search along the line; also lines through the box, points, and lines along an axis."""
     low, high = (-50.0, -80.0, -10.0), (60.0, 20.0, 90.0)
     lines = np.array([*ends, *[(a, a) for a, _ in ends], *[(a, (a[0], a[1], b[2])) for a, b in ends]])
     towards = Box("box", low, high).towards(lines)
@@ -204,7 +213,11 @@ def test_the_tool_has_the_radius_of_the_cell_file() -> None:
     posture = np.array([[0.0, 60.0, 20.0, 0.0, 10.0, 0.0]])
     lines = cell_with().clearance.arm.lines(posture)[0]
     lowest = float(lines[-3:, :, 2].min())
-    for radius, z, clear in ((20.0, lowest - 22.0, True), (20.0, lowest - 18.0, False), (30.0, lowest - 22.0, False)):
+    for radius, z, clear in (
+        (20.0, lowest - 22.0, True),
+        (20.0, lowest - 18.0, False),
+        (30.0, lowest - 22.0, False),
+    ):
         cell = cell_with(robot__table_z_mm=z, tool__radius_mm=radius)
         assert cell.clearance.clear_at(posture)[0] == clear
 

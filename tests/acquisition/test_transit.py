@@ -122,7 +122,11 @@ def test_nowhere_to_go_is_said_before_anything_moves() -> None:
     visits = make_plan(behind, a_campaign(block=[{"select": "list", "joints_deg": poses}]))
     with pytest.raises(UnsafePlan, match=r"between pose 1 of block 1 .* and pose 2 of block 1") as caught:
         check_plan(behind, visits)
-    for word in ("the tool at T3 comes 25 mm into keep-out box 1 at 50% of the move", "straight", "from home on"):
+    for word in (
+        "the tool at T3 comes 25 mm into keep-out box 1 at 50% of the move",
+        "straight",
+        "from home on",
+    ):
         assert word in caught.value.message
     with pytest.raises(NoClearWay, match=r"no way from .* is clear: straight, the tool at T3 comes"):
         Transit(behind).way(poses[0], poses[1])

@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread a
 
 from tests.benchmarks import (
     campaign,
+    clearance,
     coverage,
     demo,
     diagnosis,
@@ -36,6 +37,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "selection": (selection.run, None),
     "pairs": (pairs.run, None),
     "inverse": (inverse.run, None),
+    "clearance": (clearance.run, None),
     "overhead": (overhead.run, None),
     "stop": (stop.run, 20),
     "floor": (floor.run, 50),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from calib.errors import DataError
-from calib.kinematics import forward
+from calib.kinematics import Chain, Placement, forward, nominal_values, propagate
 from calib.robot import BUILT_IN, built_in_robots, load_robot
 from mocks.world import robot_named
 
@@ -41,6 +41,34 @@ def test_built_in_robots_are_those_of_the_simulator(name: str) -> None:
 
 def test_four_robots_are_built_in() -> None:
     assert built_in_robots() == ["abb-irb120", "fanuc-lrmate200ic", "ur10", "ur5"]
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_every_built_in_robot_has_a_body_from_foot_to_flange(name: str) -> None:
+    robot = load_robot(name)
+    assert robot.body == robot.capsules
+    assert robot.capsules[0].name == "foot"
+    assert {1, 2, 3} <= {capsule.link for capsule in robot.capsules}
+    assert all(20.0 < capsule.radius_mm < 150.0 for capsule in robot.capsules)
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_a_file_without_capsules_gives_a_thick_arm_from_joint_to_joint(name: str, tmp_path: Path) -> None:
+    text = (BUILT_IN / f"{name}.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text[: text.index("[[capsule]]")], encoding="utf-8")
+    robot, own = load_robot("mine.toml", tmp_path), load_robot(name)
+    assert robot.capsules == ()
+    assert {capsule.radius_mm for capsule in robot.body} == {robot.body[0].radius_mm}
+    assert robot.body[0].radius_mm >= 0.75 * max(capsule.radius_mm for capsule in own.capsules)
+    joints = np.random.default_rng(0).uniform(-2.0, 2.0, (3, robot.joints))
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement()).link_frames
+    previous = [np.array(frame[3]) for frame in frames]
+    for capsule in robot.body:
+        x, y, z, origin = frames[capsule.link - 1]
+        end = origin + sum(c * axis for c, axis in zip(capsule.to_mm, (x, y, z), strict=True))
+        other = capsule.link - 2 if robot.convention == "dh" else capsule.link
+        if 0 <= other < robot.joints:
+            np.testing.assert_allclose(end - previous[other], 0.0, atol=1e-9)
 
 
 def test_joint_matrix_of_the_fanuc() -> None:
@@ -84,6 +112,18 @@ REFUSED = {
     "text for a load": (GOOD.replace("mass_kg = 2.7", 'mass_kg = "2.7 kg"'), "mass_kg"),
     "unknown base": (GOOD.replace('"thesis"', '"theses"'), "base"),
     "parallel axes": (GOOD.replace("parallel_axes = [3]", "parallel_axes = [13]"), "parallel_axes"),
+    "capsule of no link": (GOOD.replace("link = 4\nfrom", "link = 9\nfrom"), "'forearm' names link 9"),
+    "capsule without radius": (GOOD.replace("radius_mm = 65.0\n", ""), "radius_mm is missing"),
+    "capsule of a radius of nought": (GOOD.replace("radius_mm = 65.0", "radius_mm = 0.0"), "'forearm'"),
+    "capsule as thick as a house": (GOOD.replace("radius_mm = 65.0", "radius_mm = 65000.0"), "'forearm'"),
+    "capsule with text": (GOOD.replace("radius_mm = 65.0", 'radius_mm = "65"'), "'forearm'"),
+    "capsule with nan": (GOOD.replace("[0.0, 0.0, -240.0]", "[0.0, 0.0, nan]"), "no point"),
+    "capsule without a place": (GOOD.replace("[0.0, 0.0, -240.0]", "[0.0, -240.0]"), "no point"),
+    "capsule with a mistyped key": (GOOD.replace("radius_mm = 65.0", "radius_m = 65.0"), "radius_m"),
+    "capsules as a table": (
+        GOOD[: GOOD.index("\n[[capsule]]")] + '\n[capsule]\nname = "arm"\n',
+        "[[capsule]]",
+    ),
     "links as a table": (re.sub(r"\[\[link\]\]\n(\w+ = .*\n)+", "", GOOD) + "\n[link]\na = 1\n", "link"),
 }
 
