@@ -20,7 +20,9 @@ from acquisition.errors import NoClearWay
 from acquisition.obstacles import Table
 from acquisition.workspace import Array, lowest_of, may_stand
 
-LEAVES_WITHIN_MM = 100.0  # that a robot which stands too low may go before it is clear
+LEAVES_WITHIN_MM = (
+    200.0  # that a robot which stands too low may go before it is clear; half of it is its thickness
+)
 _POSTURES = 500  # of which the highest is home
 _LOOKS = 200  # for where a robot that rises is clear; from there on and before it is proven
 _SLACK_MM = 0.5  # by which a robot that rises may seem to sink: read-back is rounded

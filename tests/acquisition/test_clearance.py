@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.cell import Cell, cell_from
-from acquisition.clearance import NEAREST_MM, Contact
+from acquisition.clearance import NEAREST_MM
 from acquisition.obstacles import Box, Post, Table, between_lines
 from calib.kinematics import Array
 from drivers.errors import ConfigError
@@ -94,23 +94,25 @@ def test_a_rod_of_30_mm_does_not_slip_between_two_looks() -> None:
     assert all(contact is not None and contact.obstacle == "rod" for contact in found)
 
 
-def bowed(depth_mm: float) -> Contact | None:
-    """Joint 1 turns by 60 deg past a thin upright rod that reaches so far into the circle that the tool describes."""
-    arm = cell_with().clearance.arm
-    start, goal = np.zeros((1, 6)), np.zeros((1, 6))
-    start[0, 0], goal[0, 0] = -30.0, 30.0
-    line = arm.lines(np.zeros((1, 6)))[0]
-    x = float(np.max(np.hypot(line[..., 0], line[..., 1]).max(axis=1) + arm.radii)) + 5.0 - depth_mm
-    height = float(line[-1, 0, 2])
-    post = {"name": "thin", "from_mm": [x, 0, height - 400], "to_mm": [x, 0, height + 400], "radius_mm": 5.0}
-    (contact,) = cell_with(post, robot__table_z_mm=-900.0).clearance.contacts(start, goal)
-    return contact
+@pytest.mark.parametrize(("depth_mm", "touches"), [(2.0, True), (-NEAREST_MM - 0.2, False)])
+def test_the_bow_of_a_path_is_within_its_bound_and_the_bound_is_close(depth_mm: float, touches: bool) -> None:
+    """The stretched arm turns about joint 1 past a flat wall that its circle just enters, at three tenths of the move.
 
-
-def test_the_bow_of_a_path_is_within_its_bound_and_the_bound_is_close() -> None:
-    """Both ends of the move are far from the rod and the chord between them passes behind it by 70 mm."""
-    assert bowed(2.0) is not None
-    assert bowed(-NEAREST_MM - 0.2) is None
+    Where the halves of the move begin and end the arm is 15 mm and more from the wall: with half of the bound, or
+    none, the chord between them would prove the first half clear.
+    """
+    only = {"tool__targets": {"T1": [0.0, 0.0, 125.0]}, "robot__table_z_mm": -900.0}
+    arm = cell_with(**only).clearance.arm
+    start, goal = np.array([[-18.0, 90.0, -99.0, 0.0, 0.0, 0.0], [42.0, 90.0, -99.0, 0.0, 0.0, 0.0]])
+    line = arm.lines(start[None])[0]
+    radius = float(np.max(np.hypot(line[..., 0], line[..., 1]).max(axis=1) + arm.radii))
+    x = radius - depth_mm
+    wall = {"name": "wall", "low_mm": [x, -900, -900], "high_mm": [x + 50, 900, 900]}
+    (contact,) = cell_with(wall, **only).clearance.contacts(start[None], goal[None])
+    assert (contact is not None) == touches
+    if contact is not None:
+        assert (contact.part, contact.obstacle) == ("the tool at T1", "wall")
+        assert contact.share == pytest.approx(0.3, abs=0.05)
 
 
 @pytest.mark.parametrize("model", ["abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10"])
