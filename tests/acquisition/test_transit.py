@@ -107,6 +107,19 @@ def test_a_parked_robot_may_rise_but_not_sink() -> None:
         assert not (may and dips)
 
 
+def test_a_tool_does_not_leave_the_table_through_its_lowest_point() -> None:
+    """The tool hangs 5 mm too low, 20 deg before it points straight down: up again it may go, through the bottom not."""
+    only = {"T1": [0.0, 0.0, 125.0]}
+    start = np.array([[0.0, 0.0, 0.0, 0.0, 70.0, 0.0]])
+    low = float(lowest_of(a_cell(tool__targets=only), start)[0])
+    cell = a_cell(tool__targets=only, robot__table_z_mm=low + 5.0)
+    for turned, clear in ((10.0, True), (119.0, False)):
+        goal = np.array([[0.0, 0.0, 0.0, 0.0, turned, 0.0]])
+        assert not may_stand(cell, start)[0]
+        assert cell.clearance.clear_at(goal)[0]
+        assert clear_ways(cell, start, goal)[0] == clear
+
+
 def test_a_box_in_the_way_is_gone_round() -> None:
     cell = a_cell(robot__keep_out=[[[350.0, -30.0, 0.0], [900.0, 30.0, 600.0]]])
     assert may_stand(cell, np.array([LEFT, RIGHT])).all()
