@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,7 @@ def test_a_parked_robot_may_rise_but_not_sink() -> None:
 
 
 def test_a_tool_does_not_leave_the_table_through_its_lowest_point() -> None:
-    """The tool hangs 5 mm too low, 20 deg before it points straight down: up again it may go, through the bottom not."""
+    """The tool hangs 5 mm too low, 20 deg before it points straight down: up it may go, through the bottom not."""
     only = {"T1": [0.0, 0.0, 125.0]}
     start = np.array([[0.0, 0.0, 0.0, 0.0, 70.0, 0.0]])
     low = float(lowest_of(a_cell(tool__targets=only), start)[0])
@@ -143,6 +144,17 @@ def test_nowhere_to_go_is_said_before_anything_moves() -> None:
         assert word in caught.value.message
     with pytest.raises(NoClearWay, match=r"no way from .* is clear: straight, the tool at T3 comes"):
         Transit(behind).way(poses[0], poses[1])
+
+
+def test_the_last_move_to_a_pose_is_straight_and_has_to_be_clear() -> None:
+    cell = a_cell(robot__keep_out=[[[350.0, -30.0, 0.0], [900.0, 30.0, 600.0]]])
+    visits = make_plan(cell, a_campaign(block=[{"select": "list", "joints_deg": [list(RIGHT)]}]))
+    check_plan(cell, visits)
+    far = [replace(visit, approach_deg=LEFT) if visit.kind == "pose" else visit for visit in visits]
+    with pytest.raises(
+        UnsafePlan, match=r"the last move to pose 1 of block 1 .* into keep-out box 1 at 50% of the move"
+    ):
+        check_plan(cell, far)
 
 
 def test_the_sequencer_goes_the_way_and_tells(tmp_path: Path) -> None:
