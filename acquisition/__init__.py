@@ -4,13 +4,13 @@ from acquisition.campaign import Campaign, campaign_from, read_campaign
 from acquisition.cell import Cell, cell_from, read_cell
 from acquisition.clock import Clock, ScaledClock
 from acquisition.devices import Devices, open_devices
+from acquisition.event import Event
 from acquisition.export import export, export_events
 from acquisition.interrupt import pausing_on_interrupt
 from acquisition.lease import Lease
 from acquisition.run import Outcome, Run, checked_plan
 from acquisition.states import State
 from acquisition.status import RunStatus, read_status
-from acquisition.store import Event
 
 __all__ = [
     "Campaign",

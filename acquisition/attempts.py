@@ -35,8 +35,9 @@ class Attempts:
         now = self._store.moment()
         with self._store.changing() as db:
             return db.execute(
-                "INSERT INTO attempt (kind, visit, pose, arrival, began_utc, began_t_s, station) "
-                "SELECT ?, ?, ?, ?, ?, ?, station FROM campaign RETURNING id",
+                "INSERT INTO attempt (kind, visit, pose, arrival, began_utc, began_t_s, station, robot, instrument) "
+                "SELECT ?, ?, ?, ?, ?, ?, station, (SELECT max(id) FROM device WHERE role = 'robot'), "
+                "(SELECT max(id) FROM device WHERE role = 'instrument') FROM campaign RETURNING id",
                 (kind, visit, pose, arrival, now.utc, now.t_s),
             ).fetchone()[0]
 
@@ -73,7 +74,7 @@ class Attempts:
             }
         with self._store.changing() as db:
             self._close(db, attempt, "good", **values)
-            db.execute("UPDATE pose SET status = 'measured', reason = '' WHERE id = ?", (planned.id,))
+            self._store.set_status(db, planned.id, "measured")
             self._store.note(db, "reading", **data)
 
     def failed(self, attempt: int, error: AcquisitionError) -> None:
@@ -85,8 +86,7 @@ class Attempts:
     def _close(self, db: sqlite3.Connection, attempt: int, status: str, **values: Any) -> None:
         now = self._store.moment()
         values |= {"status": status, "ended_utc": now.utc, "ended_t_s": now.t_s}
-        assignments = ", ".join(f"{name} = ?" for name in values)
-        db.execute(f"UPDATE attempt SET {assignments} WHERE id = ?", (*values.values(), attempt))
+        self._store.seals.close(db, attempt, **values)
 
     # -- prompts ------------------------------------------------------------------------------------------
 

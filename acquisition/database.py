@@ -4,6 +4,9 @@ WAL with `synchronous=FULL`: what is committed survives a power cut (measured: w
 were lost, with FULL none). One connection behind one lock, because SQLite up to 3.51.2 can corrupt a WAL that
 two connections write and checkpoint at once. The owner lock is a file beside the record, taken before any
 device is touched: two sequencers on one record would both move the robot.
+
+A file that is not what it was (cut short, overwritten, another program's) is refused as a DamagedRecord, in the one
+place where errors of SQLite are translated; nothing is written to it, `acquisition.rescue` works on a copy.
 """
 
 from __future__ import annotations
@@ -18,16 +21,21 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from acquisition.errors import RecordError, RecordInUse
+from acquisition.errors import RecordError, RecordInUse, damaged
 from acquisition.schema import SCRIPTS
 from drivers.errors import StorageError
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
 BUSY_S = 5.0  # how long another program may hold the file, on the wall
-_ADVICE = {
-    "SQLITE_BUSY": "Close the other program that has the record open (a database browser?), then resume.",
-    "SQLITE_CORRUPT": "Copy the whole folder before anything else, then check the disk it lies on.",
-}
+_MAGIC = b"SQLite format 3\0"
+_TABLES = frozenset({"campaign", "pose", "attempt", "prompt", "command", "event"})  # of every version
+_LOCKED = "Close the other program that has the record open (a database browser?), then resume."
+_DAMAGE = ("SQLITE_CORRUPT", "SQLITE_NOTADB")
+_MISSING = (
+    "no such table",
+    "no such column",
+    "Could not decode",
+)  # what such damage may look like further down
 
 
 class Database:
@@ -44,10 +52,14 @@ class Database:
         try:
             if new and self.path.exists() and not _begun(self.path):
                 _remove(self.path)  # its making was interrupted before there was a campaign in it
-            if self.path.exists() == new:
+            if (self.path.exists() if new else _look_at(self.path)) == new:
                 raise RecordError(f"{folder}: {'there is a record already' if new else 'there is no record'}")
-            self._connection = self._connect(writer)
-            self._migrate(writer, new)
+            self._connection = self._connect("rwc" if new else "rw" if writer else "ro")
+            try:
+                self._prepare(writer, new)
+            except BaseException:
+                self._connection.close()
+                raise
             if new:
                 _sync(folder)
                 _sync(folder.parent)
@@ -55,8 +67,7 @@ class Database:
             self._release()
             raise
 
-    def _connect(self, writer: bool) -> sqlite3.Connection:
-        mode = "rwc" if writer else "ro"
+    def _connect(self, mode: str) -> sqlite3.Connection:
         try:
             connection = sqlite3.connect(
                 f"{self.path.absolute().as_uri()}?mode={mode}",
@@ -66,31 +77,44 @@ class Database:
                 timeout=BUSY_S,
             )
             connection.row_factory = sqlite3.Row
-            if writer:
-                connection.execute("PRAGMA journal_mode = WAL")
-                connection.execute("PRAGMA synchronous = FULL")
-            connection.execute("PRAGMA foreign_keys = ON")
         except sqlite3.Error as error:
             raise _storage(self.path, error) from error
         return connection
 
-    def _migrate(self, writer: bool, new: bool) -> None:
+    def _prepare(self, writer: bool, new: bool) -> None:
+        """See that it is a record before anything is written to it, then bring it up to date."""
+        version = 0 if new else self._version()
+        if version < len(SCRIPTS) and not writer:
+            Database(self.path.parent, writer=True).close()  # carried over by an owner, then read
+        if writer:
+            self.query("PRAGMA journal_mode = WAL")
+            self.query("PRAGMA synchronous = FULL")
+        self.query("PRAGMA foreign_keys = ON")
+        if not writer:
+            return
+        for number in range(version, len(SCRIPTS)):
+            self.script(f"BEGIN IMMEDIATE; {SCRIPTS[number]} PRAGMA user_version = {number + 1}; COMMIT;")
+
+    def _version(self) -> int:
+        """Of the scripts that the file has seen. Raises RecordError, DamagedRecord."""
+        tables = {row[0] for row in self.query("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if tables and (missing := _TABLES - tables):
+            raise damaged(
+                self.path,
+                "is a database of another program"
+                if missing == _TABLES
+                else f"has lost {', '.join(sorted(missing))}",
+            )
+        if not tables or not self.query("SELECT 1 FROM campaign"):
+            raise RecordError(f"{self.path}: holds no campaign; start it anew in this folder")
         version = self.query("PRAGMA user_version")[0][0]
         if version > len(SCRIPTS):
-            self._connection.close()
             made = f"a newer version of this program (version {version}, known {len(SCRIPTS)})"
             raise RecordError(
                 f"{self.path}: was made by {made}",
                 what_to_do="Use the version of TruePose that made it, or a newer one.",
             )
-        if not new and (version == 0 or not self.query("SELECT 1 FROM campaign")):
-            self._connection.close()
-            raise RecordError(f"{self.path}: holds no campaign; start it anew in this folder")
-        if version < len(SCRIPTS) and not writer:
-            Database(self.path.parent, writer=True).close()  # carried over by an owner, then read
-            return
-        for number in range(version, len(SCRIPTS)):
-            self.script(f"BEGIN IMMEDIATE; {SCRIPTS[number]} PRAGMA user_version = {number + 1}; COMMIT;")
+        return version
 
     def script(self, text: str) -> None:
         """Run several statements. Raises StorageError."""
@@ -151,12 +175,46 @@ def _own(folder: Path, new: bool) -> FileLock:
     return lock
 
 
+def _look_at(path: Path) -> bool:
+    """Whether there is a file. Before SQLite sees it, which would throw away the journal beside an empty one.
+
+    Raises DamagedRecord, StorageError.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_MAGIC))
+        journal = path.with_name(f"{path.name}-wal")
+        journal_left = journal.exists() and journal.stat().st_size > 0
+    except FileNotFoundError:
+        return False
+    except IsADirectoryError as error:
+        raise damaged(path, "is a folder, where there should be a file") from error
+    except OSError as error:
+        raise StorageError(
+            f"{path}: cannot be read ({error.strerror})",
+            what_to_do="Give the user of this program the right to read it, or look at the disk it lies on.",
+        ) from error
+    if start and start != _MAGIC:
+        raise damaged(path, "does not begin as a database does")
+    if not start and journal_left:
+        raise damaged(path, "is empty, its journal is not")
+    return True
+
+
 def _begun(path: Path) -> bool:
-    """A record with its campaign, or a file that is none of ours."""
+    """A record with its campaign, a damaged one, or a file that is none of ours."""
+    try:
+        _look_at(path)
+    except StorageError:
+        return True
     with closing(sqlite3.connect(path)) as connection:
         try:
-            tables = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'campaign'").fetchone()
-            return tables is not None and connection.execute("SELECT 1 FROM campaign").fetchone() is not None
+            tables = {
+                row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+            }
+            if not tables >= _TABLES:
+                return bool(tables)
+            return connection.execute("SELECT 1 FROM campaign").fetchone() is not None
         except sqlite3.Error:
             return True
 
@@ -178,5 +236,7 @@ def _sync(folder: Path) -> None:
 
 def _storage(path: Path, error: sqlite3.Error) -> StorageError:
     name = getattr(error, "sqlite_errorname", "")  # only errors of SQLite itself have one
-    advice = next((text for start, text in _ADVICE.items() if name.startswith(start)), None)
-    return StorageError(f"{path}: {error}", command="record", what_to_do=advice)
+    if name.startswith(_DAMAGE) or str(error).startswith(_MISSING):
+        return damaged(path, f"is damaged ({error})")
+    locked = name.startswith("SQLITE_BUSY")
+    return StorageError(f"{path}: {error}", command="record", what_to_do=_LOCKED if locked else None)

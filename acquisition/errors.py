@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from drivers.errors import Busy, ConfigError, Refused, StorageError, Unmeasurable
+from pathlib import Path
+
+from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, StorageError, Unmeasurable
 
 
 class RecordInUse(Busy):
@@ -13,12 +15,23 @@ class RecordInUse(Busy):
     advice = "End the other program that runs this campaign, or look at it with 'campaign status'."
 
 
-class RobotInUse(Busy):
-    """Another campaign of this computer moves this robot."""
+class RobotInUse(AcquisitionError):
+    """Another campaign of this computer moves this robot. Nobody is asked about it: this one pauses."""
 
     code = 3106
     exit_code = 4
     advice = "Wait until the other campaign has ended, or pause it; one robot obeys one campaign at a time."
+
+
+class OtherIndividual(ConfigError):
+    """Another robot or instrument answers than the one the record was measured with."""
+
+    code = 6103
+    exit_code = 5
+    advice = (
+        "Connect the device of the record; or start a new record. Only where both are to stand in one record, give "
+        "its serial number with --accept-other, and the reason."
+    )
 
 
 class UnsafePlan(Refused):
@@ -106,6 +119,22 @@ class ClockJumped(StorageError):
     code = 5102
     advice = (
         "The computer slept, or its clock was set: look at its date and time and at the cell, then resume."
+    )
+
+
+class DamagedRecord(StorageError):
+    """The file of a record is no longer what was written; `damaged` makes it."""
+
+    code = 5103
+    exit_code = 2
+
+
+def damaged(path: Path, what: str) -> DamagedRecord:
+    """The refusal of a record whose file is `path`. `what`: the predicate, "is ..." or "holds ..."."""
+    return DamagedRecord(
+        f"{path}: {what}",
+        command="record",
+        what_to_do=f"Save what can be read with: truepose campaign rescue {path.parent}",
     )
 
 

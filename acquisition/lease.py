@@ -1,39 +1,16 @@
-"""Who moves the robot: one campaign at a time, and only while the one who answers for it is there.
+"""The robot moves only while the one who answers for it is there.
 
-`only_mover` is held for as long as devices are in use and keeps a second campaign of this computer, in whatever
-record and whatever program, from moving the same robot. A `Lease` is for an owner who can fall silent without
-the program ending (a page, a cell PC): it beats, and when it does not, the campaign pauses at the end of the move
-or measurement under way. Stopping needs neither.
+A `Lease` is for an owner who can fall silent without the program ending (a page, a cell PC): it beats, and when it
+does not, the campaign pauses at the end of the move or measurement under way. Stopping needs none.
 """
 
 from __future__ import annotations
 
-import hashlib
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-
-from filelock import FileLock, Timeout
 
 from acquisition.clock import Clock, ScaledClock
-from acquisition.errors import RobotInUse
-
-
-@contextmanager
-def only_mover(address: str) -> Iterator[None]:
-    """Hold the robot at this address. Raises RobotInUse where another campaign of this computer does."""
-    name = hashlib.sha256(address.encode()).hexdigest()[:16]
-    lock = FileLock(Path(tempfile.gettempdir()) / f"truepose-robot-{name}.lock", thread_local=False)
-    try:
-        lock.acquire(timeout=0)
-    except (Timeout, PermissionError) as error:  # the file of another user cannot even be opened
-        raise RobotInUse(f"another campaign moves the robot at {address}", device="robot") from error
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 class Lease:

@@ -25,6 +25,7 @@ from acquisition.clock import Clock
 from acquisition.corrected import APPROACH_DEG, campaign_of, clear, correction, follows_conditions
 from acquisition.devices import Devices
 from acquisition.errors import UnsafePlan
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.follow_up import campaign_table, in_cell
 from acquisition.lease import Lease
@@ -33,7 +34,6 @@ from acquisition.plan import DECIMALS
 from acquisition.poses import draw_poses
 from acquisition.run import Outcome, Run
 from acquisition.states import State
-from acquisition.store import Event
 from acquisition.verification import (
     Judged,
     Verification,

@@ -26,15 +26,18 @@ from acquisition.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.desk import Desk
 from acquisition.devices import Devices
 from acquisition.errors import NotResumed
+from acquisition.event import Event, Moment
 from acquisition.forecast import Forecast
 from acquisition.identity import check_identity
-from acquisition.lease import Lease, only_mover
+from acquisition.individuals import Acceptance, Individual, Individuals
+from acquisition.lease import Lease
+from acquisition.mover import Mover
 from acquisition.plan import Visit, make_plan
 from acquisition.rig import Met, Rig
 from acquisition.sequencer import Sequencer
 from acquisition.states import State
 from acquisition.status import Pace, RunStatus, status_of
-from acquisition.store import Event, Moment, Store
+from acquisition.store import Store
 from drivers.errors import AcquisitionError, StorageError
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
@@ -85,6 +88,8 @@ class Run:
         self._mutex = threading.Lock()  # who executes; taken for moments only
         self._execution: _Execution | None = None
         self._resumed = False
+        self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
+        self._mover: Mover | None = None
         self._trouble: str | None = None  # what the record could not be told
 
     @classmethod
@@ -129,6 +134,14 @@ class Run:
             store.close()
             raise
 
+    def expect(self, individuals: Sequence[Individual]) -> None:
+        """The robot and the instrument of another record are to answer in this one, which has not begun yet."""
+        Individuals(self._store).expect(individuals)
+
+    def individuals(self) -> list[Individual]:
+        """The robot and the instrument that were met last."""
+        return list(Individuals(self._store).now().values())
+
     def close(self) -> None:
         """Give the record up. Not while executing."""
         self._store.close()
@@ -159,7 +172,7 @@ class Run:
         clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
         with ExitStack() as stack:
             if not simulated:  # simulated cells are as many as one likes
-                stack.enter_context(only_mover(self.cell.robot.url))
+                self._mover = stack.enter_context(Mover(self.cell.robot.url))
             stack.enter_context(self._store.listening(on_event or _ignore))
             execution = self._begin(devices, clock)
             if lease is not None:
@@ -216,7 +229,7 @@ class Run:
 
     def _end(self, ending: State, reason: str) -> StorageError | None:
         with self._mutex:
-            self._execution = None
+            self._execution = self._accepted = self._mover = None
             try:
                 self._store.become(ending, reason)
             except StorageError as error:
@@ -251,12 +264,16 @@ class Run:
     def _met(self, met: Met) -> None:
         """Told before anything moves: a robot that no program can stop needs a hand at its button.
 
-        Raises OtherDevice where it is not the device of the cell file.
+        Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
+        record, RobotInUse.
         """
         self._store.tell(
             "connected", role=met.role, **asdict(met.who), can_stop=met.can_stop, read_deg=met.read_deg
         )
         check_identity(self.cell, met.role, met.who)
+        Individuals(self._store).met(met.role, met.who, self._accepted)
+        if met.role == "robot" and self._mover is not None:
+            self._mover.met(met.who)
 
     def _owner_is_silent(self, lease: Lease, control: Control) -> None:
         control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
@@ -309,15 +326,21 @@ class Run:
         if execution is not None:  # else the next execution begins with the nests
             execution.control.new_station(reason)
 
-    def resume(self, by: str = "", key: str | None = None) -> None:
-        """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states."""
-        if not self._store.command("resume", by, key):
-            return
+    def resume(self, by: str = "", key: str | None = None, accepted: Acceptance | None = None) -> None:
+        """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states.
+
+        accepted: another robot or instrument than the record's, in that execution.
+        """
+        with self._store.changing() as db:  # both or none
+            if not self._store.command("resume", by, key):
+                return
+            if accepted is not None:
+                self._store.note(db, "accept_other", by=by, serial=accepted.serial, reason=accepted.reason)
         with self._mutex:
             state = self._store.state
             if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
                 raise _not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
-            self._resumed = True
+            self._resumed, self._accepted = True, accepted
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
         """Halt the robot now and end the run. Returns what could not be stopped: use the button, it says which.

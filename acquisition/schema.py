@@ -6,12 +6,14 @@
     prompt     questions to a person and their answers
     command    what people and programs asked of the campaign
     event      what happened, in order; its id is the version of the record
+    device     the individual robots and instruments it was measured with; `reason`: why another one was accepted
 
 What was planned, asked, ordered, attempted and told never changes and is never deleted: triggers refuse it, so
 that neither a fault of this program nor a careless hand rewrites a measurement. A reading that is not trusted any
 more stays, and its row of `pose` names the one that is measured in its place. An attempt of kind `arrive` is one
 approach; each `measure` of a pose names the arrival it relies on. A point has its coordinates, a pose its turn as
 well (`rot_*`: unit quaternion, instrument's frame), a distance its `length_mm` to `pose.base_target`.
+`checksum`: see `acquisition.seal`; rows up to `campaign.unsealed_*` were written before there were any.
 `campaign.owner` is the program that may write; `station` counts the places where the instrument stood. Angles deg,
 lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
 """
@@ -239,5 +241,44 @@ CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
   BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
 """
 
-SCRIPTS: tuple[str, ...] = (_FIRST, _SECOND, _THIRD)
+_FOURTH = """
+CREATE TABLE device (
+  id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+  role TEXT NOT NULL CHECK (role IN ('robot', 'instrument')),
+  maker TEXT NOT NULL,
+  model TEXT NOT NULL,
+  serial TEXT NOT NULL,
+  firmware TEXT NOT NULL,
+  protocol TEXT NOT NULL,
+  accepted_by TEXT NOT NULL DEFAULT '',
+  reason TEXT NOT NULL DEFAULT '',
+  checksum TEXT
+) STRICT;
+CREATE TRIGGER device_kept BEFORE DELETE ON device
+  BEGIN SELECT RAISE(ABORT, 'a device of the record is never deleted'); END;
+CREATE TRIGGER device_fixed BEFORE UPDATE OF id, role, maker, model, serial ON device
+  WHEN new.id <> old.id OR new.role <> old.role OR (old.maker <> '' AND new.maker <> old.maker)
+    OR (old.model <> '' AND new.model <> old.model) OR (old.serial <> '' AND new.serial <> old.serial)
+  BEGIN SELECT RAISE(ABORT, 'a device of the record never changes'); END;
+
+ALTER TABLE attempt ADD COLUMN robot INTEGER REFERENCES device (id);
+ALTER TABLE attempt ADD COLUMN instrument INTEGER REFERENCES device (id);
+ALTER TABLE attempt ADD COLUMN checksum TEXT;
+ALTER TABLE pose ADD COLUMN checksum TEXT;
+ALTER TABLE campaign ADD COLUMN checksum TEXT;
+ALTER TABLE campaign ADD COLUMN unsealed_poses INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE campaign ADD COLUMN unsealed_attempts INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE campaign ADD COLUMN unsealed_devices INTEGER NOT NULL DEFAULT 0;
+-- Which devices an older record was measured with was only noted among its events; the first of each role counts.
+INSERT INTO device (role, maker, model, serial, firmware, protocol)
+  SELECT json_extract(data, '$.role'), json_extract(data, '$.maker'), json_extract(data, '$.model'),
+    json_extract(data, '$.serial'), json_extract(data, '$.firmware'), json_extract(data, '$.protocol')
+  FROM event WHERE id IN (SELECT min(id) FROM event WHERE kind = 'connected'
+    AND json_extract(data, '$.serial') <> '' GROUP BY json_extract(data, '$.role')) ORDER BY id;
+UPDATE campaign SET unsealed_poses = (SELECT coalesce(max(id), 0) FROM pose),
+  unsealed_attempts = (SELECT coalesce(max(id), 0) FROM attempt),
+  unsealed_devices = (SELECT coalesce(max(id), 0) FROM device);
+"""
+
+SCRIPTS: tuple[str, ...] = (_FIRST, _SECOND, _THIRD, _FOURTH)
 """Script n takes a file from version n to n + 1."""

@@ -19,36 +19,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from acquisition import seal
 from acquisition.database import Database
-from acquisition.errors import RecordTaken
+from acquisition.errors import RecordTaken, damaged
+from acquisition.event import Event, Moment
 from acquisition.plan import Visit
 from acquisition.states import State, check_transition
 from acquisition.world_frame import WorldFrame
 
 Point = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened; `id` grows without end and is the version of the record."""
-
-    id: int
-    utc: float
-    t_s: float | None
-    kind: str
-    data: Mapping[str, Any]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON lines and server-sent events."""
-        return {"id": self.id, "utc": self.utc, "t_s": self.t_s, "kind": self.kind, "data": dict(self.data)}
-
-
-@dataclass(frozen=True)
-class Moment:
-    """Now: on the calendar (s since 1970) and in the campaign (s; None before its start)."""
-
-    utc: float
-    t_s: float | None = None
+_STATES = frozenset(state.value for state in State)
 
 
 @dataclass(frozen=True)
@@ -71,6 +51,7 @@ class Store:
 
     def __init__(self, database: Database) -> None:
         self.database = database
+        self.seals = seal.Seals()
         self._owner = uuid.uuid4().hex
         self.moment: Callable[[], Moment] = lambda: Moment(time.time())
         self._listeners: list[Callable[[Event], None]] = []
@@ -90,6 +71,7 @@ class Store:
                 "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
                 (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
             )
+            store.seals.campaign(db)
             store._plan(db, visits)
             store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
             store.change_state(db, State.READY, "")
@@ -97,16 +79,31 @@ class Store:
 
     @classmethod
     def open(cls, folder: Path, *, writer: bool = True) -> Store:
-        """An existing record. Raises RecordError, RecordInUse, StorageError."""
+        """An existing record. One that is to be written is looked through first: every row is what it was.
+
+        Raises RecordError, RecordInUse, StorageError, DamagedRecord.
+        """
         store = cls(Database(folder, writer=writer))
         if writer:
             try:
+                seal.check(store.database)
                 with store.database.transaction() as db:
                     db.execute("UPDATE campaign SET owner = ?", (store._owner,))
             except BaseException:
                 store.close()
                 raise
         return store
+
+    @classmethod
+    @contextmanager
+    def reading(cls, folder: Path) -> Iterator[Store]:
+        """An existing record for whoever uses its readings: every row is what it was. Raises as `open`."""
+        store = cls.open(folder, writer=False)
+        try:
+            seal.check(store.database)
+            yield store
+        finally:
+            store.close()
 
     def close(self) -> None:
         self.database.close()
@@ -165,7 +162,14 @@ class Store:
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
         """Events with a greater id than `after`, oldest first."""
         rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
-        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], json.loads(r["data"])) for r in rows]
+        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._told(r["data"])) for r in rows]
+
+    def _told(self, text: str) -> dict[str, Any]:
+        """The data of an event, which has no checksum of its own."""
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise damaged(self.database.path, f"holds an event that is damaged ({error})") from error
 
     @property
     def version(self) -> int:
@@ -181,18 +185,24 @@ class Store:
     def last_reading(self) -> dict[str, Any] | None:
         """Data of the last `reading` event."""
         rows = self.database.query("SELECT data FROM event WHERE kind = 'reading' ORDER BY id DESC LIMIT 1")
-        return json.loads(rows[0][0]) if rows else None
+        return self._told(rows[0][0]) if rows else None
 
     # -- state --------------------------------------------------------------------------------------------
 
     @property
     def campaign(self) -> sqlite3.Row:
-        """The row of the campaign."""
-        return self.database.query("SELECT * FROM campaign")[0]
+        """The row of the campaign. Raises DamagedRecord where it is not what was begun."""
+        row = self.database.query("SELECT * FROM campaign")[0]
+        if not seal.campaign_agrees(dict(row)):
+            raise damaged(self.database.path, "holds a cell or a campaign that is not what it was begun with")
+        return row
 
     @property
     def state(self) -> State:
-        return State(self.campaign["state"])
+        text = self.campaign["state"]
+        if text not in _STATES:
+            raise damaged(self.database.path, f"holds the state {text!r}, which there is not")
+        return State(text)
 
     def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
         """Within a change. Raises IllegalTransition."""
@@ -218,7 +228,7 @@ class Store:
             for row in db.execute(
                 "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
             ).fetchall():
-                db.execute("UPDATE attempt SET status = 'died' WHERE id = ?", (row["id"],))
+                self.seals.close(db, row["id"], status="died")
                 self.note(db, "attempt_died", attempt=row["id"], act=row["kind"], pose=row["pose"])
             db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
             if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
@@ -278,8 +288,13 @@ class Store:
     def mark(self, pose: int, status: str, reason: str) -> None:
         """A planned reading is put off (`deferred`) or given up (`skipped`)."""
         with self.changing() as db:
-            db.execute("UPDATE pose SET status = ?, reason = ? WHERE id = ?", (status, reason, pose))
+            self.set_status(db, pose, status, reason)
             self.note(db, status, pose=pose, reason=reason)
+
+    def set_status(self, db: sqlite3.Connection, pose: int, status: str, reason: str = "") -> None:
+        """Within a change."""
+        db.execute("UPDATE pose SET status = ?, reason = ? WHERE id = ?", (status, reason, pose))
+        self.seals.row(db, "pose", pose)
 
     def measure_again(self, poses: Sequence[int], reason: str) -> None:
         """Readings that are not trusted stay in the record, out of use; others are planned in their place."""
@@ -302,6 +317,7 @@ class Store:
             rows = db.execute("SELECT id FROM pose WHERE visit = ? ORDER BY id", (visit.number,)).fetchall()
             for each, (again,) in zip(planned, rows, strict=True):
                 db.execute("UPDATE pose SET replaced_by = ? WHERE id = ?", (again, each.id))
+                self.seals.row(db, "pose", each.id)
             self.note(
                 db, "replanned", poses=[each.id for each in planned], visit=visit.number, name=visit.name
             )
@@ -311,11 +327,12 @@ class Store:
             columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
             shared = (visit.number, visit.name, visit.kind, visit.set, visit.block, *columns)
             for reading in visit.readings:
-                db.execute(
+                (planned,) = db.execute(
                     "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, target, "
-                    "base_target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    "base_target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
                     (*shared, *reading),
-                )
+                ).fetchone()
+                self.seals.row(db, "pose", planned)
 
     def _replace(self, db: sqlite3.Connection, pose: int, reason: str) -> int:
         columns = "visit, name, kind, set_name, block, target, base_target, joints_deg, sides, approach_deg"
@@ -323,6 +340,8 @@ class Store:
             f"INSERT INTO pose ({columns}) SELECT {columns} FROM pose WHERE id = ? RETURNING id", (pose,)
         ).fetchone()
         db.execute("UPDATE pose SET replaced_by = ?, reason = ? WHERE id = ?", (again, reason, pose))
+        for each in (pose, again):
+            self.seals.row(db, "pose", each)
         return again
 
     # -- world frame --------------------------------------------------------------------------------------
@@ -346,6 +365,7 @@ class Store:
             db.execute(
                 "UPDATE campaign SET world = ?, station = station + ?", (json.dumps(table), int(moved))
             )
+            self.seals.campaign(db)
             self.note(db, "world_frame", **table)
 
     def nests_mm(self) -> dict[str, Point]:

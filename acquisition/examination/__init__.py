@@ -20,7 +20,7 @@ from acquisition.examination.finding import Chart, Examination, Finding
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
 from acquisition.examination.robot import examine_robot
-from acquisition.lease import only_mover
+from acquisition.mover import Mover
 
 __all__ = ["Examination", "Finding", "examine"]
 
@@ -51,7 +51,7 @@ def examine(
         under_way = {pool.submit(examine_computer, cell, computer, record): computer}
         try:
             if not simulated:  # simulated cells are as many as one likes
-                stack.enter_context(only_mover(cell.robot.url))
+                stack.enter_context(Mover(cell.robot.url))
         except RobotInUse as error:
             robot.fault("lease", error)
             instrument.note("lease", "not asked, so as not to disturb the campaign that is running")

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from acquisition.event import Event
 from acquisition.run import Outcome, Run
-from acquisition.store import Event
 from drivers.errors import (
     AcquisitionError,
 )

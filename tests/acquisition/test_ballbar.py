@@ -12,11 +12,11 @@ import pytest
 
 from acquisition.check import check_plan
 from acquisition.errors import NotResumed, RecordError
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.merge import export_together
 from acquisition.plan import make_plan
 from acquisition.run import Run
-from acquisition.store import Event
 from acquisition.workspace import targets_at
 from calib.dataset import read_dataset
 from calib.identify import identify

@@ -18,10 +18,10 @@ from acquisition.blocks.block import Settle
 from acquisition.campaign import campaign_of_record
 from acquisition.devices import Devices
 from acquisition.drift import Drift, drift_of
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.run import Outcome, Run
 from acquisition.settling import TRIES, until_still
-from acquisition.store import Event
 from calib.dataset import read_dataset
 from drivers.errors import ConfigError, NoisyMeasurement
 from drivers.interfaces import Answer, JointReading, PointReading

@@ -1,49 +1,17 @@
-"""Who moves the robot: one campaign at a time, and only while its owner is heard of."""
+"""The robot moves only while its owner is heard of."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 import time
 from contextlib import closing
 from pathlib import Path
 
-import pytest
-
-from acquisition.errors import RobotInUse
-from acquisition.lease import Lease, only_mover
+from acquisition.lease import Lease
 from acquisition.run import Run
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
-
-ROOT = Path(__file__).parents[2]
-HOLD = """
-import sys
-from acquisition.lease import only_mover
-with only_mover(sys.argv[1]):
-    print("held", flush=True)
-    sys.stdin.readline()
-"""
-
-
-def test_a_robot_is_moved_by_one_program(tmp_path: Path) -> None:
-    """The other program is killed: then the robot is free again, without anybody's help."""
-    url = f"tcp://{tmp_path.name}:5000"
-    other = subprocess.Popen(
-        [sys.executable, "-c", HOLD, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
-    )
-    with other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == b"held\n"
-        with pytest.raises(RobotInUse, match="another campaign moves the robot"), only_mover(url):
-            pass
-        with only_mover(url + "1"):
-            pass
-        other.kill()
-    with only_mover(url):
-        pass
 
 
 def test_a_lease_lapses_once_and_not_while_it_beats() -> None:

@@ -23,8 +23,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from acquisition.database import FILE
 from acquisition.errors import NotResumed
+from acquisition.event import Event
 from acquisition.run import Run
-from acquisition.store import Event
 from drivers.errors import (
     BeamBroken,
     EmergencyStop,

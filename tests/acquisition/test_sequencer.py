@@ -12,7 +12,7 @@ import pytest
 
 from acquisition.database import FILE
 from acquisition.errors import NotResumed
-from acquisition.store import Event
+from acquisition.event import Event
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,

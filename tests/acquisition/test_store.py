@@ -18,11 +18,12 @@ from hypothesis import strategies as st
 from acquisition.attempts import Attempts
 from acquisition.database import FILE
 from acquisition.errors import IllegalTransition, RecordError, RecordInUse
+from acquisition.event import Moment
 from acquisition.plan import make_plan
 from acquisition.schema import SCRIPTS
 from acquisition.states import TRANSITIONS, State, check_transition
 from acquisition.status import read_status, status_of
-from acquisition.store import Moment, Planned, Store
+from acquisition.store import Planned, Store
 from acquisition.world_frame import WorldFrame
 from drivers.errors import LinkLost, StorageError
 from drivers.interfaces import JointReading, PointReading, Prompt

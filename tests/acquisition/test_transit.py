@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from acquisition.check import check_plan
 from acquisition.errors import NoClearWay, UnsafePlan
+from acquisition.event import Event
 from acquisition.plan import make_plan
-from acquisition.store import Event
 from acquisition.transit import Transit, clear_ways, home_of, may_visit
 from acquisition.workspace import lowest_of, may_stand
 from drivers.errors import ConfigError

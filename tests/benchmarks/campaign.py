@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from acquisition.devices import Devices
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.run import Run
-from acquisition.store import Event
 from calib.kinematics import Array
 from drivers.interfaces import JointReading, PointReading
 from tests.acquisition.fakes import Bench, FakeArm, FakeMeter, JumpingClock, a_campaign, a_cell

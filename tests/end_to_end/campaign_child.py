@@ -11,8 +11,8 @@ from pathlib import Path
 from acquisition.campaign import read_campaign
 from acquisition.cell import read_cell
 from acquisition.devices import open_devices
+from acquisition.event import Event
 from acquisition.run import Run
-from acquisition.store import Event
 
 
 def tell(event: Event) -> None:

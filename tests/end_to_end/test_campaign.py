@@ -13,10 +13,10 @@ import pytest
 from acquisition.campaign import read_campaign
 from acquisition.cell import read_cell
 from acquisition.errors import RecordError
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.run import Run
 from acquisition.status import read_status
-from acquisition.store import Event
 from calib.dataset import read_dataset
 from calib.identify import identify
 from drivers.errors import SafetyStop

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from acquisition import Cell, ScaledClock, read_status, rehearsal
+from acquisition.event import Event
 from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop
 from acquisition.run import Run
-from acquisition.store import Event
 from tests.end_to_end.simulated import SimulatedCell, simulated_cell
 
 SCALE = 400.0

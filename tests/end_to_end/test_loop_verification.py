@@ -17,9 +17,10 @@ from acquisition.attempts import Attempts
 from acquisition.campaign import campaign_from
 from acquisition.corrected import APPROACH_DEG, campaign_of, clear
 from acquisition.errors import RecordError
+from acquisition.event import Moment
 from acquisition.plan import make_plan
 from acquisition.rehearsal import campaign_table
-from acquisition.store import Moment, Store
+from acquisition.store import Store
 from acquisition.verification import (
     Judged,
     Landings,

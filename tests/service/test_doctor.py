@@ -11,7 +11,7 @@ import pytest
 
 from acquisition import open_devices
 from acquisition.examination import meeting
-from acquisition.lease import only_mover
+from acquisition.mover import Mover
 from service.cli import main
 from tests.end_to_end.simulated import ROOT
 from tests.service.benches import EXAMPLES, Bench, Requests, bench, faults, level_of
@@ -134,13 +134,13 @@ def test_nothing_is_armed_moved_or_set(example: str, tmp_path: Path) -> None:
 
 def test_a_campaign_that_runs_is_left_in_peace(faro: Bench) -> None:
     wire = Requests()
-    with only_mover(faro.cell.robot.url):
+    with Mover(faro.cell.robot.url):
         found = faro.examine(open_devices(faro.cell, wire=wire))
     assert faults(found) == {("robot", "lease"): (3106, "RobotInUse")}
     assert found.exit_code == 4
     assert wire.sent == []
     assert level_of(found, "instrument", "lease") == "note"
-    with only_mover(faro.cell.robot.url):  # and it was given back
+    with Mover(faro.cell.robot.url):  # and it was given back
         pass
 
 

@@ -1,0 +1,169 @@
+"""The individual robot and instrument of a record: maker, model and serial number, as they tell them themselves.
+
+They are written down when they are first met, before anything moves, and compared at every connection from then on:
+a robot may be exchanged while the cable is out, and its errors are its own. Another one is refused unless a person
+accepts it by its serial number, and says why; that is kept, and readings of each pair of robot and instrument are a
+series of their own (`series`). What a device does not tell proves nothing; once told it is written down. Software
+may be brought up to date, and is not compared.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from acquisition.errors import OtherIndividual
+from acquisition.store import Store
+from drivers.errors import ConfigError
+from drivers.interfaces import Identity
+
+ROLES = ("robot", "instrument")
+_COMPARED = ("maker", "model", "serial")
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Somebody answers for another device than the record's. `serial`: its model, where it tells no serial number."""
+
+    serial: str
+    reason: str
+    by: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.serial.strip() or not self.reason.strip():
+            raise ConfigError(
+                "another device is accepted by its serial number and for a reason, one of which is missing",
+                what_to_do="Give both; the reason is kept and stands in the report.",
+            )
+
+    def names(self, who: Identity | Individual) -> bool:
+        """Whether this is the device that was meant."""
+        return _plain(self.serial) == _plain(who.serial or who.model)
+
+
+@dataclass(frozen=True)
+class Individual:
+    """One robot or instrument. `reason`: why it was accepted beside another one, empty for the first."""
+
+    role: str
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+    protocol: str
+    accepted_by: str = ""
+    reason: str = ""
+
+    @classmethod
+    def of(cls, role: str, who: Identity, accepted: Acceptance | None = None) -> Individual:
+        """The device that has told who it is."""
+        by, reason = ("", "") if accepted is None else (accepted.by, accepted.reason)
+        return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
+
+    def is_other_than(self, who: Identity | Individual) -> bool:
+        """Whether both tell something and it differs."""
+        mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
+        return any(a and b and a != b for a, b in zip(mine, its, strict=True))
+
+    def __str__(self) -> str:
+        return _words(self)
+
+
+class Individuals:
+    """Those of one record."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def all(self) -> dict[int, Individual]:
+        """By their number in the record, in the order in which they came."""
+        rows = self._store.database.query("SELECT * FROM device ORDER BY id")
+        names = [each.name for each in fields(Individual)]
+        return {row["id"]: Individual(**{name: row[name] for name in names}) for row in rows}
+
+    def now(self) -> dict[str, Individual]:
+        """The last of each role."""
+        return {each.role: each for each in self.all().values()}
+
+    def expect(self, others: Sequence[Individual]) -> None:
+        """Those of another record are to be met in this one. Before anything is measured."""
+        with self._store.changing():
+            for each in others:
+                self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
+
+    def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:
+        """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted."""
+        known = self.now().get(role)
+        if known is None:
+            self._write(Individual.of(role, who))
+        elif not known.is_other_than(who):
+            self._complete(known, who)
+        elif accepted is not None and accepted.names(who):
+            other = Individual.of(role, who, accepted)
+            with self._store.changing() as db:
+                self._write(other)
+                self._store.note(
+                    db,
+                    "other_device_accepted",
+                    role=role,
+                    was=str(known),
+                    now=str(other),
+                    by=accepted.by,
+                    reason=accepted.reason,
+                )
+        else:
+            raise OtherIndividual(
+                f"another {role} answers: {_words(who)}; the record was measured with {known}",
+                device=role,
+                command="identify",
+            )
+
+    def _write(self, individual: Individual) -> None:
+        values = asdict(individual)
+        with self._store.changing() as db:
+            (number,) = db.execute(
+                f"INSERT INTO device ({', '.join(values)}) VALUES ({', '.join('?' * len(values))}) RETURNING id",
+                tuple(values.values()),
+            ).fetchone()
+            self._store.seals.row(db, "device", number)
+
+    def _complete(self, known: Individual, who: Identity) -> None:
+        """What it did not tell before, it may tell now."""
+        told = {
+            name: getattr(who, name) for name in _COMPARED if getattr(who, name) and not getattr(known, name)
+        }
+        if not told:
+            return
+        with self._store.changing() as db:
+            (number,) = db.execute("SELECT max(id) FROM device WHERE role = ?", (known.role,)).fetchone()
+            changes = ", ".join(f"{name} = ?" for name in told)
+            db.execute(f"UPDATE device SET {changes} WHERE id = ?", (*told.values(), number))
+            self._store.seals.row(db, "device", number)
+            self._store.note(db, "device_told", role=known.role, **told)
+
+
+def series(robot: Individual | None, instrument: Individual | None) -> str:
+    """The name of the series that readings of these two belong to: their serial numbers, as far as they are told."""
+    names = ((each.serial or each.model) if each else "" for each in (robot, instrument))
+    return "+".join(re.sub(r"[^\w.-]+", "-", name) or role for name, role in zip(names, ROLES, strict=True))
+
+
+def header_table(individual: Individual, of_series: str) -> dict[str, str]:
+    """As the header of a data set has it, `[[device]]`; what is not known is left out."""
+    return {name: text for name, text in (asdict(individual) | {"series": of_series}).items() if text}
+
+
+def individual_of(table: Mapping[str, Any]) -> Individual:
+    """From `header_table`."""
+    return Individual(**{each.name: str(table.get(each.name, "")) for each in fields(Individual)})
+
+
+def _words(who: Identity | Individual) -> str:
+    name = f"{who.maker} {who.model}".strip() or "a device that does not tell its maker"
+    return f"{name}, serial number {who.serial}" if who.serial else f"{name}, which tells no serial number"
+
+
+def _plain(text: str) -> str:
+    return "".join(text.split()).casefold()

@@ -1,0 +1,39 @@
+"""Where a device is, by one name for every way to write its address.
+
+`tcp://localhost:5000`, `TCP://127.0.0.1:05000/` and `tcp://[::1]:5000?background=5002` lead to one socket. The URL is
+taken apart by the parser that the drivers use, so that what is named here is what they connect to.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+
+from drivers.link import parse_url
+
+_LOOPBACK = "loopback"
+
+
+def endpoints(url: str) -> frozenset[str]:
+    """`IP:port` of every address that the host name of a URL has, or the real path of a serial device.
+
+    All addresses of this computer to itself, IPv4 or IPv6, are one: `localhost` may be any of them. A name that
+    cannot be resolved now stands for itself. Raises ConfigError for what is no address.
+    """
+    if "://" not in url:
+        return frozenset({os.path.realpath(url)})
+    address = parse_url(url)
+    try:
+        found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):  # no such name; a name that no name server could be asked for
+        return frozenset({f"{address.host.casefold().rstrip('.')}:{address.port}"})
+    return frozenset(f"{_plain(str(place[0]))}:{address.port}" for *_, place in found)
+
+
+def _plain(text: str) -> str:
+    """An IP address without its zone; IPv4 within IPv6 as IPv4."""
+    ip = ipaddress.ip_address(text.partition("%")[0])
+    ip = getattr(ip, "ipv4_mapped", None) or ip
+    # 0.0.0.0 and :: are answered by the computer that asks
+    return _LOOPBACK if ip.is_loopback or ip.is_unspecified else str(ip)

@@ -1,0 +1,139 @@
+"""Who moves the robot: one campaign at a time, however its address is written, and whichever of its addresses is used.
+
+These would catch: a lock on the text of the url, a lock that does not know the robot behind a second address, a lock
+that is kept after the campaign.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.errors import RobotInUse
+from acquisition.mover import Mover
+from acquisition.run import Run
+from drivers.endpoint import endpoints
+from drivers.errors import ConfigError
+from drivers.interfaces import Identity
+from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
+
+ROOT = Path(__file__).parents[2]
+HOLD = """
+import sys
+from acquisition.mover import Mover
+with Mover(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_a_robot_is_moved_by_one_program(tmp_path: Path) -> None:
+    """The other program is killed: then the robot is free again, without anybody's help."""
+    url = f"tcp://{tmp_path.name}:5000"
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLD, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
+    )
+    with other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(RobotInUse, match="another campaign moves the robot"), Mover(url):
+            pass
+        with Mover(url + "1"):
+            pass
+        other.kill()
+    with Mover(url):
+        pass
+
+
+PORT = 49_317  # no other test locks it
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        f"tcp://localhost:{PORT}",
+        f"tcp://LOCALHOST:{PORT}",
+        f"tcp://127.0.0.1:{PORT}/",
+        f"tcp://127.0.0.1:0{PORT}",
+        f"TCP://127.0.0.1:{PORT}",
+        f"tcp://127.0.0.1:{PORT}?background=5002",
+        f"tcp://127.1:{PORT}",
+        f"tcp://127.0.0.2:{PORT}",
+        f"tcp://0.0.0.0:{PORT}",
+        f"tcp://[::1]:{PORT}",
+        f"tcp://[::ffff:127.0.0.1]:{PORT}",
+    ],
+)
+def test_one_address_however_it_is_written(url: str) -> None:
+    with Mover(f"tcp://127.0.0.1:{PORT}"):
+        with pytest.raises(RobotInUse, match="moves the robot at"), Mover(url):
+            pass
+        with Mover(f"tcp://127.0.0.1:{PORT + 1}"):
+            pass
+    with Mover(url):
+        pass
+
+
+def test_a_name_with_several_addresses_is_each_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(host: str, port: int, **_: Any) -> list[Any]:
+        places = [("192.0.2.7", port), ("2001:db8::7", port, 0, 0)] if host == "arm.cell" else [(host, port)]
+        return [(0, 0, 0, "", place) for place in places]
+
+    monkeypatch.setattr(socket, "getaddrinfo", found)
+    assert endpoints("tcp://arm.cell:5000") == {"192.0.2.7:5000", "2001:db8::7:5000"}
+    with Mover("tcp://arm.cell:5000"), pytest.raises(RobotInUse), Mover("tcp://192.0.2.7:5000"):
+        pass
+    with Mover("tcp://192.0.2.7:5000"):
+        with pytest.raises(RobotInUse), Mover("tcp://arm.cell:5000"):
+            pass
+        with Mover("tcp://[2001:db8::7]:5000"):  # what was locked before the refusal is free again
+            pass
+
+
+def test_a_serial_device_is_its_real_path_and_no_address_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB0").touch()
+    (tmp_path / "by-id").symlink_to(tmp_path / "ttyUSB0")
+    assert endpoints(str(tmp_path / "by-id")) == endpoints(str(tmp_path / "ttyUSB0"))
+    with pytest.raises(ConfigError, match="no port"):
+        endpoints("tcp://127.0.0.1")
+
+
+def test_two_addresses_of_one_controller_are_one_robot() -> None:
+    arm = Identity("ABB", "IRB 120", "120-500001", "6.08", "none")
+    with mover("a") as first, mover("b") as second, mover("c") as third:
+        first.met(arm)
+        first.met(arm)  # after a reconnect
+        with pytest.raises(RobotInUse, match="serial number 120-500001 "):
+            second.met(Identity("abb", "IRB 120", "120-500001 ", "6.08", "superset"))
+        second.met(Identity("ABB", "IRB 120", "120-777777", "6.08", "none"))
+        third.met(Identity("ABB", "IRB 120", "", "", "none"))  # that proves nothing
+    with mover("b") as second:
+        second.met(arm)
+
+
+@contextmanager
+def mover(name: str) -> Iterator[Mover]:
+    with Mover(f"tcp://{name}.test-mover.invalid:5000") as made:
+        yield made
+
+
+def test_a_run_does_not_arm_a_robot_that_another_moves(tmp_path: Path) -> None:
+    """The other campaign reaches it by another address: only its serial number says so."""
+    cell = a_cell(robot__url=f"tcp://{tmp_path.name}:5000")
+    bench = Bench(cell)
+    with Run.create(tmp_path / "r", cell, a_campaign()) as run, mover("other") as other:
+        other.met(Identity("ABB", "IRB 120", "1", "1", "none"))  # as the fake arm says
+        outcome = run.execute(devices_of(bench), JumpingClock())
+        assert outcome.state.value == "paused"
+        assert not [call for call in bench.log if call.startswith(("arm", "move"))]
+        assert outcome.reason.startswith("another campaign moves the robot with the serial number 1.")
+    with Run.open(tmp_path / "r") as run:
+        run.resume(by="anna")
+        assert run.execute(devices_of(bench, SeatingOperator(bench)), JumpingClock()).exit_code == 0
