@@ -62,8 +62,9 @@ def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
 
 def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
     """Whether the corrected joints depend on time or temperature more than a little."""
-    stated = StatedConditions(temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
     final, header = diagnosis.final, dataset.header
+    series = next(iter(final.model.targets))
+    stated = StatedConditions(series=series, temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
     joints = header.robot.model_angles(goals_deg * DEG, header.coupling)
     at = correct(final.model, final.estimate, joints, stated).joints
     for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):

@@ -29,8 +29,8 @@ class OtherIndividual(ConfigError):
     code = 6103
     exit_code = 5
     advice = (
-        "Connect the device of the record; or start a new record. Only where both are to stand in one record, give "
-        "its serial number with --accept-other, and the reason."
+        "Connect the device of the record, or start a new record. Only where both are to stand together: accept it by "
+        "its serial number and with a reason (--accept-other SERIAL --reason TEXT)."
     )
 
 

@@ -3,7 +3,9 @@
 Points and turns in the world frame of the nests, or distances to the balls on the base; angles as commanded, with the
 approach point before them and the side of approach; the controller's read-back beside them. Readings that were given
 up stay in the file as `rejected:REASON` without a point, those that were measured again with theirs. `station` counts
-the places of the instrument, where it had several. `export_events` writes what happened as JSON lines.
+the places of the instrument, where it had several. `[[device]]` in the header names robot and instrument; where there
+were several of either, each pair is a series of its own. A record in which a row no longer agrees with its checksum is
+refused. `export_events` writes what happened as JSON lines.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import tomli_w
 
 from acquisition.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
+from acquisition.individuals import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.store import Store
 from calib.convert.table import Table
 from calib.effects.base_model import DEFAULT_GROUPS
@@ -56,13 +59,11 @@ def export(record_dir: Path, out: Path) -> Path:
 
     Raises RecordError (no record, or no reading in it), StorageError, OSError.
     """
-    store = Store.open(record_dir, writer=False)
-    try:
+    with Store.reading(record_dir) as store:
         rows = [dict(row) for row in store.database.query(_ROWS)]
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
         world = store.world
-    finally:
-        store.close()
+        individuals = Individuals(store).all()
     placed = cell.instrument.measures_lengths or world is not None
     if not placed or not any(_counts(row) for row in rows):
         raise RecordError(
@@ -71,13 +72,33 @@ def export(record_dir: Path, out: Path) -> Path:
         )
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
-    Table(_columns(rows, cell.robot.model.joints), tomli_w.dumps(_header(cell, station))).write(out)
+    of_rows, devices = _series(rows, individuals)
+    header = tomli_w.dumps(_header(cell, station) | {"device": devices})
+    Table(_columns(rows, of_rows, cell.robot.model.joints), header).write(out)
     return out
 
 
-def _columns(rows: list[dict[str, Any]], joints: int) -> dict[str, list[str]]:
+def _series(
+    rows: list[dict[str, Any]], individuals: dict[int, Individual]
+) -> tuple[list[str], list[dict[str, str]]]:
+    """Of each row the series that its robot and instrument make, and the devices of every series."""
+    # a row from before devices were written down was measured with the first
+    first = {role: next((n for n, each in individuals.items() if each.role == role), 0) for role in ROLES}
+    devices = [[individuals.get(row[role] or first[role]) for role in ROLES] for row in rows]
+    names = [series_of(*pair) for pair in devices]
+    tables = [
+        header_table(each, name)
+        for name, pair in dict(zip(names, devices, strict=True)).items()
+        for each in pair
+        if each is not None
+    ]
+    return names, tables
+
+
+def _columns(rows: list[dict[str, Any]], series: list[str], joints: int) -> dict[str, list[str]]:
     columns: dict[str, list[str]] = {
         "reading_id": [str(row["id"]) for row in rows],
+        **({"series": series} if len(set(series)) > 1 else {}),
         "set": [row["set_name"] for row in rows],
         "t_s": [
             _text(row["ended_t_s"] if row["ended_t_s"] is not None else row["began_t_s"], 3) for row in rows

@@ -3,15 +3,16 @@
 They are written down when they are first met, before anything moves, and compared at every connection from then on:
 a robot may be exchanged while the cable is out, and its errors are its own. Another one is refused unless a person
 accepts it by its serial number, and says why; that is kept, and readings of each pair of robot and instrument are a
-series of their own (`series`). What a device does not tell proves nothing; once told it is written down. Software
+series of their own (`series_of`). What a device does not tell proves nothing; once told it is written down. Software
 may be brought up to date, and is not compared.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from acquisition.errors import OtherIndividual
@@ -66,6 +67,11 @@ class Individual:
         """Whether both tell something and it differs."""
         mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
         return any(a and b and a != b for a, b in zip(mine, its, strict=True))
+
+    def why(self) -> str:
+        """Of one that was accepted beside another: a clause that says so."""
+        by = f" by {self.accepted_by}" if self.accepted_by else ""
+        return f"{self.role} {self} was accepted{by} beside another: {self.reason}"
 
     def __str__(self) -> str:
         return _words(self)
@@ -144,10 +150,25 @@ class Individuals:
             self._store.note(db, "device_told", role=known.role, **told)
 
 
-def series(robot: Individual | None, instrument: Individual | None) -> str:
+def individuals_of(record: Path) -> dict[str, Individual]:
+    """Robot and instrument that a record met last, by role. Raises RecordError, StorageError."""
+    store = Store.open(record, writer=False)
+    try:
+        return Individuals(store).now()
+    finally:
+        store.close()
+
+
+def series_of(robot: Individual | None, instrument: Individual | None) -> str:
     """The name of the series that readings of these two belong to: their serial numbers, as far as they are told."""
     names = ((each.serial or each.model) if each else "" for each in (robot, instrument))
     return "+".join(re.sub(r"[^\w.-]+", "-", name) or role for name, role in zip(names, ROLES, strict=True))
+
+
+def series_among(names: Iterable[str], devices: Mapping[str, Individual]) -> str:
+    """By which of some series the readings of these devices are placed: their own where it is there, else the first."""
+    known, own = list(names), series_of(*map(devices.get, ROLES))
+    return own if own in known else known[0]
 
 
 def header_table(individual: Individual, of_series: str) -> dict[str, str]:

@@ -12,7 +12,7 @@ at which the targets will be measured; where the model follows these, every pose
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,7 @@ from acquisition.errors import UnsafePlan
 from acquisition.event import Event
 from acquisition.export import export
 from acquisition.follow_up import campaign_table, in_cell
+from acquisition.individuals import Individual, individuals_of, series_among
 from acquisition.lease import Lease
 from acquisition.merge import Part, frame_of_part, merge
 from acquisition.plan import DECIMALS
@@ -60,7 +61,7 @@ Create = Callable[[Path, Cell, Campaign, bool], AbstractContextManager[Run]]
 Guard = Callable[[Run], AbstractContextManager[None]]
 Say = Callable[[str], None]
 Listen = Callable[[Run], Callable[[Event], None]]
-ResumedBy = Callable[[Run, Outcome], str | None]
+Resumed = Callable[[Run, Outcome], bool]
 
 
 def new_run(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
@@ -81,8 +82,8 @@ class Equipment:
     """What the loop works with.
 
     guard is entered around every execution and listen hears its events; lease tells by whose leave it moves. create
-    makes the record of a campaign, given where the loop would have it. resumed_by is asked when a campaign was
-    paused: it waits for a person, and tells who said go on; None ends the loop.
+    makes the record of a campaign, given where the loop would have it. resumed is asked when a campaign was paused:
+    it waits for a person, who resumes the run; False ends the loop.
     """
 
     cell: Cell
@@ -93,7 +94,7 @@ class Equipment:
     listen: Listen = lambda run: lambda event: None
     lease: Callable[[], Lease | None] = lambda: None
     create: Create = new_run
-    resumed_by: ResumedBy = lambda run, outcome: None
+    resumed: Resumed = lambda run, outcome: False
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,7 @@ def close_loop(
             equipment,
             campaign_from(campaign_table(planned, campaign), "follow-up campaign"),
             folder / "campaign_follow_up",
+            like=first,
         )
         alone = len(diagnosis.dataset)
         data = join(equipment.cell, first, last, folder)
@@ -189,7 +191,8 @@ def join(cell: Cell, first: Measured, later: Measured, folder: Path) -> Path:
     world = world_of(first.record)
     alone = export(first.record, folder / "data1.csv")
     added = export(later.record, folder / "data_follow_up.csv")
-    part = Part(added, later.began_s - first.began_s, frame_of_part(later.record, world, cell.nests))
+    own = frame_of_part(later.record, world, cell.nests, individuals_of(first.record))
+    part = Part(added, later.began_s - first.began_s, own)
     return merge(alone, world, [part], folder / "data.csv")
 
 
@@ -199,13 +202,17 @@ def _rivals_in_words(planned: FollowUp) -> str:
     return pairs[0] + (f" (and {more} other pair{'s' if more > 1 else ''})" if more else "")
 
 
-def measure(equipment: Equipment, campaign: Campaign, record: Path) -> Measured:
-    """Measure one campaign from beginning to end. Raises LoopEnded, ConfigError, UnsafePlan, RecordError."""
+def measure(equipment: Equipment, campaign: Campaign, record: Path, like: Measured | None = None) -> Measured:
+    """Measure one campaign from beginning to end, with the robot and the instrument of `like`.
+
+    Raises LoopEnded, ConfigError, UnsafePlan, RecordError.
+    """
     with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
+        if like is not None:
+            run.expect(list(individuals_of(like.record).values()))
         began_s = equipment.clock.now()
         outcome = _executed(equipment, run)
-        while outcome.state is State.PAUSED and (by := equipment.resumed_by(run, outcome)) is not None:
-            run.resume(by=by)
+        while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
             outcome = _executed(equipment, run)
         measured = Measured(run.folder, began_s)
     if outcome.state is not State.SUCCEEDED:
@@ -237,7 +244,9 @@ def verify(
     world = world_of(first.record)
     wanted, refused = new_targets(equipment, campaign, dataset, diagnosis, first, last, poses)
     size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)
+    devices = individuals_of(first.record)
     batches: list[Judged] = []
+    accepted: dict[str, None] = {}
     sent: list[Array] = []
     for number, begin in enumerate(range(0, len(wanted), size), start=2):
         goals = wanted[begin : begin + size]
@@ -248,15 +257,19 @@ def verify(
         goals, joints = goals[keep], joints[keep]
         if not len(goals):
             continue
-        second = measure(equipment, campaign_of(campaign, joints, goals), folder / f"campaign{number}")
-        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, world))
+        second = measure(equipment, campaign_of(campaign, joints, goals), folder / f"campaign{number}", last)
+        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, world, devices))
+        for each in individuals_of(second.record).values():
+            if each.reason:
+                accepted[each.why()] = None
         sent.append(np.hstack([goals, joints]))
         last = second
     if not sent:
         raise UnsafePlan(f"none of {len(wanted)} corrected targets can be driven: {refused[-1]}")
     both = np.vstack(sent)
     half = both.shape[1] // 2
-    verification = verification_of(batches, len(both), refused, f"{APPROACH_DEG:g} deg on every joint")
+    approach = f"{APPROACH_DEG:g} deg on every joint"
+    verification = verification_of(batches, len(both), refused, approach, list(accepted))
     targets = Targets(both[:, :half], both[:, half:], tuple(refused))
     return LoopResult(data, diagnosis, targets, verification, followed_up)
 
@@ -269,11 +282,14 @@ def _judged(
     goals: Array,
     diagnosis: Diagnosis,
     world: WorldFrame,
+    devices: Mapping[str, Individual],
 ) -> Judged:
     wanted = {tuple(q.tolist()): tuple(goal.tolist()) for q, goal in zip(joints, goals, strict=True)}
     later_s = second.began_s - first.began_s
     landings = read_landings(second.record)
-    return judge(landings, wanted, diagnosis.dataset, diagnosis.final, world, equipment.cell, later_s)
+    return judge(
+        landings, wanted, diagnosis.dataset, diagnosis.final, world, equipment.cell, later_s, devices
+    )
 
 
 def new_targets(
@@ -313,6 +329,7 @@ def conditions_soon(
     lead_s = first_reading_s(last.record)
     soon_s = equipment.clock.now() + lead_s
     return StatedConditions(
+        series=series_among(dataset.conditions.series_names, individuals_of(last.record)),
         side=1.0,
         approach=-APPROACH_DEG * DEG,
         temperature_c=expected_temperature(last.record, soon_s - last.began_s, lead_s),

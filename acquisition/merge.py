@@ -17,10 +17,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from acquisition.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
 from acquisition.export import export
+from acquisition.individuals import Acceptance, Individual, individuals_of
+from acquisition.series import SeriesOfSets
 from acquisition.store import Store
 from acquisition.verification import INSTRUMENT_MOVED_MM, nests_off, read_landings, world_of
 from acquisition.world_frame import WorldFrame
@@ -40,10 +43,11 @@ class Part:
     own: WorldFrame | None
 
 
-def export_together(records: Sequence[Path], out: Path) -> Path:
+def export_together(records: Sequence[Path], out: Path, accepted: Acceptance | None = None) -> Path:
     """Write the data set of several records of one cell, the first of which has the clock and the world frame.
 
-    The calendar tells how much later each of the others began. Raises RecordError, StorageError, OSError.
+    The calendar tells how much later each of the others began. accepted: another robot, as in `merge`.
+    Raises RecordError, OtherIndividual, StorageError, OSError.
     """
     first, *others = records
     with TemporaryDirectory() as name:
@@ -55,20 +59,29 @@ def export_together(records: Sequence[Path], out: Path) -> Path:
             frames: list[WorldFrame | None] = [None] * len(others)
         else:
             world = world_of(first)
-            frames = [frame_of_part(record, world, cell.nests) for record in others]
+            devices = individuals_of(first)
+            frames = [frame_of_part(record, world, cell.nests, devices) for record in others]
         parts = [
             Part(data, _began(record)[0] - began_s, own)
             for record, data, own in zip(others, exported[1:], frames, strict=True)
         ]
-        return merge(exported[0], world, parts, out)
+        return merge(exported[0], world, parts, out, accepted)
 
 
 def frame_of_part(
-    record: Path, world: WorldFrame, nests_mm: Mapping[str, Sequence[float]]
+    record: Path,
+    world: WorldFrame,
+    nests_mm: Mapping[str, Sequence[float]],
+    devices: Mapping[str, Individual],
 ) -> WorldFrame | None:
-    """World frame of a later record; None where its nests show that the instrument was moved. Raises RecordError."""
+    """World frame of a later record; None where its nests show that the instrument was moved, or it is another one.
+
+    devices: those of the record whose frame is `world`. Raises RecordError.
+    """
     seen = read_landings(record)
-    return None if nests_off(seen, world, nests_mm) > INSTRUMENT_MOVED_MM else seen.own
+    if seen.of_another_instrument(devices) or nests_off(seen, world, nests_mm) > INSTRUMENT_MOVED_MM:
+        return None
+    return seen.own
 
 
 def _began(record: Path) -> tuple[float, Cell]:
@@ -82,19 +95,30 @@ def _began(record: Path) -> tuple[float, Cell]:
     return row["started_utc"] * (cell.time_scale if row["simulated"] else 1.0), cell
 
 
-def merge(first: Path, world: WorldFrame, parts: Sequence[Part], out: Path) -> Path:
+def merge(
+    first: Path, world: WorldFrame, parts: Sequence[Part], out: Path, accepted: Acceptance | None = None
+) -> Path:
     """Write `out` and its header: the rows of the data set `first` and of all `parts`, points in the frame `world`.
 
-    Ids of the parts get the number of their campaign in front (2-17). Raises RecordError where a part comes from
-    another robot, tool or instrument, OSError.
+    Ids of the parts get the number of their campaign in front (2-17). Readings of each pair of robot and instrument
+    are a series. accepted: another robot than that of `first`, which is refused otherwise.
+    Raises RecordError where a part comes from another kind of robot, tool or instrument, OtherIndividual, OSError.
     """
-    header, rows = _header(first), _rows(first)
+    header = tomllib.loads(_header(first))
+    series = SeriesOfSets(header, str(first), accepted)
+    rows = series.named(header, _rows(first))
     for number, part in enumerate(parts, start=2):
-        if _setup(_header(part.data)) != _setup(header):
+        other = tomllib.loads(_header(part.data))
+        if _setup(other) != _setup(header):
             raise RecordError(f"{part.data}: was not measured in the cell of {first}")
-        rows += _brought(part, number, world)
+        series.join(other, str(part.data))
+        rows += series.named(other, _brought(part, number, world))
+    if len({row["series"] for row in rows}) == 1:
+        for row in rows:
+            del row["series"]
     names = list(dict.fromkeys(name for row in rows for name in row))
-    Table({name: [row.get(name, "") for row in rows] for name in names}, header).write(out)
+    table = tomli_w.dumps(header | series.header)
+    Table({name: [row.get(name, "") for row in rows] for name in names}, table).write(out)
     return out
 
 
@@ -123,8 +147,9 @@ def _header(data: Path) -> str:
     return data.with_suffix(".toml").read_text(encoding="utf-8")
 
 
-def _setup(header: str) -> dict[str, Any]:
-    """What must be the same: all but where the instrument stands, which every campaign finds by its own nests."""
-    table = tomllib.loads(header)
-    table["noise"] = {key: value for key, value in table["noise"].items() if key != "station_mm"}
+def _setup(header: Mapping[str, Any]) -> dict[str, Any]:
+    """What must be the same: all but the individual devices, and where the instrument stands, which every campaign
+    finds by its own nests."""
+    table = {key: value for key, value in header.items() if key != "device"}
+    table["noise"] = {key: value for key, value in header["noise"].items() if key != "station_mm"}
     return table

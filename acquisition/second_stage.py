@@ -21,6 +21,7 @@ from acquisition.campaign import Campaign
 from acquisition.cell import Cell
 from acquisition.errors import RecordError
 from acquisition.export import export
+from acquisition.individuals import Individuals, series_among
 from acquisition.plan import Visit
 from acquisition.store import Planned, Store
 from acquisition.transit import may_visit
@@ -102,11 +103,12 @@ class SecondStage:
         """(k, N) deg, NaN for a pose that may not be driven."""
         robot = self._cell.robot
         goals = np.array([visit.joints_deg for visit in visits])
+        series = series_among(fitted.model.targets, Individuals(self._store).now())
         correction = correct(
             fitted.model,
             fitted.estimate,
             robot.model_angles(goals),
-            StatedConditions(loads=self._cell.loads),
+            StatedConditions(series=series, loads=self._cell.loads),
             limits=np.array(robot.limits_deg) * DEG,
             coupling=robot.coupling,
         )

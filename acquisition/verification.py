@@ -12,8 +12,9 @@ robot's repeatability, sqrt(mean trace(C_tracker + J C_joints J')).
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from acquisition.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
+from acquisition.individuals import Individual, Individuals, series_among
 from acquisition.plan import DECIMALS
 from acquisition.store import Store
 from acquisition.workspace import targets_at
@@ -62,6 +64,12 @@ class Landings:
     temperature: Array
     own: WorldFrame
     nests: Mapping[str, Array]
+    devices: Mapping[str, Individual] = field(default_factory=dict)  # robot and instrument, by role
+
+    def of_another_instrument(self, devices: Mapping[str, Individual]) -> bool:
+        """Than that of `devices`: then no world frame but their own holds for them."""
+        mine, other = self.devices.get("instrument"), devices.get("instrument")
+        return mine is not None and other is not None and mine.is_other_than(other)
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,7 @@ class Verification:
     nests_off_mm: float  # between the nests measured again and the frame of campaign 1
     approach: str
     distances_mm: Array
+    accepted: tuple[str, ...] = ()  # other devices than those of campaign 1, by whose leave and why
 
     @property
     def ratio(self) -> float:
@@ -85,13 +94,11 @@ class Verification:
 
 def read_landings(record: Path) -> Landings:
     """The readings of poses of a record. Raises RecordError."""
-    store = Store.open(record, writer=False)
-    try:
+    with Store.reading(record) as store:
         rows = [dict(row) for row in store.database.query(_ROWS)]
         world, nests = store.world, store.nests_mm()
         robot = cell_of_record(store.campaign["cell"], str(store.database.path)).robot
-    finally:
-        store.close()
+        devices = Individuals(store).now()
     if world is None or not rows:
         raise RecordError(f"{record}: holds no reading of a pose yet")
     driven = np.array([json.loads(row["joints_deg"]) for row in rows], dtype=np.float64)
@@ -107,20 +114,18 @@ def read_landings(record: Path) -> Landings:
         ),
         own=world,
         nests={name: np.array(point) for name, point in nests.items()},
+        devices=devices,
     )
 
 
 def first_reading_s(record: Path) -> float:
     """How long it took to the middle of the first pose's readings, s, from the first nest on. Raises RecordError."""
-    store = Store.open(record, writer=False)
-    try:
+    with Store.reading(record) as store:
         begin = store.database.query("SELECT min(began_t_s) FROM attempt")[0][0]
         first = store.database.query(
             "SELECT avg(ended_t_s) FROM attempt WHERE kind = 'measure' AND status = 'good' AND visit = "
             "(SELECT min(visit) FROM attempt WHERE status = 'good' AND arrival IS NOT NULL)"
         )[0][0]
-    finally:
-        store.close()
     return 0.0 if first is None else max(0.0, first - begin)
 
 
@@ -129,15 +134,12 @@ def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
 
     A line through the readings of the last `window_s`; the last reading where there are too few. Raises RecordError.
     """
-    store = Store.open(record, writer=False)
-    try:
+    with Store.reading(record) as store:
         rows = store.database.query(
             "SELECT ended_t_s, t_air_c FROM attempt WHERE t_air_c IS NOT NULL AND ended_t_s IS NOT NULL AND "
             "ended_t_s >= (SELECT max(ended_t_s) FROM attempt WHERE t_air_c IS NOT NULL) - ? ORDER BY id",
             (window_s,),
         )
-    finally:
-        store.close()
     if not rows:
         return float("nan")
     time, air = np.array([tuple(row) for row in rows], dtype=np.float64).T
@@ -189,7 +191,8 @@ def landed_points(
 
 def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Conditions:
     """The readings' conditions, on the clock of campaign 1, behind all its steps."""
-    at = conditions_at(model, landings.joints, StatedConditions())
+    series = series_among(model.targets, landings.devices)
+    at = conditions_at(model, landings.joints, StatedConditions(series=series))
     moved = np.sign(landings.joints - landings.previous)
     return replace(
         at,
@@ -230,13 +233,16 @@ def judge(
     world: WorldFrame,
     cell: Cell,
     later_s: float,
+    devices: Mapping[str, Individual],
 ) -> Judged:
     """Compare landings with where the nominal robot would have put the targets.
 
     wanted: driven joints -> wanted joints, deg, both as commanded; joints that are not in it were driven as wanted.
+    devices: those of campaign 1, of which `world` is the frame.
     """
     off_mm = nests_off(landings, world, cell.nests)
-    points = landed_points(landings, world, found.model, found.estimate, later_s, off_mm)
+    apart_mm = math.inf if landings.of_another_instrument(devices) else off_mm
+    points = landed_points(landings, world, found.model, found.estimate, later_s, apart_mm)
     driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
     goals = np.array([wanted.get(joints, joints) for joints in driven])
     conditions = conditions_of(landings, found.model, later_s)
@@ -256,7 +262,11 @@ def nominal_points(cell: Cell, joints_deg: Array, names: Sequence[str]) -> Array
 
 
 def verification_of(
-    judged: Sequence[Judged], poses: int, refused: Sequence[str], approach: str
+    judged: Sequence[Judged],
+    poses: int,
+    refused: Sequence[str],
+    approach: str,
+    accepted: Sequence[str] = (),
 ) -> Verification:
     """All batches together. Raises ValueError when nothing was driven corrected."""
     distances = np.concatenate([j.distances for j in judged])
@@ -274,4 +284,5 @@ def verification_of(
         nests_off_mm=max(j.off_mm for j in judged),
         approach=approach,
         distances_mm=distances[corrected],
+        accepted=tuple(accepted),
     )

@@ -34,7 +34,7 @@ _KEYS = {
         "noise",
         "tool_targets",
     ),
-    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits"),
+    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits", "device"),
 }
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
 _NOISE_KEYS = {
@@ -71,6 +71,7 @@ class Header:
         default_factory=dict
     )  # parameter or group -> std in the parameter's unit
     beyond_limits: bool = False  # whether joints may stand beyond the limits of the robot file
+    devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unknown_keys: tuple[str, ...] = ()
 
     def knows_base_target(self, name: str) -> bool:
@@ -187,6 +188,7 @@ def read_header(path: Path) -> Header:
         hold=_names(table.table("model"), "hold"),
         priors=_priors(table.table("model").table("priors")),
         beyond_limits=table.flag("beyond_limits"),
+        devices=_devices(table),
         unknown_keys=_unknown(table),
     )
 
@@ -249,6 +251,17 @@ def _unknown(table: _Table) -> tuple[str, ...]:
                     raise place.refuse(key, "is not known.", f"Did you mean '{near[0]}'? Correct it.")
                 out.append(place.prefix + key)
     return tuple(out)
+
+
+def _devices(table: _Table) -> tuple[Mapping[str, str], ...]:
+    devices = table.values.get("device", [])
+    if not isinstance(devices, list) or not all(isinstance(each, dict) for each in devices):
+        raise table.refuse("device", f"is {devices!r}.", "Make every device a table, [[device]].")
+    for number, each in enumerate(devices, start=1):
+        for key, value in each.items():
+            if not isinstance(value, str):
+                raise table.refuse(f"device[{number}].{key}", f"is {value!r}.", "Give text, in quotes.")
+    return tuple(devices)
 
 
 def _groups(table: _Table) -> tuple[str, ...]:

@@ -185,6 +185,7 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "readings": len(dataset),
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),
+        **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
     }
 
 

@@ -24,6 +24,7 @@ from acquisition import (
 )
 from acquisition.database import FILE as RECORD_FILE
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
+from acquisition.individuals import Acceptance
 from acquisition.merge import export_together
 from acquisition.store import Store
 from calib.dataset import read_dataset
@@ -50,6 +51,16 @@ Simulate = Annotated[
     bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
 ]
 Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
+
+
+AcceptOther = Annotated[
+    str,
+    typer.Option(
+        metavar="SERIAL",
+        help="Go on with this other robot or instrument, by its serial number (its model, where it tells none).",
+    ),
+]
+Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why another device is accepted; it is kept.")]
 
 
 @app.command("run")
@@ -80,8 +91,15 @@ def run_command(
 
 
 @app.command("resume")
-def resume_command(record: Record, simulate: Simulate = False, json: options.Json = None) -> None:
+def resume_command(
+    record: Record,
+    simulate: Simulate = False,
+    accept_other: AcceptOther = "",
+    reason: Reason = "",
+    json: options.Json = None,
+) -> None:
     """Go on with a campaign after a pause, a stop, a crash or a power cut."""
+    accepted = _accepted(accept_other, reason)
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     was_simulated = read_status(record).simulated
     if was_simulated != simulate:
@@ -91,7 +109,7 @@ def resume_command(record: Record, simulate: Simulate = False, json: options.Jso
     note_if_others_read(record)
     with Run.open(record) as run:
         if run.status().state != "ready":  # one that never began needs no permission to go on
-            run.resume(by="terminal")
+            run.resume(by="terminal", accepted=accepted)
         _execute(run, record, json, simulate=simulate)
 
 
@@ -166,9 +184,12 @@ def export_command(
             help="Records measured later in the same cell, a follow-up for instance: one data set of all.",
         ),
     ] = None,
+    accept_other: AcceptOther = "",
+    reason: Reason = "",
     json: options.Json = None,
 ) -> None:
     """Write the readings of a record as a data set, finished or not."""
+    accepted = _accepted(accept_other, reason)
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     data, header = options.files_of(out)
@@ -178,11 +199,16 @@ def export_command(
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         dataset = read_dataset(
-            export_together([record, *later], out) if later else acquisition.export(record, out)
+            export_together([record, *later], out, accepted) if later else acquisition.export(record, out)
         )
         terminal.rest()
         terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}.")
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
+
+
+def _accepted(serial: str, reason: str) -> Acceptance | None:
+    """Raises ConfigError where one is given without the other."""
+    return Acceptance(serial, reason, "terminal") if serial or reason else None
 
 
 def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:

@@ -6,7 +6,7 @@ moves. Fields that are not given are left out rather than null, which client gen
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from fastapi import Body as BodyOf
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -67,13 +67,28 @@ class Why(Body):
     reason: Annotated[str, Field(max_length=500)] = ""
 
 
-class Export(Body):
+class Resume(Body):
+    """May be left out. `accept_other`: the serial number of another robot or instrument than the record's, with the
+    `reason` for which both are to stand together."""
+
+    accept_other: Name = ""
+    reason: Annotated[str, Field(max_length=500)] = ""
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if bool(self.accept_other.strip()) != bool(self.reason.strip()):
+            raise ValueError("give both accept_other and reason, or none")
+        return self
+
+
+class Export(Resume):
     """May be left out. `with`: ids of runs measured later in the same cell, brought into one data set."""
 
     later: Annotated[list[Name], Field(max_length=100, alias="with")] = Field(default_factory=list)
     name: Name = ""
 
 
+ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
 WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
 ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
 

@@ -30,6 +30,7 @@ from acquisition import (
 )
 from acquisition.control import ON_REQUEST
 from acquisition.errors import RecordError, RecordInUse
+from acquisition.individuals import Acceptance
 from acquisition.plan import Visit
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http import dry_runs
@@ -191,8 +192,11 @@ class Book:
             raise
         return run_id
 
-    def resume(self, name: str, cell: Cell, lease: Lease) -> None:
-        """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse."""
+    def resume(self, name: str, cell: Cell, lease: Lease, accepted: Acceptance | None = None) -> None:
+        """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse.
+
+        accepted: another robot or instrument than the record's.
+        """
         run = self.get(name)
         if (
             run.cell.source != cell.source
@@ -217,7 +221,7 @@ class Book:
                     code=8104,
                 )
             if status.state != State.READY.value:
-                run.resume(by=lease.owner)
+                run.resume(by=lease.owner, accepted=accepted)
             self._begin(name, run, devices, lease)
 
     def refuse_busy(self) -> None:

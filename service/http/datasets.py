@@ -17,6 +17,7 @@ from typing import Any
 import acquisition
 from acquisition import read_status
 from acquisition.errors import RecordError
+from acquisition.individuals import Acceptance
 from acquisition.merge import export_together
 from calib.dataset import read_dataset
 from calib.errors import DataError
@@ -56,10 +57,13 @@ class Datasets:
 
         return self._keep(write, name, run_id=None, simulated=simulated)
 
-    def export(self, records: Sequence[Path], name: str) -> dict[str, Any]:
+    def export(
+        self, records: Sequence[Path], name: str, accepted: Acceptance | None = None
+    ) -> dict[str, Any]:
         """The readings of a run up to now, with those of later runs in the same cell as one data set.
 
-        Raises RecordError where there are none, or where they were measured in different cells.
+        accepted: another robot than that of the first run. Raises RecordError where there are none, or where they were
+        measured in different cells, OtherIndividual.
         """
         first, *later = records
         statuses = [read_status(record) for record in records]
@@ -68,7 +72,7 @@ class Datasets:
 
         def write(folder: Path) -> None:
             if later:
-                export_together(records, folder / CSV)
+                export_together(records, folder / CSV, accepted)
             else:
                 acquisition.export(first, folder / CSV)
 

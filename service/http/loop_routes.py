@@ -8,12 +8,12 @@ from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
 from acquisition import Lease
-from service.http.bodies import Loops, LoopShown, NewLoop
+from service.http.bodies import Loops, LoopShown, NewLoop, ResumeBody
 from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
 from service.http.loops import ENDED
-from service.http.run_routes import who
+from service.http.run_routes import acceptance, who
 from service.http.state import Here, Service
 
 router = APIRouter(tags=["loops"])
@@ -87,16 +87,22 @@ async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
 
 @router.post("/loops/{loop_id}/resume", operation_id="resumeLoop", status_code=202, response_model=LoopShown)
 def resume_loop(
-    here: Here, loop_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+    here: Here, loop_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Go on where it was; the robot moves, so this needs `Lease-Id`. A run of a loop is resumed with its loop."""
+    """Go on where it was; the robot moves, so this needs `Lease-Id`. A run of a loop is resumed with its loop.
+
+    With another robot or instrument than before only by its serial number, and for a reason.
+    """
 
     def work() -> JSONResponse:
         here.loops.document(loop_id)
-        here.let_move(lease_id, lambda lease: here.loops.resume(loop_id, lease))
+        here.let_move(
+            lease_id, lambda lease: here.loops.resume(loop_id, lease, acceptance(body, lease.owner))
+        )
         return _accepted(here, loop_id)
 
-    return here.keys.once(idempotency_key, fingerprint(f"{LOOPS}/{loop_id}/resume"), work)
+    asked = fingerprint(f"{LOOPS}/{loop_id}/resume", body.model_dump())
+    return here.keys.once(idempotency_key, asked, work)
 
 
 @router.post("/loops/{loop_id}/stop", operation_id="stopLoop", status_code=202, response_model=LoopShown)

@@ -17,6 +17,7 @@ from typing import Any
 
 from acquisition import Campaign, Cell, Devices, Event, Lease, Outcome, Run, ScaledClock, State
 from acquisition.control import ON_REQUEST
+from acquisition.individuals import Acceptance
 from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop
 from calib.errors import DataError
 from calib.files import replace_file
@@ -50,6 +51,7 @@ class LoopWork:
         self._run: Run | None = None
         self._pausing = ""  # why
         self._ending = ""
+        self._accepted: Acceptance | None = None  # by whoever resumed it last
         self._simulated = bool(document["simulated"])
         self._equipment = Equipment(
             cell,
@@ -59,7 +61,7 @@ class LoopWork:
             listen=self._listen,
             lease=lambda: self._lease,
             create=self._create,
-            resumed_by=self._resumed_by,
+            resumed=self._resumed,
         )
         self._tell()
 
@@ -106,9 +108,12 @@ class LoopWork:
             self._tell(state=State.RUNNING, reason="")
             return self._lease.owner
 
-    def _resumed_by(self, run: Run, outcome: Outcome) -> str | None:
+    def _resumed(self, run: Run, outcome: Outcome) -> bool:
         self._book.not_begun()
-        return self._rest(outcome.reason)
+        by = self._rest(outcome.reason)
+        if by is not None:
+            run.resume(by=by, accepted=self._accepted)
+        return by is not None
 
     @contextmanager
     def _create(self, record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Iterator[Run]:
@@ -164,8 +169,11 @@ class LoopWork:
         if not resting:
             self._book.pause_all(by, reason)
 
-    def resume(self, lease: Lease) -> None:
-        """Go on, by leave of whoever has the lease. Raises Problem 409 where the loop is not paused."""
+    def resume(self, lease: Lease, accepted: Acceptance | None = None) -> None:
+        """Go on, by leave of whoever has the lease. Raises Problem 409 where the loop is not paused.
+
+        accepted: another robot or instrument than that of the loop's first campaign.
+        """
         with self._changed:
             if self._document["state"] != State.PAUSED.value:
                 raise Problem(
@@ -174,7 +182,7 @@ class LoopWork:
                     "Look at its state; begin a new loop where it has ended.",
                     code=3104,
                 )
-            self._lease, self._pausing = lease, ""
+            self._lease, self._accepted, self._pausing = lease, accepted, ""
             self._changed.notify_all()
 
     def stop(self, by: str) -> list[AcquisitionError]:

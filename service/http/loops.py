@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import Campaign, Cell, Devices, Lease, State
+from acquisition.individuals import Acceptance
 from acquisition.loop import LoopResult, check_loop
 from calib.files import replace_file
 from drivers.errors import AcquisitionError
@@ -151,9 +152,9 @@ class Loops:
         if work is not None:
             work.pause(by, reason)
 
-    def resume(self, name: str, lease: Lease) -> None:
+    def resume(self, name: str, lease: Lease, accepted: Acceptance | None) -> None:
         """Raises Problem 404, 409 where the loop is not paused."""
-        self._going_on(name).resume(lease)
+        self._going_on(name).resume(lease, accepted)
 
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
         """Needs no lease. Returns what could not be stopped. Raises Problem 404, 409 where the loop has ended."""

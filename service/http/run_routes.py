@@ -10,7 +10,8 @@ from fastapi import APIRouter
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
 from acquisition import Lease, export_events
-from service.http.bodies import DatasetShown, ExportBody, NewRun, Runs, RunShown, WhyBody
+from acquisition.individuals import Acceptance
+from service.http.bodies import DatasetShown, ExportBody, NewRun, Resume, ResumeBody, Runs, RunShown, WhyBody
 from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
@@ -86,16 +87,23 @@ async def pause_run(here: Here, run_id: str) -> JSONResponse:
 
 @router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
 def resume_run(
-    here: Here, run_id: str, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+    here: Here, run_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Go on; the robot moves, so this needs `Lease-Id`."""
+    """Go on; the robot moves, so this needs `Lease-Id`.
+
+    With another robot or instrument than the record's only by its serial number, and for a reason.
+    """
 
     def work() -> JSONResponse:
         here.book.path(run_id)
-        here.let_move(lease_id, lambda lease: here.book.resume(run_id, here.cell, lease))
+        here.let_move(
+            lease_id,
+            lambda lease: here.book.resume(run_id, here.cell, lease, acceptance(body, lease.owner)),
+        )
         return accepted(here, run_id)
 
-    return here.keys.once(idempotency_key, fingerprint(f"{RUNS}/{run_id}/resume"), work)
+    asked = fingerprint(f"{RUNS}/{run_id}/resume", body.model_dump())
+    return here.keys.once(idempotency_key, asked, work)
 
 
 @router.post(
@@ -139,7 +147,8 @@ def export_run(
         for each in runs:
             here.book.get(each)  # a dry run has none
         records = [here.book.path(each) for each in runs]
-        dataset = here.workers.call(here.datasets.export, records, body.name)
+        accepting = acceptance(body, who(here))
+        dataset = here.workers.call(here.datasets.export, records, body.name, accepting)
         return reply(201, dataset, location=f"/api/v1/datasets/{dataset['id']}")
 
     asked = fingerprint(f"{RUNS}/{run_id}/dataset", body.model_dump())
@@ -159,6 +168,11 @@ def download_events(here: Here, run_id: str) -> PlainTextResponse:
         file = Path(folder) / "events.jsonl"
         here.workers.call(export_events, here.book.path(run_id), file)
         return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
+
+
+def acceptance(body: Resume, by: str) -> Acceptance | None:
+    """The other device that a request accepts; None where it accepts none."""
+    return Acceptance(body.accept_other, body.reason, by) if body.accept_other.strip() else None
 
 
 def who(here: Service, lease_id: str = "") -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from acquisition.individuals import individual_of
 from calib.dataset import Dataset
 from calib.kinematics import Array
 from calib.units import DEG
@@ -26,7 +29,21 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
     ]
     if len(conditions.series_names) > 1:
         lines.append(("Series", ", ".join(conditions.series_names)))
-    return lines
+    return lines + [_device(table, len(conditions.series_names) > 1) for table in dataset.header.devices]
+
+
+def _device(table: Mapping[str, str], several: bool) -> tuple[str, str]:
+    """Maker, model, serial number, software; of one that was accepted beside another, by whom and why."""
+    device = individual_of(table)
+    text = str(device)
+    if device.firmware:
+        text += f", software {device.firmware}"
+    if several:
+        text += f"; series {table.get('series', '')}"
+    if device.reason:
+        by = f" by {device.accepted_by}" if device.accepted_by else ""
+        text += f"; accepted{by} beside another: {device.reason}"
+    return device.role.capitalize(), text
 
 
 def _workspace(points: Array) -> str:

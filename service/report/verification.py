@@ -43,7 +43,7 @@ def scope_in_words(verification: Verification) -> str:
     if verification.refused:
         count = len(verification.refused)
         text += f"; {count} other{'s were' if count > 1 else ' was'} refused: {verification.refused[0]}"
-    return text + "."
+    return "; ".join((text, *verification.accepted)) + "."
 
 
 def document_of(verification: Verification) -> dict[str, Any]:
@@ -58,6 +58,7 @@ def document_of(verification: Verification) -> dict[str, Any]:
         "refused": list(verification.refused),
         "nests_off_mm": verification.nests_off_mm,
         "approach": verification.approach,
+        "accepted": list(verification.accepted),
     }
 
 

@@ -152,6 +152,12 @@ class Bench:
         0  # made since anything disturbed the cell: a fault, connecting, arming, a stop, a person
     )
     asking: bool = False  # a person has a question before them
+    who: dict[str, Identity] = field(
+        default_factory=lambda: {
+            "robot": Identity("ABB", "IRB 120", "1", "1", "none"),
+            "instrument": Identity("fake", "meter", "1", "1", "none", True),
+        }
+    )
     shots: dict[float, Shot] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
     mistaken: dict[str, str] = field(default_factory=dict)  # target asked for -> target seen
@@ -197,7 +203,7 @@ class FakeArm:
         self.armed = False
 
     def identify(self) -> Identity:
-        return Identity("ABB", "IRB 120", "1", "1", "none")
+        return self.bench.who["robot"]
 
     def arm(self) -> None:
         self.bench.call("arm arm")
@@ -251,7 +257,7 @@ class FakeMeter:
         self.armed = False
 
     def identify(self) -> Identity:
-        return Identity("fake", "meter", "1", "1", "none", True)
+        return self.bench.who["instrument"]
 
     def arm(self) -> None:
         self.bench.call("arm meter")

@@ -1,0 +1,203 @@
+"""The robot of a record is one robot: what happens when another one answers, of robot or instrument.
+
+These would catch: a resumed campaign, a reconnect or a verification that takes whatever answers; an acceptance of any
+serial number, or without a reason; readings of two robots or two instruments as one series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.errors import OtherIndividual
+from acquisition.export import export
+from acquisition.individuals import Acceptance, individuals_of
+from acquisition.merge import export_together
+from acquisition.run import Outcome
+from calib.dataset import read_dataset
+from drivers.errors import ConfigError, LinkLost
+from service.report.scope import scope_of
+from tests.acquisition.stage import Stage
+from tests.service.campaigns import read_rows
+
+BLOCKS = [{"set": "calibration", "count": 12, "targets": ["T1", "T2"]}]
+HALF = 16  # device calls until some readings are there
+ROLES = ("robot", "instrument")
+MOTIONS = ("arm", "move", "measure")
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Iterator[Callable[..., Stage]]:
+    made: list[Stage] = []
+
+    def one(name: str = "r", **campaign: Any) -> Stage:
+        made.append(Stage(tmp_path / name, **campaign))
+        return made[-1]
+
+    yield one
+    for stage in made:
+        stage.run.close()
+
+
+def exchange(stage: Stage, role: str, serial: str = "777777") -> None:
+    stage.bench.who[role] = replace(stage.bench.who[role], serial=serial)
+
+
+def half_done(make: Callable[..., Stage]) -> Stage:
+    stage = make(block=BLOCKS)
+    stage.bench.faults[HALF] = stage.run.pause
+    assert stage.execute().state.value == "paused"
+    assert stage.run.status().done > 0
+    return stage
+
+
+def refused(stage: Stage, role: str, outcome: Outcome) -> None:
+    """Nothing was armed or moved since the log was cleared, and the run says why."""
+    assert outcome.state.value == "paused"
+    assert isinstance(outcome.error, OtherIndividual)
+    assert outcome.exit_code == 5
+    assert f"another {role} answers" in outcome.reason
+    assert "777777" in outcome.reason
+    assert "--accept-other" in outcome.reason
+    assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_another_one_is_refused_on_resuming(make: Callable[..., Stage], role: str) -> None:
+    stage = half_done(make)
+    exchange(stage, role)
+    for accepted in (None, Acceptance("1", "a mistake", "anna")):  # no leave, and leave for another
+        stage.bench.log.clear()
+        stage.run.resume(by="anna", accepted=accepted)
+        refused(stage, role, stage.execute())
+    exchange(stage, role, "1")
+    stage.run.resume(by="anna")
+    assert stage.execute().state.value == "succeeded"
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_another_one_is_refused_after_a_cable_was_out(make: Callable[..., Stage], role: str) -> None:
+    stage = make(block=BLOCKS)
+
+    def swap() -> None:
+        exchange(stage, role)
+        stage.bench.log.clear()
+        raise LinkLost("cable out")
+
+    stage.bench.faults[8 if role == "robot" else 10] = swap  # the first move, the first reading of a pose
+    refused(stage, role, stage.execute())
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_an_accepted_one_is_kept_with_its_reason_and_is_a_series(
+    make: Callable[..., Stage], tmp_path: Path, role: str
+) -> None:
+    stage = half_done(make)
+    before = stage.run.status().done
+    exchange(stage, role)
+    stage.run.resume(by="anna", accepted=Acceptance(" 777777", "arm replaced under warranty", "anna"))
+    assert stage.execute().state.value == "succeeded"
+    told = {event.kind: event.data for event in stage.run.events()}
+    assert told["accept_other"]["reason"] == "arm replaced under warranty"
+    assert told["other_device_accepted"]["by"] == "anna"
+    assert "777777" in told["other_device_accepted"]["now"]
+    out = export(stage.folder, tmp_path / "out.csv")
+    series = [row["series"] for row in read_rows(out)]
+    names = ["1+1", "777777+1" if role == "robot" else "1+777777"]
+    assert series == names[:1] * before + names[1:] * (24 - before)
+    dataset = read_dataset(out)
+    assert set(dataset.conditions.series_names) == set(names)
+    assert dataset.header.unknown_keys == ()
+    assert [line for line in scope_of(dataset) if "arm replaced under warranty" in line[1]] == [
+        (role.capitalize(), next(t for n, t in scope_of(dataset) if "777777," in t and "warranty" in t))
+    ]
+    # Back to the first one: that is another one again.
+    stage.run.close()
+    assert individuals_of(stage.folder)[role].serial == "777777"
+
+
+def test_one_robot_and_one_instrument_are_one_series(make: Callable[..., Stage], tmp_path: Path) -> None:
+    stage = make(block=BLOCKS)
+    stage.execute()
+    out = export(stage.folder, tmp_path / "out.csv")
+    assert "series" not in read_rows(out)[0]
+    assert [each["serial"] for each in read_dataset(out).header.devices] == ["1", "1"]
+
+
+def test_what_is_not_told_proves_nothing_until_it_is_told(make: Callable[..., Stage]) -> None:
+    stage = make(block=BLOCKS)
+    exchange(stage, "robot", "")
+    stage.bench.faults[HALF] = stage.run.pause
+    stage.execute()
+    exchange(stage, "robot", "120-000001")
+    stage.bench.faults[stage.bench.calls + 8] = stage.run.pause
+    stage.run.resume()
+    assert stage.execute().error is None
+    assert individuals_of(stage.folder)["robot"].serial == "120-000001"
+    exchange(stage, "robot", "")  # a dialect that does not tell, of the same robot for all one knows
+    stage.bench.faults[stage.bench.calls + 8] = stage.run.pause
+    stage.run.resume()
+    assert stage.execute().error is None
+    exchange(stage, "robot")
+    stage.bench.log.clear()
+    stage.run.resume()
+    refused(stage, "robot", stage.execute())
+
+
+def test_another_model_is_another_device_and_new_software_is_not(make: Callable[..., Stage]) -> None:
+    stage = half_done(make)
+    stage.bench.who["instrument"] = replace(stage.bench.who["instrument"], firmware="2", protocol="other")
+    stage.bench.faults[stage.bench.calls + 8] = stage.run.pause
+    stage.run.resume()
+    assert stage.execute().error is None
+    stage.bench.who["instrument"] = replace(stage.bench.who["instrument"], model="another", serial="")
+    stage.run.resume(accepted=Acceptance("meter", "no", "anna"))
+    assert isinstance(stage.execute().error, OtherIndividual)
+    stage.run.resume(accepted=Acceptance("another", "it tells no serial number", "anna"))
+    assert stage.execute().state.value == "succeeded"
+
+
+@pytest.mark.parametrize("given", [("", "why"), ("777777", " ")])
+def test_a_serial_number_and_a_reason(given: tuple[str, str]) -> None:
+    with pytest.raises(ConfigError, match="for a reason"):
+        Acceptance(*given)
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_verification_is_of_the_same_robot(make: Callable[..., Stage], role: str) -> None:
+    first, second = make("a", block=BLOCKS), make("b", block=BLOCKS)
+    first.execute()
+    second.run.expect(list(individuals_of(first.folder).values()))
+    exchange(second, role)
+    refused(second, role, second.execute())
+    second.run.resume(accepted=Acceptance("777777", "why not", "bert"))
+    assert second.execute().state.value == "succeeded"
+    assert individuals_of(second.folder)[role].why().endswith("was accepted by bert beside another: why not")
+
+
+def test_records_of_two_robots_are_not_poured_together(make: Callable[..., Stage], tmp_path: Path) -> None:
+    first, second, third = (make(name, block=BLOCKS) for name in "abc")
+    exchange(second, "robot")
+    exchange(third, "instrument", "tracker-2")
+    for stage in (first, second, third):
+        assert stage.execute().state.value == "succeeded"
+    out = tmp_path / "all.csv"
+    with pytest.raises(OtherIndividual, match=r"serial number 777777, .* with ABB IRB 120, serial number 1"):
+        export_together([first.folder, second.folder], out)
+    with pytest.raises(OtherIndividual):
+        export_together([first.folder, second.folder], out, Acceptance("1", "the wrong one"))
+    assert not out.exists()
+    export_together(
+        [first.folder, second.folder, third.folder], out, Acceptance("777777", "same build", "eve")
+    )
+    assert [row["series"] for row in read_rows(out)] == ["1+1"] * 24 + ["777777+1"] * 24 + [
+        "1+tracker-2"
+    ] * 24
+    devices = read_dataset(out).header.devices
+    assert [each["reason"] for each in devices if each["serial"] == "777777"] == ["same build"]
+    export_together([first.folder, third.folder], out)  # two instruments of one robot need nobody's leave
+    assert {row["series"] for row in read_rows(out)} == {"1+1", "1+tracker-2"}
