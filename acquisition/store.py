@@ -195,14 +195,13 @@ class Store:
         row = self.database.query("SELECT * FROM campaign")[0]
         if not seal.campaign_agrees(dict(row)):
             raise damaged(self.database.path, "holds a cell or a campaign that is not what it was begun with")
+        if row["state"] not in _STATES:
+            raise damaged(self.database.path, f"holds the state {row['state']!r}, which there is not")
         return row
 
     @property
     def state(self) -> State:
-        text = self.campaign["state"]
-        if text not in _STATES:
-            raise damaged(self.database.path, f"holds the state {text!r}, which there is not")
-        return State(text)
+        return State(self.campaign["state"])
 
     def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
         """Within a change. Raises IllegalTransition."""
