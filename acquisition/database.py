@@ -48,7 +48,7 @@ class Database:
         """Raises RecordInUse, RecordError, StorageError."""
         self.path = folder / FILE
         self._lock = threading.RLock()
-        self._owner = _own(folder, new) if writer else None
+        self._owner = own(folder, new=new) if writer else None
         try:
             if new and self.path.exists() and not _begun(self.path):
                 _remove(self.path)  # its making was interrupted before there was a campaign in it
@@ -160,7 +160,8 @@ class Database:
             self._owner.release()
 
 
-def _own(folder: Path, new: bool) -> FileLock:
+def own(folder: Path, *, new: bool) -> FileLock:
+    """The lock of a record's owner. Raises RecordInUse, RecordError, StorageError."""
     try:
         if new:
             folder.mkdir(parents=True, exist_ok=True)

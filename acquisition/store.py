@@ -81,12 +81,16 @@ class Store:
     def open(cls, folder: Path, *, writer: bool = True) -> Store:
         """An existing record. One that is to be written is looked through first: every row is what it was.
 
+        Looked through without the right to write: whoever may write brings a journal into the file when they close it,
+        also one that is of another record.
         Raises RecordError, RecordInUse, StorageError, DamagedRecord.
         """
+        if writer:
+            with cls.reading(folder):
+                pass
         store = cls(Database(folder, writer=writer))
         if writer:
             try:
-                seal.check(store.database)
                 with store.database.transaction() as db:
                     db.execute("UPDATE campaign SET owner = ?", (store._owner,))
             except BaseException:

@@ -32,6 +32,7 @@ from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
 from service import documents, exit_codes, wording
 from service.commands import options
+from service.commands.rescue import rescue_command
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
 from service.private import note_if_others_read, owner_only
@@ -51,6 +52,7 @@ Simulate = Annotated[
     bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
 ]
 Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
+app.command("rescue")(rescue_command)
 
 
 AcceptOther = Annotated[

@@ -153,6 +153,7 @@ class RunShown(Answered):
     drift: dict[str, Any] | None = None
     simulated: bool
     dry_run: bool
+    damaged: bool = False
     error: dict[str, Any] | None
 
 

@@ -29,11 +29,12 @@ from acquisition import (
     read_status,
 )
 from acquisition.control import ON_REQUEST
-from acquisition.errors import RecordError, RecordInUse
+from acquisition.errors import DamagedRecord, RecordError, RecordInUse
 from acquisition.individuals import Acceptance
 from acquisition.plan import Visit
-from drivers.errors import AcquisitionError, LinkError, LinkLost
+from drivers.errors import AcquisitionError, LinkError, LinkLost, StorageError
 from service.http import dry_runs
+from service.http.damage import document_of, holds_a_record, look_through
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
 from service.http.workers import Workers, ending
@@ -81,19 +82,34 @@ class Book:
         self._closed = False
         self._runs: dict[str, Run] = {}
         self._errors: dict[str, AcquisitionError] = {}
+        self._damaged: dict[str, dict[str, Any]] = {}  # found so when the book was opened
         self._execution: _Execution | None = None
         folder.mkdir(parents=True, exist_ok=True)
         for name in self.ids():
             self._recover(name)
 
     def _recover(self, name: str) -> None:
+        folder = self._folder / name
         try:
-            if dry_runs.read(self._folder / name) is None and State(self._look(name).state).active:
-                self._runs[name] = Run.open(self._folder / name)
+            if dry_runs.read(folder) is not None:
+                return
+            look_through(folder)
+            if State(self._look(name).state).active:
+                self._runs[name] = Run.open(folder)
         except RecordInUse:
             return  # the command line runs it; it can be looked at
-        except RecordError:
-            return  # the program ended before the record was begun
+        except AcquisitionError as error:
+            if holds_a_record(folder):
+                self._set_aside(name, error)
+        except (OSError, ValueError) as error:  # a folder or a dry run that cannot be read
+            self._set_aside(name, DamagedRecord(f"{folder}: cannot be read ({error})"))
+
+    def _set_aside(self, name: str, error: AcquisitionError) -> dict[str, Any]:
+        """A damaged run is listed with what can be saved, and keeps nothing else from running."""
+        document = document_of(self._folder / name, error)
+        if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
+            self._damaged[name] = document  # else it may be another thing the next time
+        return document
 
     def _look(self, name: str) -> RunStatus:
         return read_status(self._folder / name)
@@ -115,13 +131,18 @@ class Book:
     def document(self, name: str) -> dict[str, Any]:
         """The contract's document of a run. Raises Problem 404."""
         self._known(name)
+        if name in self._damaged:
+            return self._damaged[name]
         dry = dry_runs.read(self._folder / name)
         if dry is not None:
             return dry
         self._let_finish(name)
         with self._mutex:
             run, error = self._runs.get(name), self._errors.get(name)
-        status = self._look(name) if run is None else run.status()
+        try:
+            status = self._look(name) if run is None else run.status()
+        except StorageError as damage:  # since the service was started
+            return self._set_aside(name, damage)
         return finite(status.as_dict()) | {
             "id": name,
             "dry_run": False,

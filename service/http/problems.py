@@ -15,7 +15,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from acquisition.errors import UnsafePlan
+from acquisition.errors import DamagedRecord, UnsafePlan
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, JointLimit, LinkError, StorageError
 
@@ -25,6 +25,7 @@ _STATUS: tuple[tuple[type[AcquisitionError], int], ...] = (
     (UnsafePlan, 422),
     (JointLimit, 422),
     (ConfigError, 422),
+    (DamagedRecord, 422),
     (StorageError, 507),
     (LinkError, 502),
 )

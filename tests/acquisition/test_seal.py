@@ -146,8 +146,14 @@ def changed(value: Any) -> Any:
         ("UPDATE pose SET status = 'skipped' WHERE id = 9", "planned reading 9"),
         ("UPDATE pose SET replaced_by = 9 WHERE id = 8", "planned reading 8"),
         ("UPDATE device SET serial = '2' WHERE id = 1", "device 1"),
-        ("UPDATE campaign SET cell = replace(cell, '110', '910')", "what the campaign was begun with no longer"),
-        ("UPDATE campaign SET world = replace(world, '1', '2')", "what the campaign was begun with no longer"),
+        (
+            "UPDATE campaign SET cell = replace(cell, '110', '910')",
+            "what the campaign was begun with no longer",
+        ),
+        (
+            "UPDATE campaign SET world = replace(world, '1', '2')",
+            "what the campaign was begun with no longer",
+        ),
     ],
 )
 def test_a_changed_row_is_refused_and_named(record: Path, sql: str, told: str) -> None:
