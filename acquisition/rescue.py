@@ -181,7 +181,11 @@ def _losses(found: Salvage, copied: dict[str, int]) -> tuple[str, ...]:
     if missing:
         lost.append(f"{missing} of {found.measured} readings are lost; their planned readings are given up")
     for table, name in _NAMES.items():
-        if gone := found.lost.get(table, 0) + len(found.rows.get(table, ())) - copied.get(table, 0):
+        unread = found.lost.get(table, 0)
+        gone = (unread or 0) + len(found.rows.get(table, ())) - copied.get(table, 0)
+        if unread is None:
+            lost.append(f"nothing tells how many {name} were lost")
+        elif gone:
             lost.append(f"{gone} {name} could not be saved")
     return tuple(lost)
 

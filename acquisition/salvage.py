@@ -34,14 +34,14 @@ _ROWS_A_PAGE = 50  # more than any of its rows leave room for
 class Salvage:
     """The rows of every table that could be read; damaged: those of them that do not agree with their checksum.
 
-    lost: how many rows could not be read, by table, as far as that is known. campaign: None where it cannot be
+    lost: how many rows could not be read, by table; None where nothing tells. campaign: None where it cannot be
     believed; without cell and plan a number means nothing.
     """
 
     campaign: Row | None
     rows: Mapping[str, list[Row]] = field(default_factory=dict)
     damaged: Mapping[str, frozenset[int]] = field(default_factory=dict)
-    lost: Mapping[str, int] = field(default_factory=dict)
+    lost: Mapping[str, int | None] = field(default_factory=dict)
 
     def sound(self, table: str) -> list[Row]:
         """The rows that may be believed."""
@@ -125,7 +125,7 @@ def _read(copy: Path) -> Salvage:
         db.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a whole file that was cut short
         db.text_factory = lambda text: text.decode("utf-8", "replace")  # a checksum will tell
         rows: dict[str, list[Row]] = {}
-        lost: dict[str, int] = {}
+        lost: dict[str, int | None] = {}
         for table in TABLES:
             rows[table], lost[table] = _rows(
                 db, table, most=_ROWS_A_PAGE * (copy.stat().st_size // _PAGE_SIZE + 1)
@@ -148,23 +148,16 @@ def _upgraded(campaign: Row, rows: Mapping[str, list[Row]]) -> Row:
     return {"checksum": None, "world": None} | last | campaign
 
 
-def _rows(db: sqlite3.Connection, table: str, most: int) -> tuple[list[Row], int]:
+def _rows(db: sqlite3.Connection, table: str, most: int) -> tuple[list[Row], int | None]:
     """The rows of a table that can be read, and how many cannot. `most`: more than it can have."""
     try:
         return [dict(row) for row in db.execute(f"SELECT * FROM {table} ORDER BY rowid")], 0
-    except sqlite3.Error:
-        if not _exists(db, table):
+    except sqlite3.Error as error:
+        if str(error) == "no such table: device":  # records had none before version 4
             return [], 0
-    last = _last_number(db, table)
+        last = _last_number(db, table)
     found = list(_one_by_one(db, table, last or most))
-    return found, max(0, (last or 0) - len(found))
-
-
-def _exists(db: sqlite3.Connection, table: str) -> bool:
-    try:
-        return db.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (table,)).fetchone() is not None
-    except sqlite3.Error:
-        return False
+    return found, None if last is None else max(0, last - len(found))
 
 
 def _one_by_one(db: sqlite3.Connection, table: str, last: int) -> Iterator[Row]:
