@@ -10,6 +10,7 @@ from acquisition.attempts import Attempts
 from acquisition.clock import Clock
 from acquisition.drift import drift_of
 from acquisition.forecast import Forecast
+from acquisition.seal import unprotected
 from acquisition.states import State
 from acquisition.store import Store
 
@@ -19,6 +20,7 @@ class RunStatus:
     """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall.
 
     drift: of the reference pose (`acquisition.drift`); None before its second reading.
+    unprotected: readings from before rows had checksums (`acquisition.seal`).
     """
 
     id: str
@@ -35,6 +37,7 @@ class RunStatus:
     drift: dict[str, Any] | None
     seconds_left: float | None
     simulated: bool
+    unprotected: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -75,6 +78,7 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
         drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
         seconds_left=None if pace is None else pace.seconds_left(done),
         simulated=bool(row["simulated"]),
+        unprotected=unprotected(store.database) if row["unsealed_attempts"] else 0,
     )
 
 

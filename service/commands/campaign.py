@@ -205,6 +205,10 @@ def export_command(
         )
         terminal.rest()
         terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}.")
+        if old := sum(read_status(each).unprotected for each in (record, *(later or ()))):
+            terminal.note(
+                f"{wording.counted(old, 'reading')} from before rows had checksums: damage would not show."
+            )
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
 
 
@@ -283,6 +287,8 @@ def in_words(status: RunStatus) -> str:
         parts.append(f"{status.skipped} of them skipped")
     if status.simulated:
         parts.append("SIMULATED")
+    if status.unprotected:
+        parts.append(f"{status.unprotected} of them without checksums, from an older version")
     if status.prompt is not None:
         parts.append(f"asks: {status.prompt['text']}")
     elif status.reason:

@@ -25,6 +25,7 @@ from acquisition.seal import checksum
 from acquisition.status import read_status
 from acquisition.store import Store
 from acquisition.verification import expected_temperature, first_reading_s, read_landings
+from service.cli import main
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.service.campaigns import read_rows
 
@@ -183,7 +184,9 @@ def test_a_planned_pose_that_was_changed_is_not_driven_to(record: Path) -> None:
         Run.open(record)
 
 
-def test_a_record_from_before_there_were_sums(record: Path, tmp_path: Path) -> None:
+def test_a_record_from_before_there_were_sums(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Its rows are taken as they are, its devices from its events; what is added from now on is protected."""
     old = tmp_path / "old"
     old.mkdir()
@@ -203,7 +206,12 @@ def test_a_record_from_before_there_were_sums(record: Path, tmp_path: Path) -> N
                     f"INSERT INTO {table} ({', '.join(kept)}) VALUES ({', '.join('?' * len(kept))})",
                     tuple(row),
                 )
-    out = export(old, tmp_path / "out.csv")
+    status = read_status(old)
+    assert status.unprotected == status.done > 0
+    assert read_status(record).unprotected == 0
+    assert main(["campaign", "export", str(old), str(tmp_path / "out.csv")]) == 0
+    assert "from before rows had checksums" in capsys.readouterr().err
+    out = tmp_path / "out.csv"
     assert read_rows(out) == read_rows(export(record, tmp_path / "new.csv"))
     with Run.open(old) as run:
         assert [each.serial for each in run.individuals()] == ["1", "1"]
