@@ -8,7 +8,8 @@ from acquisition.event import Event
 from acquisition.export import export, export_events
 from acquisition.interrupt import pausing_on_interrupt
 from acquisition.lease import Lease
-from acquisition.run import Outcome, Run, checked_plan
+from acquisition.outcome import Outcome
+from acquisition.run import Run, checked_plan
 from acquisition.states import State
 from acquisition.status import RunStatus, read_status
 

@@ -31,9 +31,10 @@ from acquisition.follow_up import campaign_table, in_cell
 from acquisition.individuals import Individual, individuals_of, series_among
 from acquisition.lease import Lease
 from acquisition.merge import Part, frame_of_part, merge
+from acquisition.outcome import Outcome
 from acquisition.plan import DECIMALS
 from acquisition.poses import draw_poses
-from acquisition.run import Outcome, Run
+from acquisition.run import Run
 from acquisition.states import State
 from acquisition.verification import (
     Judged,

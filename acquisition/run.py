@@ -32,6 +32,7 @@ from acquisition.identity import check_identity
 from acquisition.individuals import Acceptance, Individual, Individuals
 from acquisition.lease import Lease
 from acquisition.mover import Mover
+from acquisition.outcome import Outcome, not_resumed
 from acquisition.plan import Visit, make_plan
 from acquisition.rig import Met, Rig
 from acquisition.sequencer import Sequencer
@@ -50,22 +51,6 @@ def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
     visits = make_plan(cell, campaign)
     check_plan(cell, visits)
     return visits
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How an execution ended. `error` None: done, or as somebody asked."""
-
-    state: State
-    reason: str
-    error: AcquisitionError | None = None
-
-    @property
-    def exit_code(self) -> int:
-        """Of the command line: 0 done, the error's own, 130 paused or stopped by a person, 1 failed."""
-        if self.error is not None:
-            return self.error.exit_code
-        return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
 
 
 @dataclass
@@ -213,7 +198,7 @@ class Run:
         with self._mutex:
             state = self._store.state
             if self._execution is not None or not (state is State.READY or self._resumed):
-                raise _not_resumed(state, f"the campaign is {state.value}", "execute")
+                raise not_resumed(state, f"the campaign is {state.value}", "execute")
             self._check_disk()
             self._trouble = None
             self._store.recover()
@@ -339,7 +324,7 @@ class Run:
         with self._mutex:
             state = self._store.state
             if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
-                raise _not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
+                raise not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
             self._resumed, self._accepted = True, accepted
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
@@ -401,16 +386,6 @@ class Run:
     def wait(self, after: int, seconds: float) -> int:
         """The version, waiting up to so many seconds for one beyond `after`."""
         return self._store.wait_beyond(after, seconds)
-
-
-def _not_resumed(state: State, message: str, command: str) -> NotResumed:
-    if state is State.SUCCEEDED:
-        return NotResumed(
-            "the campaign is finished; nothing to resume",
-            command=command,
-            what_to_do="Export its readings, or start a new record to measure again.",
-        )
-    return NotResumed(message, command=command)
 
 
 def _ignore(_: Event) -> None:

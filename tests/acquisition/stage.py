@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.event import Event
-from acquisition.run import Outcome, Run
+from acquisition.outcome import Outcome
+from acquisition.run import Run
 from drivers.errors import (
     AcquisitionError,
 )

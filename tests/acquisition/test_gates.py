@@ -20,7 +20,8 @@ from acquisition.devices import Devices
 from acquisition.drift import Drift, drift_of
 from acquisition.event import Event
 from acquisition.export import export
-from acquisition.run import Outcome, Run
+from acquisition.outcome import Outcome
+from acquisition.run import Run
 from acquisition.settling import TRIES, until_still
 from calib.dataset import read_dataset
 from drivers.errors import ConfigError, NoisyMeasurement

@@ -17,7 +17,7 @@ from acquisition.errors import OtherIndividual
 from acquisition.export import export
 from acquisition.individuals import Acceptance, individuals_of
 from acquisition.merge import export_together
-from acquisition.run import Outcome
+from acquisition.outcome import Outcome
 from calib.dataset import read_dataset
 from drivers.errors import ConfigError, LinkLost
 from service.report.scope import scope_of

@@ -18,7 +18,8 @@ import pytest
 from acquisition.database import FILE, LOCK
 from acquisition.errors import ClockJumped, RecordTaken, RobotInUse
 from acquisition.event import Event
-from acquisition.run import Outcome, Run
+from acquisition.outcome import Outcome
+from acquisition.run import Run
 from drivers.errors import StorageError
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.acquisition.platter import Disk, Op, connect

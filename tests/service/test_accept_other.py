@@ -10,13 +10,14 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from acquisition import Cell, Devices, Lease
+from acquisition import Cell, Devices, Lease, checked_plan
 from acquisition.individuals import Acceptance
 from service.cli import main
 from service.http.bodies import Export, Resume
 from service.http.book import Book
 from service.http.datasets import Datasets
 from service.http.run_routes import acceptance
+from service.http.workers import Workers
 from tests.acquisition.fakes import Bench, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
 
@@ -35,9 +36,10 @@ def test_a_run_of_the_service(tmp_path: Path) -> None:
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench, SeatingOperator(bench))
 
-    with closing(Book(tmp_path / "runs", open_devices, simulated=True)) as book:
+    with closing(Book(tmp_path / "runs", open_devices, Workers(1, waiting=0), simulated=True)) as book:
         bench.faults[16] = lambda: book.pause(str(book.busy_with), by="anna")
-        name = book.start(cell, a_campaign(block=BLOCKS, settle_s=0.0), "", lease)
+        campaign = a_campaign(block=BLOCKS, settle_s=0.0)
+        name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", lease)
         assert ended(book, name)["state"] == "paused"
         bench.who["robot"] = replace(bench.who["robot"], serial="777777")
         bench.log.clear()

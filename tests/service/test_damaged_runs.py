@@ -19,6 +19,7 @@ from acquisition.errors import DamagedRecord
 from acquisition.run import Run
 from service.http import problems
 from service.http.book import Book
+from service.http.workers import Workers
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.acquisition.test_rescue import BLOCKS, DAMAGES, READINGS, Files, make, put
 
@@ -34,7 +35,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Files:
 @contextmanager
 def opened(folder: Path) -> Iterator[Book]:
     bench = Bench(a_cell())
-    with closing(Book(folder, lambda cell: devices_of(bench), simulated=True)) as book:
+    with closing(Book(folder, lambda cell: devices_of(bench), Workers(1, waiting=0), simulated=True)) as book:
         yield book
 
 

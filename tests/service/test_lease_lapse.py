@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from acquisition.lease import Lease
-from acquisition.run import Outcome, Run
+from acquisition.outcome import Outcome
+from acquisition.run import Run
 from drivers.interfaces import Answer
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
