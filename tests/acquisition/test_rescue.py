@@ -18,6 +18,7 @@ import pytest
 
 from acquisition.database import FILE
 from acquisition.errors import DamagedRecord, RecordError, RecordInUse
+from acquisition.event import Event
 from acquisition.export import export
 from acquisition.rescue import rescue
 from acquisition.run import Run
@@ -31,7 +32,7 @@ from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_camp
 from tests.service.campaigns import read_rows
 
 BLOCKS = [{"set": "calibration", "count": 40, "targets": ["T1"]}]
-PAUSED_AT, READINGS = 110, 33  # device calls, and the readings of poses that they bring
+READINGS = 33  # of poses, when it is paused
 PAGE = 4096
 Files = dict[str, bytes]
 
@@ -39,8 +40,15 @@ Files = dict[str, bytes]
 def make(folder: Path, seed: int = 3) -> Path:
     bench = Bench(a_cell())
     with Run.create(folder, bench.cell, a_campaign(block=BLOCKS, seed=seed), simulated=True) as run:
-        bench.faults[PAUSED_AT] = run.pause
-        assert run.execute(devices_of(bench, SeatingOperator(bench)), JumpingClock()).state.value == "paused"
+
+        def heard(event: Event) -> None:
+            if event.kind == "reading" and run.status().done == READINGS:
+                run.pause()
+
+        assert (
+            run.execute(devices_of(bench, SeatingOperator(bench)), JumpingClock(), heard).state.value
+            == "paused"
+        )
     return folder
 
 
