@@ -180,16 +180,18 @@ class FanucArm:
         return reached
 
     def position(self) -> JointReading:
-        """Where the robot stands: two readings in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        """Where the robot stands: two readings, `gap_s` apart, that agree. Raises LinkError, Busy (it goes on moving)."""
         end = self._clock() + self.deadlines.settle_s
         with self._lock:
             before = self._controller.joints()
-            while _apart(before, now := self._controller.joints()) > _AGREE_DEG:
+            while True:
+                time.sleep(self.deadlines.gap_s)  # two answers in a row may agree although the robot moves
+                now = self._controller.joints()
+                if _apart(before, now) <= _AGREE_DEG:
+                    return now
                 if self._clock() >= end:
                     raise Busy("the robot goes on moving", device=self.name, command="position", raw=now.raw)
-                time.sleep(self.deadlines.gap_s)
                 before = now
-        return now
 
     def stop(self) -> None:
         """Halt the robot now and disarm. From any thread. Raises CannotStop (stock MAPPDK), LinkError."""

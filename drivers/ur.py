@@ -145,8 +145,9 @@ class UrArm:
             _LOG.warning("%s: nobody answers RTDE; without it no watchdog guards a move", self.name)
 
     def disconnect(self) -> None:
-        """Close all connections and disarm; never raises."""
+        """Close all connections and disarm; never raises. A move under way sees it and tells the arm to stop."""
         self._armed = False
+        self._motion.stopped.set()  # a program that is about to be sent stays here
         self._rtde.close()
         self._realtime.close()
 

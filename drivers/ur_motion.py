@@ -82,7 +82,7 @@ def _begun(state: UrState, here: UrState, number: int | None) -> bool:
 
 
 class Motion:
-    """Moves, one at a time, and `halt` from any thread. `stopped`: somebody said stop since the arming."""
+    """Moves, one at a time, and `halt` from any thread. `stopped`: stopped or disconnected since the arming."""
 
     def __init__(self, realtime: Realtime, name: str, limits: Limits, clock: Callable[[], float]) -> None:
         self.stopped = threading.Event()
@@ -113,10 +113,10 @@ class Motion:
         return state, problem
 
     def halt(self) -> None:
-        """Say stop until the arm stands. Raises LinkError."""
+        """Say stop until the arm stands; a disconnect in between does not end it. Raises LinkError."""
         seconds = self._deadlines.stop_s
         end = self._clock() + seconds
-        with self._realtime.talk("stop") as (witness, send):
+        with self._realtime.talk("stop", outlives_close=True) as (witness, send):
             next_word = -math.inf
             while self._clock() < end:
                 if self._clock() >= next_word:

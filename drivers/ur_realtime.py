@@ -79,13 +79,15 @@ class Realtime:
             yield Witness(lambda: self._next(link, command))
 
     @contextmanager
-    def talk(self, command: str) -> Iterator[tuple[Witness, Callable[[str], None]]]:
+    def talk(
+        self, command: str, *, outlives_close: bool = False
+    ) -> Iterator[tuple[Witness, Callable[[str], None]]]:
         """A connection on which a UR controller has shown itself: its states, and how to send it a program.
 
         Held until the controller has read the program: closing with states unread resets the connection.
-        Raises LinkError.
+        `outlives_close`: `close` leaves it alone, as it must a stop. Raises LinkError.
         """
-        with self._connection(command) as link:
+        with self._connection(command, outlives_close=outlives_close) as link:
             self._next(link, command)
             yield (
                 Witness(lambda: self._next(link, command)),
@@ -95,7 +97,7 @@ class Realtime:
             )
 
     def close(self) -> None:
-        """End every question under way; never raises."""
+        """End every question under way except a stop; never raises."""
         for link in tuple(self._asked):
             link.close()
 
@@ -108,9 +110,10 @@ class Realtime:
         """This port does not tell who controls."""
 
     @contextmanager
-    def _connection(self, command: str) -> Iterator[TcpLink]:
+    def _connection(self, command: str, *, outlives_close: bool = False) -> Iterator[TcpLink]:
         link = TcpLink(self.address, self.device, wire=self._wire, clock=self._clock)
-        self._asked.add(link)
+        if not outlives_close:
+            self._asked.add(link)
         try:
             link.open(connect_s=self.deadlines.connect_s)
             with naming(self.device, command):

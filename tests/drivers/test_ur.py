@@ -6,7 +6,6 @@ import logging
 import math
 import socket
 import struct
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -34,22 +33,10 @@ from drivers import (
     open_robot,
 )
 from mocks.cell import CellThread
-from mocks.cell_file import CellFile
-from mocks.faultproxy import FaultProxy
 from mocks.ur_servo import COUNT_RAD
 from tests.drivers.expected import ExpectedDevice
-from tests.drivers.waiting import in_thread, until
-
-FAR = (90.0, -60.0, 30.0, 40.0, 50.0, 60.0)
-SLOW = CellFile(robot="ur5", time_scale=1.0, effects=("none",))  # moves take seconds
-FAST = CellFile(robot="ur5", time_scale=5000.0, effects=("none",))
-HASTY = UrDeadlines(reply_s=0.4, start_s=0.3, stop_s=0.5, settle_s=0.1, move_factor=0.0, move_margin_s=0.3)
-
-
-def connected(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
-    arm = UrArm(cell.url("ur") + options, **keywords)  # type: ignore[arg-type]
-    arm.connect()
-    return arm
+from tests.drivers.ur_bench import FAR, FAST, HASTY, SLOW, connected
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
 @pytest.fixture
@@ -124,119 +111,9 @@ def test_read_back_waits_for_the_arm_and_not_for_the_program(slow: CellThread, f
             if ran and not running:
                 early.append(math.degrees(struct.unpack_from(">d", packet, 252)[0]))
     assert abs(early[0] - goal[0]) > 0.1
-    assert move.result(timeout=5).joints_deg == pytest.approx(goal, abs=0.06)
+    assert move.result(timeout=PATIENCE_S).joints_deg == pytest.approx(goal, abs=0.06)
     assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=0.06)
     arm.disconnect()
-
-
-def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
-    arm = connected(slow, feed)
-    arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    began = time.monotonic()
-    arm.stop()
-    assert time.monotonic() - began < 1.0
-    state = slow.do("state")
-    assert not state["moving"]
-    with pytest.raises(MotionStopped):
-        move.result(timeout=5)
-    assert slow.do("state")["joints_deg"] == state["joints_deg"]
-    with pytest.raises(NotArmed):
-        arm.move_to(FAR)
-    arm.arm()
-    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=1e-3)
-    arm.disconnect()
-
-
-def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.stop()
-    arm.stop()
-    arm.disconnect()
-    arm.stop()  # needs no connection that was there before
-
-
-def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None:
-    """The controller took the stop first: the move sent before it begins after it."""
-    arm = connected(slow)
-    arm.arm()
-    send = slow.cell.ur.submit if slow.cell else None
-    assert send is not None
-    assert slow.cell is not None
-    late: list[list[str]] = []
-
-    def hold_back(lines: list[str]) -> None:
-        if len(lines) > 1 and not late:
-            late.append(lines)
-        else:
-            send(lines)
-            if late and len(late) == 1:
-                late.append([])
-                send(late[0])
-
-    slow.cell.ur.submit = hold_back  # type: ignore[method-assign]
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: late)
-    in_thread(arm.stop)
-    with pytest.raises((MotionStopped, LinkError)):
-        move.result(timeout=5)
-    until(lambda: not slow.do("state")["moving"])
-    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
-    arm.disconnect()
-
-
-def test_disconnect_from_another_thread_ends_a_pending_move_and_the_motion(
-    slow: CellThread, feed: str
-) -> None:
-    arm = connected(slow, feed)
-    arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    arm.disconnect()
-    with pytest.raises(LinkError):
-        move.result(timeout=5)
-    assert not slow.do("state")["moving"]
-
-
-def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> None:
-    arm = connected(slow, watchdog_s=0.4)
-    arm.arm()
-    arm._motion.halt = lambda: None  # type: ignore[method-assign]  # a dead program says no stop
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    arm._rtde.close()
-    with pytest.raises(LinkError):
-        move.result(timeout=5)
-    until(lambda: not slow.do("state")["moving"], seconds=2.0)
-    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
-
-
-def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
-    arm = connected(slow, watchdog_s=0.4)
-    arm.arm()
-    assert arm.move_to((24.0, 0, 0, 0, 0, 0)).joints_deg[0] == pytest.approx(24.0, abs=0.06)
-    arm.disconnect()
-
-
-def test_reconnect_over_a_slow_link_after_a_move_that_was_cut(slow: CellThread) -> None:
-    with FaultProxy(slow.port("ur")) as proxy:
-        ports = "&".join(
-            f"{name}={slow.port('ur-' + name)}" for name in ("realtime", "secondary", "dashboard")
-        )
-        arm = UrArm(f"tcp://127.0.0.1:{proxy.port}?{ports}")
-        arm.connect()
-        arm.arm()
-        move = in_thread(lambda: arm.move_to(FAR))
-        until(lambda: slow.do("state")["moving"])
-        proxy.spoil("close")
-        with pytest.raises(LinkLost):
-            move.result(timeout=5)
-        assert not slow.do("state")["moving"]
-        proxy.spoil("delay", times=3)  # longer than the pause in which a moving arm's watchdog is fed
-        arm.connect()
-        arm.arm()
-        arm.disconnect()
 
 
 SAFETY = [
@@ -261,7 +138,7 @@ def test_safety_during_a_move_is_seen_and_never_resumed(
     until(lambda: slow.do("state")["moving"])
     slow.do(**order)  # type: ignore[arg-type]
     with pytest.raises(error) as caught:
-        move.result(timeout=5)
+        move.result(timeout=PATIENCE_S)
     assert (caught.value.code, caught.value.device, caught.value.command) == (code, "ur", "move_to")
     before = slow.do("state")["joints_deg"]
     with pytest.raises((SafetyStop, WrongMode)):
@@ -346,7 +223,7 @@ def test_a_program_that_replaces_ours_is_not_its_end(slow: CellThread, feed: str
     until(lambda: slow.do("state")["moving"])
     send_script(slow, b"movej([0.1,0,0,0,0,0],a=1,v=1)\n")
     with pytest.raises(MotionStopped, match="before its target"):
-        move.result(timeout=5)
+        move.result(timeout=PATIENCE_S)
     arm.disconnect()
 
 

@@ -8,8 +8,12 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+PATIENCE_S = (
+    60.0  # for what surely comes; a process that the machine starves may take long, and nothing waits in vain
+)
 
-def until(condition: Callable[[], Any], seconds: float = 10.0) -> None:
+
+def until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> None:
     """Poll until the condition holds; fail after so many seconds."""
     end = time.monotonic() + seconds
     pause = threading.Event()

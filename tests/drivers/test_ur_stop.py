@@ -1,0 +1,201 @@
+"""Whatever ends a move of the UR driver early, the arm stands: stop, disconnect, watchdog, a link that was cut."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
+from mocks.cell import CellThread
+from mocks.faultproxy import FaultProxy
+from tests.drivers.ur_bench import FAR, FAST, SLOW, connected
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
+
+
+class Doorkeeper:
+    """Holds whoever opens a connection beside RTDE while `open` is cleared; `waiting`: somebody is held."""
+
+    def __init__(self) -> None:
+        self.open, self.waiting = threading.Event(), threading.Event()
+        self.open.set()
+
+    def record(self, device: str, direction: str, data: bytes) -> None:
+        if data.startswith(b"open") and not self.open.is_set():
+            self.waiting.set()
+            assert self.open.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def slow() -> Iterator[CellThread]:
+    with CellThread(SLOW, devices=("ur",)) as cell:
+        yield cell
+
+
+@pytest.fixture
+def fast() -> Iterator[CellThread]:
+    with CellThread(FAST, devices=("ur",)) as cell:
+        yield cell
+
+
+@pytest.fixture(params=["", "?feed=realtime"])
+def feed(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    began = time.monotonic()
+    arm.stop()
+    assert time.monotonic() - began < 1.0
+    state = slow.do("state")
+    assert not state["moving"]
+    with pytest.raises(MotionStopped):
+        move.result(timeout=PATIENCE_S)
+    assert slow.do("state")["joints_deg"] == state["joints_deg"]
+    with pytest.raises(NotArmed):
+        arm.move_to(FAR)
+    arm.arm()
+    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=1e-3)
+    arm.disconnect()
+
+
+def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.stop()
+    arm.stop()
+    arm.disconnect()
+    arm.stop()  # needs no connection that was there before
+
+
+def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None:
+    """The controller took the stop first: the move sent before it begins after it."""
+    arm = connected(slow)
+    arm.arm()
+    send = slow.cell.ur.submit if slow.cell else None
+    assert send is not None
+    assert slow.cell is not None
+    late: list[list[str]] = []
+
+    def hold_back(lines: list[str]) -> None:
+        if len(lines) > 1 and not late:
+            late.append(lines)
+        else:
+            send(lines)
+            if late and len(late) == 1:
+                late.append([])
+                send(late[0])
+
+    slow.cell.ur.submit = hold_back  # type: ignore[method-assign]
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: late)
+    in_thread(arm.stop)
+    with pytest.raises((MotionStopped, LinkError)):
+        move.result(timeout=PATIENCE_S)
+    until(lambda: not slow.do("state")["moving"])
+    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+    arm.disconnect()
+
+
+def test_disconnect_from_another_thread_ends_a_pending_move_and_the_motion(
+    slow: CellThread, feed: str
+) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        move.result(timeout=PATIENCE_S)
+    assert not slow.do("state")["moving"]
+
+
+def test_disconnect_does_not_cut_the_stop_of_the_move_that_it_ends(slow: CellThread) -> None:
+    """The move, whose states are gone, says stop over a connection of its own while disconnect still closes others."""
+    door = Doorkeeper()
+    arm = connected(slow, wire=door)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    close = arm._rtde.close
+
+    def close_and_see_the_stop_begin() -> None:
+        door.open.clear()
+        close()
+        assert door.waiting.wait(PATIENCE_S)
+
+    arm._rtde.close = close_and_see_the_stop_begin  # type: ignore[method-assign]
+    arm.disconnect()
+    door.open.set()
+    with pytest.raises(LinkError):
+        move.result(timeout=PATIENCE_S)
+    assert not slow.do("state")["moving"]
+
+
+def test_after_a_disconnect_no_program_is_sent(slow: CellThread, feed: str) -> None:
+    arm = connected(slow, feed)
+    arm.arm()
+    talk = arm._realtime.talk
+
+    @contextmanager
+    def late(command: str, **keywords: bool) -> Iterator[Any]:
+        with talk(command, **keywords) as conversation:
+            if command == "move_to":
+                arm.disconnect()
+                arm._realtime._asked.clear()
+                with talk(command) as again:  # a connection that disconnect came too early to see
+                    yield again
+                return
+            yield conversation
+
+    arm._realtime.talk = late  # type: ignore[method-assign]
+    with pytest.raises((LinkError, MotionStopped)):
+        arm.move_to(FAR)
+    assert slow.do("state")["joints_deg"] == (0.0,) * 6
+
+
+def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> None:
+    arm = connected(slow, watchdog_s=0.4)
+    arm.arm()
+    arm._motion.halt = lambda: None  # type: ignore[method-assign]  # a dead program says no stop
+    move = in_thread(lambda: arm.move_to(FAR))
+    until(lambda: slow.do("state")["moving"])
+    arm._rtde.close()
+    with pytest.raises(LinkError):
+        move.result(timeout=PATIENCE_S)
+    until(lambda: not slow.do("state")["moving"], seconds=2.0)
+    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+
+
+def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
+    arm = connected(slow, watchdog_s=0.4)
+    arm.arm()
+    assert arm.move_to((24.0, 0, 0, 0, 0, 0)).joints_deg[0] == pytest.approx(24.0, abs=0.06)
+    arm.disconnect()
+
+
+def test_reconnect_over_a_slow_link_after_a_move_that_was_cut(slow: CellThread) -> None:
+    with FaultProxy(slow.port("ur")) as proxy:
+        ports = "&".join(
+            f"{name}={slow.port('ur-' + name)}" for name in ("realtime", "secondary", "dashboard")
+        )
+        arm = UrArm(f"tcp://127.0.0.1:{proxy.port}?{ports}")
+        arm.connect()
+        arm.arm()
+        move = in_thread(lambda: arm.move_to(FAR))
+        until(lambda: slow.do("state")["moving"])
+        proxy.spoil("close")
+        with pytest.raises(LinkLost):
+            move.result(timeout=PATIENCE_S)
+        assert not slow.do("state")["moving"]
+        proxy.spoil("delay", times=3)  # longer than the pause in which a moving arm's watchdog is fed
+        arm.connect()
+        arm.arm()
+        arm.disconnect()
