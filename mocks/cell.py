@@ -55,9 +55,14 @@ class Cell:
     """Devices of one cell; `start` and `stop` belong to the running event loop."""
 
     def __init__(
-        self, cell: CellFile, *, stock: bool = False, devices: Sequence[str] = ("abb", "faro")
+        self,
+        cell: CellFile,
+        *,
+        stock: bool = False,
+        devices: Sequence[str] = ("abb", "faro"),
+        clock: CellClock | None = None,
     ) -> None:
-        self.clock = CellClock(cell.time_scale)
+        self.clock = clock or CellClock(cell.time_scale)
         self.world = make_world(cell)
         self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, cell.nests)
@@ -163,9 +168,14 @@ class CellThread:
     """A cell in a thread of its own, for tests: `with CellThread(CellFile(...)) as cell: cell.url("abb")`."""
 
     def __init__(
-        self, cell: CellFile, *, stock: bool = False, devices: Sequence[str] = ("abb", "faro")
+        self,
+        cell: CellFile,
+        *,
+        stock: bool = False,
+        devices: Sequence[str] = ("abb", "faro"),
+        clock: CellClock | None = None,
     ) -> None:
-        self._make: Callable[[], Cell] = lambda: Cell(cell, stock=stock, devices=devices)
+        self._make: Callable[[], Cell] = lambda: Cell(cell, stock=stock, devices=devices, clock=clock)
         self._ready = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._main()))
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -1,8 +1,12 @@
-"""Clocks of a cell: simulated seconds run `time_scale` times faster than those on the wall; each device has its own."""
+"""Clocks of a cell: simulated seconds run `time_scale` times faster than those on the wall; each device has its own.
+
+On a `SteppedClock` they pass only while somebody waits for them: what happens then does not depend on the machine.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable
 
@@ -30,6 +34,30 @@ class CellClock:
         return True
 
 
+class SteppedClock(CellClock):
+    """Simulated seconds that cost none on the wall, shared by a cell and those who measure there, one at a time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._now = 0.0
+        self._lock = threading.Lock()
+
+    def now(self) -> float:
+        return self._now
+
+    def step(self, seconds: float) -> None:
+        """So many simulated seconds are over."""
+        with self._lock:
+            self._now += max(0.0, seconds)
+
+    async def wait(self, seconds: float, until: asyncio.Event) -> bool:
+        await asyncio.sleep(0)
+        if until.is_set():
+            return True
+        self.step(seconds)
+        return False
+
+
 class DeviceClock(CellClock):
     """What a device stamps its readings with: the cell's time and an offset, which can step. It changes no waiting."""
 
@@ -41,6 +69,9 @@ class DeviceClock(CellClock):
     def now(self) -> float:
         """Time of the device in s."""
         return self.cell.now() + self.offset_s
+
+    async def wait(self, seconds: float, until: asyncio.Event) -> bool:
+        return await self.cell.wait(seconds, until)
 
     def restart(self) -> None:
         """The device was switched on just now."""

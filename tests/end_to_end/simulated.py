@@ -7,14 +7,20 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from acquisition.cell import Cell
 from acquisition.devices import Devices, open_devices
+from acquisition.loop import Equipment
 from drivers.interfaces import Operator
+from mocks.cell import CellThread
+from mocks.cell_file import read_cell as read_mock_cell
+from mocks.clock import SteppedClock
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "irb120_faro"
@@ -54,6 +60,46 @@ def simulated_cell(file: Path, *options: str) -> Iterator[SimulatedCell]:
             yield SimulatedCell([process.stdout.readline() for _ in range(4)])
         finally:
             process.terminate()
+
+
+_BEGAN_UTC_S = 1_700_000_000.0
+
+
+class SteppedCampaignClock:
+    """The clock of a campaign on a cell whose time passes only while somebody waits for it."""
+
+    time_scale = 1.0
+
+    def __init__(self, cell: SteppedClock) -> None:
+        self._cell = cell
+
+    def now(self) -> float:
+        self._cell.step(1e-3)  # no two things happen at the same moment
+        return self._cell.now()
+
+    def utc(self) -> float:
+        return _BEGAN_UTC_S + self._cell.now()
+
+    def wait(self, seconds: float, wake: threading.Event) -> bool:
+        if wake.is_set():
+            return True
+        self._cell.step(seconds)
+        return False
+
+
+@contextmanager
+def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equipment]:
+    """The simulated cell behind its sockets, in a thread; neither it nor a campaign there waits for a wall."""
+    clock = SteppedClock()
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "cell.toml"
+        file.write_text(cell.source, encoding="utf-8")
+        described = read_mock_cell(file)
+    drivers = (cell.robot.driver, cell.instrument.driver)
+    with CellThread(described, devices=drivers, clock=clock) as simulated:
+        robot, instrument = map(simulated.url, drivers)
+        devices = open_devices(cell, operator=operator, robot_url=robot, instrument_url=instrument)
+        yield Equipment(cell, devices, SteppedCampaignClock(clock), simulated=True)
 
 
 def cell_file(folder: Path, *, time_scale: float, effects: Sequence[str] = ("none",)) -> Path:

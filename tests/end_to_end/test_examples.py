@@ -24,7 +24,7 @@ from calib.identify import identify
 from calib.validation.iso9283 import pose_repeatability, repeated_poses
 from drivers.operator import RehearsalOperator
 from service.simulated_cell import simulated_cell
-from tests.end_to_end.simulated import ROOT
+from tests.end_to_end.simulated import ROOT, stepped_cell
 
 EXAMPLES = ROOT / "examples"
 SCALE = 500.0
@@ -70,10 +70,14 @@ def faster(example: str, campaign: str, **changes: Any) -> tuple[Cell, Campaign]
 
 
 def run_simulated(folder: Path, cell: Cell, campaign: Campaign) -> Run:
-    """The finished run."""
+    """The finished run. The states of a UR come as a stream, so its cell needs a clock that runs by itself."""
     run = Run.create(folder / "record", cell, campaign, simulated=True)
-    with simulated_cell(cell) as simulated:
-        outcome = run.execute(simulated.open(cell, RehearsalOperator()))
+    if cell.robot.driver == "ur":
+        with simulated_cell(cell) as simulated:
+            outcome = run.execute(simulated.open(cell, RehearsalOperator()))
+    else:
+        with stepped_cell(cell, RehearsalOperator()) as equipment:
+            outcome = run.execute(equipment.devices, equipment.clock)
     assert (outcome.state.value, outcome.error) == ("succeeded", None)
     return run
 

@@ -10,19 +10,17 @@ import pytest
 
 from acquisition.campaign import read_campaign
 from acquisition.cell import read_cell
-from acquisition.clock import ScaledClock
 from acquisition.export import export
-from acquisition.loop import Equipment, close_loop
+from acquisition.loop import close_loop
 from acquisition.run import Run
 from calib.dataset import read_dataset
 from calib.identify import identify
-from service.simulated_cell import simulated_cell
-from tests.end_to_end.simulated import campaign_file, cell_file
+from tests.end_to_end.simulated import campaign_file, cell_file, stepped_cell
 
 
 def fanuc_cell(folder: Path) -> Path:
     """The example's cell with an LR Mate in the place of the IRB 120."""
-    path = cell_file(folder, time_scale=2000.0)
+    path = cell_file(folder, time_scale=1.0)
     text = path.read_text(encoding="utf-8")
     for old, new in (
         ('model = "abb-irb120"', 'model = "fanuc-lrmate200ic"'),
@@ -44,8 +42,8 @@ def test_measured_exported_identified(tmp_path: Path) -> None:
     campaign = read_campaign(
         campaign_file(tmp_path, calibration=24, validation=6, warm_up_s=0.0, reference_every=0)
     )
-    with simulated_cell(cell) as simulated, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
-        outcome = run.execute(simulated.open(cell))
+    with stepped_cell(cell) as equipment, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+        outcome = run.execute(equipment.devices, equipment.clock)
     assert (outcome.state.value, outcome.error) == ("succeeded", None)
     out = export(tmp_path / "r", tmp_path / "data.csv")
     with out.open(encoding="utf-8") as lines:
@@ -71,8 +69,7 @@ def test_the_loop_is_closed_on_coupled_joints(tmp_path: Path) -> None:
     path.write_text(text.replace('effects = ["none"]', 'effects = ["backlash:j3"]'), encoding="utf-8")
     cell = read_cell(path)
     campaign = read_campaign(campaign_file(tmp_path, calibration=50, validation=15, warm_up_s=0.0))
-    with simulated_cell(cell) as simulated:
-        equipment = Equipment(cell, simulated.open(cell), ScaledClock(cell.time_scale), simulated=True)
+    with stepped_cell(cell) as equipment:
         result = close_loop(equipment, campaign, tmp_path / "loop", poses=10)
     assert [found.effect.label for found in result.diagnosis.effects] == ["backlash:j3"]
     assert result.verification.uncorrected is not None

@@ -14,31 +14,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import Cell, ScaledClock, read_status, rehearsal
+from acquisition import read_status, rehearsal
+from acquisition.campaign import campaign_from
 from acquisition.event import Event
-from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop
+from acquisition.loop import LoopEnded, LoopResult, close_loop
 from acquisition.run import Run
-from tests.end_to_end.simulated import SimulatedCell, simulated_cell
-
-SCALE = 400.0
+from tests.end_to_end.simulated import stepped_cell
 
 
 def closed(folder: Path, effect: str, poses: int = 5) -> LoopResult:
-    """The loop with 34 calibration, 8 validation and a few new poses.
+    """The loop with 34 calibration, 8 validation and a few new poses, which takes as long as the machine computes.
 
     The air of a hall does not swing within minutes, as it would in a session this short: where it matters the
-    simulated session is as long as that of a whole campaign, and less compressed.
+    simulated session is as long as that of a whole campaign.
     """
-    scale, seconds = (SCALE / 2.0, 30.0) if effect == "thermal_growth" else (SCALE, 7.5)
-    cell, campaign = rehearsal.write_files(
-        folder, 3, effect, scale, calibration=34, validation=8, seconds_per_reading=seconds
+    long = 4.0 if effect == "thermal_growth" else 1.0
+    table = rehearsal.campaign_table(3, calibration=34, validation=8)
+    table["settle_s"] *= long
+    cell, _ = rehearsal.write_files(
+        folder, 3, effect, 1.0, calibration=34, validation=8, seconds_per_reading=7.5 * long
     )
-    with simulated_cell(folder / "cell.toml") as simulated:
-        return close_loop(equipment_of(cell, simulated), campaign, folder, poses=poses)
-
-
-def equipment_of(cell: Cell, simulated: SimulatedCell) -> Equipment:
-    return Equipment(cell, simulated.devices(cell), ScaledClock(cell.time_scale), simulated=True)
+    campaign = campaign_from(table, "campaign.toml")
+    with stepped_cell(cell) as equipment:
+        return close_loop(equipment, campaign, folder, poses=poses)
 
 
 @pytest.mark.parametrize("effect", ["backlash:j4", "base_shift", "drift_translation", "thermal_growth"])
@@ -63,7 +61,7 @@ def test_the_robot_lands_where_it_should(tmp_path: Path, effect: str) -> None:
 
 
 def test_an_interrupted_loop_leaves_a_record_that_can_go_on(tmp_path: Path) -> None:
-    cell, campaign = rehearsal.write_files(tmp_path, 3, "none", SCALE, calibration=20, validation=2)
+    cell, campaign = rehearsal.write_files(tmp_path, 3, "none", 1.0, calibration=20, validation=2)
     readings = []
 
     def listen(run: Run) -> Callable[[Event], None]:
@@ -74,10 +72,8 @@ def test_an_interrupted_loop_leaves_a_record_that_can_go_on(tmp_path: Path) -> N
 
         return hear
 
-    with simulated_cell(tmp_path / "cell.toml") as simulated:
-        equipment = replace(equipment_of(cell, simulated), listen=listen)
-        with pytest.raises(LoopEnded) as ended:
-            close_loop(equipment, campaign, tmp_path)
+    with stepped_cell(cell) as equipment, pytest.raises(LoopEnded) as ended:
+        close_loop(replace(equipment, listen=listen), campaign, tmp_path)
     assert ended.value.outcome.exit_code == 130
     status = read_status(tmp_path / "campaign1")
     assert status.state == "paused"

@@ -11,16 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import ScaledClock, read_status, rehearsal
-from acquisition.loop import Equipment, LoopResult, close_loop
+from acquisition import read_status, rehearsal
+from acquisition.loop import LoopResult, close_loop
 from acquisition.verification import read_landings, world_of
 from calib.dataset import read_dataset
 from calib.diagnose.follow_up import POSES, SEPARATES
 from service.cli import main
-from tests.end_to_end.simulated import simulated_cell
+from tests.end_to_end.simulated import stepped_cell
 
 EFFECT = "periodic:j5:n2"
-SCALE = 400.0
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def result(folder: Path) -> LoopResult:
-    cell, campaign = rehearsal.write_files(
-        folder, 2, EFFECT, SCALE, calibration=34, validation=8, narrow=True
-    )
-    with simulated_cell(folder / "cell.toml") as simulated:
-        equipment = Equipment(cell, simulated.devices(cell), ScaledClock(cell.time_scale), simulated=True)
+    cell, campaign = rehearsal.write_files(folder, 2, EFFECT, 1.0, calibration=34, validation=8, narrow=True)
+    with stepped_cell(cell) as equipment:
         return close_loop(equipment, campaign, folder, poses=5)
 
 
@@ -92,8 +88,7 @@ def test_records_are_joined_by_the_calendar_too(result: LoopResult, folder: Path
     joined, both = read_dataset(out), read_dataset(result.data)
     assert joined.reading_id == both.reading_id
     np.testing.assert_array_equal(joined.points, both.points)
-    # one second on the wall is SCALE seconds of the simulated cell
-    np.testing.assert_allclose(joined.conditions.time, both.conditions.time, atol=SCALE)
+    np.testing.assert_allclose(joined.conditions.time, both.conditions.time, atol=1.0)
 
 
 def test_every_campaign_has_its_record(result: LoopResult, folder: Path) -> None:
