@@ -1,0 +1,91 @@
+"""Changes to the HTTP service."""
+
+from __future__ import annotations
+
+from tests.sabotage.change import Change
+
+_HTTP = (
+    "tests/service/test_http.py",
+    "tests/service/test_http_parts.py",
+    "tests/service/test_http_data.py",
+)
+
+CHANGES = (
+    Change(
+        "service/http/state.py",
+        "limiter=self._stoppers",
+        "limiter=self._waiters",
+        "a hundred clients that wait keep a stop from being heard",
+        _HTTP,
+    ),
+    Change(
+        "service/http/gate.py",
+        "hmac.compare_digest(token.strip().encode(), self._token)",
+        "self._token.startswith(token.strip().encode())",
+        "the first character of the token, or none, opens the service",
+        _HTTP,
+    ),
+    Change(
+        "service/http/gate.py",
+        "        if origin is not None and urlsplit(origin)",
+        "        if origin == host and urlsplit(origin)",
+        "a page from elsewhere in the operator's browser commands the robot",
+        _HTTP,
+    ),
+    Change(
+        "service/http/gate.py",
+        "            return False  # a name that",
+        "            return True  # a name that",
+        "a name that somebody lets point at us is answered",
+        _HTTP,
+    ),
+    Change(
+        "service/http/gate.py",
+        "            if seen > self._most:",
+        "            if seen > 100 * self._most:",
+        "a body without a declared length is never too large",
+        _HTTP,
+    ),
+    Change(
+        "service/http/idempotency.py",
+        "        if entry.fingerprint != request:",
+        "        if not entry.fingerprint:",
+        "the answer to another request is given for this one",
+        _HTTP,
+    ),
+    Change(
+        "service/http/idempotency.py",
+        "        os.fsync(self._journal.fileno())\n",
+        "",
+        "after a power cut a request that was begun is done a second time",
+        _HTTP,
+    ),
+    Change(
+        "service/http/idempotency.py",
+        '                self._write(what="begun", key=key, fingerprint=request)\n',
+        "",
+        "after a crash a request that was begun is done a second time",
+        _HTTP,
+    ),
+    Change(
+        "service/http/names.py",
+        "    return _SAFE.fullmatch(name) is not None",
+        "    return _SAFE.match(name) is not None",
+        "an id in a URL leads out of its folder",
+        _HTTP,
+    ),
+    Change(
+        "service/http/jobs.py",
+        "            if len(self._waiting) >= MOST_WAITING:",
+        "            if len(self._waiting) > 100 * MOST_WAITING:",
+        "the queue of jobs grows without end",
+        _HTTP,
+    ),
+    Change(
+        "service/http/run_routes.py",
+        "problems=[problem.as_dict() for problem in problems])",
+        "problems=[])",
+        "whoever stops is not told what could not be stopped",
+        (*_HTTP, "tests/service/test_http_targets.py"),
+    ),
+)

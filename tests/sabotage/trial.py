@@ -1,0 +1,102 @@
+"""One change made in a copy of the checkout, and what its tests said."""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.sabotage.change import ROOT, Change
+
+HUNG_S = 60  # for one test; a change that makes one hang is noticed
+_NOTICED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
+_HUNG = re.compile(r"^\+* Timeout \+*$", re.MULTILINE)
+_SOME_FAILED, _NO_FAULT = 1, 0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`outcome`: killed, survived, stale or broken (the tests could not run); `by`: what noticed, or why not."""
+
+    change: Change
+    outcome: str
+    seconds: float
+    by: str = ""
+
+    @property
+    def good(self) -> bool:
+        return self.outcome == "killed"
+
+    @property
+    def survived(self) -> bool:
+        return self.outcome == "survived"
+
+
+class Copies:
+    """Copies of the checkout, one for each trial at a time. What git does not know is not copied."""
+
+    def __init__(self, folder: str, count: int) -> None:
+        self._free: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        listed = subprocess.run(
+            ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        names = [name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+        for number in range(count):
+            copy = Path(folder) / f"copy{number}"
+            for name in names:
+                (copy / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(ROOT / name, copy / name)
+            self._free.put(copy)
+
+    def trial(self, change: Change) -> Verdict:
+        """Make the change in a copy, run its tests there, take it back."""
+        copy = self._free.get()
+        try:
+            if why := change.stale(copy):
+                return Verdict(change, "stale", 0.0, why)
+            sound = (copy / change.file).read_bytes()
+            change.apply(copy)
+            try:
+                return _tried(change, copy)
+            finally:
+                (copy / change.file).write_bytes(sound)
+        finally:
+            self._free.put(copy)
+
+
+def _tried(change: Change, copy: Path) -> Verdict:
+    # The environment has the checkout installed: the copy has to come before it, in programs that tests start as well.
+    environment = os.environ | {
+        "PYTHONPATH": str(copy),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", f"--timeout={HUNG_S}"]
+    began = time.monotonic()
+    done = subprocess.run(
+        [*command, "--timeout-method=thread", *change.tests],
+        cwd=copy,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    seconds = time.monotonic() - began
+    noticed = _NOTICED.search(done.stdout)
+    if done.returncode == _NO_FAULT:
+        return Verdict(change, "survived", seconds)
+    if done.returncode == _SOME_FAILED and noticed is not None:
+        return Verdict(change, "killed", seconds, noticed[1])
+    if _HUNG.search(done.stdout + done.stderr):
+        return Verdict(change, "killed", seconds, "a test that hung")
+    return Verdict(change, "broken", seconds, (done.stdout + done.stderr)[-300:])
