@@ -2,12 +2,14 @@
 PYTHON ?= python3
 # Three test processes for two cores: the drivers' tests mostly wait (docs/decisions/0004).
 JOBS ?= 3
+# How often `make steady` runs each test.
+TIMES ?= 50
 VENV := .venv
 BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check counterparts fuzz conformance bench clean
+.PHONY: demo test check counterparts fuzz conformance sabotage steady long bench clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -41,6 +43,18 @@ fuzz: $(VENV)/.installed
 # Every driver under every fault of the proxy, 400 questions each, about a quarter of an hour.
 conformance: $(VENV)/.installed
 	$(BIN)/python -m tests.conformance
+
+# Each change of a list that breaks the program, in a copy: do the tests notice? About half an hour.
+sabotage: $(VENV)/.installed
+	$(BIN)/python -m tests.sabotage
+
+# Every test with a thread, a socket, a process or a device, again and again beside busy processes; hours.
+steady: $(VENV)/.installed
+	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4
+
+# What is run before an issue is closed, beside `make test`; half a night.
+long: conformance sabotage steady
+	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
 
 # The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).
 bench: $(VENV)/.installed

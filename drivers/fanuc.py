@@ -180,7 +180,10 @@ class FanucArm:
         return reached
 
     def position(self) -> JointReading:
-        """Where the robot stands: two readings, `gap_s` apart, that agree. Raises LinkError, Busy (it goes on moving)."""
+        """Where the robot stands: two readings, `gap_s` apart, that agree.
+
+        Raises LinkError, Busy (it goes on moving).
+        """
         end = self._clock() + self.deadlines.settle_s
         with self._lock:
             before = self._controller.joints()

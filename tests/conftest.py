@@ -1,12 +1,19 @@
-"""Settings for every test: Hypothesis draws the same examples in every run and has no clock.
+"""Settings for every test: one thread for BLAS, and Hypothesis draws the same examples in every run and has no clock.
 
 The machines that run these tests are shared, so a deadline would only measure the neighbours. A failing example
-is printed with the line that reproduces it. The profile `fuzz` draws 100,000 new ones for each test: `make fuzz`.
+is printed with the line that reproduces it. The profile `fuzz` draws 100,000 new ones for each test (`make fuzz`),
+`fuzz-short` 2,000 (`make long`).
 """
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy; processes that tests start inherit it
+
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 settings.register_profile(
     "truepose",
@@ -24,4 +31,9 @@ settings.register_profile(
     max_examples=100_000,
     suppress_health_check=list(HealthCheck),
 )
+settings.register_profile("fuzz-short", settings.get_profile("fuzz"), max_examples=2_000)
 settings.load_profile("truepose")
+
+# Hypothesis mixes in numbers that it finds in the source of whatever modules are loaded: then the examples of a test
+# depend on which tests ran before it in the same process, whatever `derandomize` says. There is no setting for it.
+providers._get_local_constants = Constants

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -12,21 +10,23 @@ from acquisition.run import Run
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
+from tests.service.lease_clock import LeaseClock
 
 
 def test_a_lease_lapses_once_and_not_while_it_beats() -> None:
     lapses: list[float] = []
-    lease = Lease("page", 0.2)
-    begin = time.monotonic()
-    with lease.watched(lambda: lapses.append(time.monotonic())):
-        while time.monotonic() < begin + 0.5:
+    clock = LeaseClock()
+    lease = Lease("page", 10.0, clock)
+    with lease.watched(lambda: lapses.append(clock.now())):
+        for _ in range(5):
+            clock.pass_by(9.0)
             lease.beat()
-            threading.Event().wait(0.01)
+        clock.pass_by(9.0)
         assert lapses == []
+        clock.pass_by(1.0)
         until(lambda: lapses)
-        assert lapses[0] - begin > 0.65
         assert lease.left_s <= 0.0
-    assert len(lapses) == 1
+    assert lapses == [55.0]
 
 
 def test_a_lease_that_is_given_up_in_time_says_nothing() -> None:
@@ -42,13 +42,18 @@ def test_a_run_whose_owner_falls_silent_is_paused_with_the_reading_in_hand(tmp_p
     bench = Bench(a_cell())
     with closing(Run.create(tmp_path, bench.cell, a_campaign(), simulated=True)) as run:
         devices = devices_of(bench, SeatingOperator(bench))
-        lease = Lease("cell PC", 1.0)
+        clock = LeaseClock()
+        lease = Lease("cell PC", 1.0, clock)
+
+        def heard() -> None:
+            clock.pass_by(0.9)
+            lease.beat()
 
         def fall_silent() -> None:
+            clock.pass_by(1.0)
             until(lambda: any(event.data.get("by") == "watchdog of cell PC" for event in run.events()))
 
-        bench.faults = dict.fromkeys(range(1, 10), lease.beat) | {10: fall_silent}
-        lease.beat()
+        bench.faults = dict.fromkeys(range(1, 10), heard) | {10: fall_silent}
         outcome = run.execute(devices, JumpingClock(), lease=lease)
         assert outcome.state.value == "paused"
         assert outcome.reason == "cell PC was not heard of for 1 s."

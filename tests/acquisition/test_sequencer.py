@@ -31,7 +31,7 @@ from tests.acquisition.fakes import (
     devices_of,
 )
 from tests.acquisition.stage import ALL, CONNECT, NESTS, Stage
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
 @pytest.fixture
@@ -303,7 +303,7 @@ def test_prompt_is_answered_from_another_thread_whoever_shows_it(tmp_path: Path)
             until(
                 lambda stage=stage, identity=identity: (stage.run.status().prompt or {}).get("id") != identity
             )
-        assert done.result(timeout=10).state.value == "succeeded"
+        assert done.result(PATIENCE_S).state.value == "succeeded"
         stage.run.close()
 
 
@@ -314,7 +314,7 @@ def test_orders_end_a_prompt(tmp_path: Path, order: str, state: str) -> None:
     done = in_thread(stage.execute)
     until(lambda: stage.run.status().prompt is not None)
     getattr(stage.run, order)()
-    assert done.result(timeout=10).state.value == state
+    assert done.result(PATIENCE_S).state.value == state
     until(lambda: stage.operator.pending is None)
     assert stage.run.status().prompt is None
     assert stage.bench.shots == {}

@@ -14,9 +14,9 @@ from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
 from tests.conformance.rig import SCALE, Rig
 
-PATIENT_ABB = AbbDeadlines(move_margin_s=5.0, ping_s=5.0, reply_s=5.0, stop_s=5.0, quiet_s=0.05)
+PATIENT_ABB = AbbDeadlines(move_margin_s=30.0, ping_s=30.0, reply_s=30.0, stop_s=30.0, quiet_s=0.05)
 HASTY_ABB = replace(PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3)
-PATIENT_SIMPLE = AbbSimpleDeadlines(reply_s=5.0, stop_s=5.0, settle_s=5.0)
+PATIENT_SIMPLE = AbbSimpleDeadlines(reply_s=30.0, stop_s=30.0, settle_s=30.0)
 HASTY_SIMPLE = replace(
     PATIENT_SIMPLE, connect_s=0.3, takeover_s=0.1, reply_s=0.3, stop_s=0.3, settle_s=0.3, move_margin_s=0.3
 )

@@ -15,7 +15,7 @@ from mocks.faultproxy import FaultProxy
 from tests.conformance.rig import SCALE, Rig
 
 CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
-PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=5.0, reply_s=5.0, settle_s=5.0)
+PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=30.0, reply_s=30.0, settle_s=30.0)
 HASTY = replace(
     PATIENT, move_margin_s=0.1, move_factor=0.0, reply_s=0.1, stop_s=0.1, settle_s=0.1, connect_s=0.1
 )

@@ -13,7 +13,7 @@ from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
 
 SCALE = 5000.0  # a 20 deg move at 20 deg/s takes 0.2 ms
-SLACK_S = 2.0  # what a loaded machine may add to a deadline
+SLACK_S = 20.0  # what a loaded machine may add to a deadline
 
 
 class Driver(Protocol):

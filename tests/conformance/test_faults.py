@@ -136,7 +136,7 @@ def test_booting_device(named_rig: tuple[str, Rig]) -> None:
     rig.proxy.heal()
     begin = time.monotonic()
     rig.restart()
-    assert time.monotonic() - begin < 1.0 + SLACK_S
+    assert time.monotonic() - begin < SLACK_S  # a patient driver that waits for a deadline takes longer
     assert rig.ask(1) <= rig.tolerance
 
 
@@ -145,8 +145,8 @@ def ask_often(rig: Rig, first: int) -> None:
         assert rig.ask(i) <= rig.tolerance
 
 
-def test_working_within_a_second_after_a_reboot(named_rig: tuple[str, Rig]) -> None:
-    """The best of three counts: what is asked of the driver, not of a loaded machine."""
+def test_working_at_once_after_a_reboot(named_rig: tuple[str, Rig]) -> None:
+    """Without waiting for a deadline: those of a patient driver are longer. The best of three counts."""
     _, rig = named_rig
     took_s = []
     for round_ in range(3):
@@ -161,7 +161,7 @@ def test_working_within_a_second_after_a_reboot(named_rig: tuple[str, Rig]) -> N
         rig.restart()
         assert rig.ask(50 + round_) <= rig.tolerance
         took_s.append(time.monotonic() - begin)
-    assert min(took_s) < 1.0
+    assert min(took_s) < 4.0
 
 
 def test_a_clock_that_steps_costs_one_reading(named_rig: tuple[str, Rig]) -> None:

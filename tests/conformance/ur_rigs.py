@@ -11,7 +11,7 @@ from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
 from tests.conformance.rig import SCALE, Rig
 
-PATIENT_UR = UrDeadlines(reply_s=5.0, start_s=5.0, stop_s=5.0)
+PATIENT_UR = UrDeadlines(reply_s=30.0, start_s=30.0, stop_s=30.0)
 HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 

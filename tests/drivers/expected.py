@@ -12,6 +12,8 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 
+from tests.drivers.waiting import PATIENCE_S
+
 Pair = tuple[bytes, bytes]
 
 _FLOAT = re.compile(rb"=-?\d+(?:\.\d+)?(?:e-?\d+)?(?= |$)")
@@ -60,7 +62,7 @@ class ExpectedDevice:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._thread.join(timeout=15)
+        self._thread.join(PATIENCE_S)
         self._server.close()
         assert not self._thread.is_alive(), "conversation not finished"
         assert not self.faults, self.faults
@@ -68,7 +70,7 @@ class ExpectedDevice:
 
 def converse(port: int, pairs: Sequence[Pair], same: Callable[[bytes], bytes] = lambda reply: reply) -> None:
     """Ask a simulator each question and compare its answers after `same`."""
-    with socket.create_connection(("127.0.0.1", port), timeout=5) as client:
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as client:
         for request, wanted in pairs:
             client.sendall(request)
             got = b""

@@ -29,7 +29,7 @@ from drivers import (
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 SLOW = CellFile(time_scale=1.0, effects=("none",))  # moves take seconds, for what happens during one
@@ -101,7 +101,7 @@ def test_stop_ends_a_pending_move(slow: CellThread) -> None:
     until(lambda: slow.do("state")["moving"])
     arm.stop()
     with pytest.raises(MotionStopped):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     state = slow.do("state")
     assert not state["moving"]
     assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
@@ -135,7 +135,7 @@ def test_disconnect_from_another_thread_ends_a_pending_move(slow: CellThread) ->
     until(lambda: slow.do("state")["moving"])
     arm.disconnect()
     with pytest.raises(LinkError):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
 
 
 def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread) -> None:
@@ -145,7 +145,7 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread
     until(lambda: slow.do("state")["moving"])
     slow.do("estop")
     with pytest.raises(EmergencyStop) as caught:
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     assert caught.value.code == 4001
     arm.deadlines = HASTY
     with pytest.raises(EmergencyStop):
@@ -171,7 +171,7 @@ def test_controller_leaves_automatic_during_a_move(
     until(lambda: slow.do("state")["moving"])
     slow.do(**order)  # type: ignore[arg-type]
     with pytest.raises(error):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     arm.disconnect()
 
 
@@ -206,7 +206,7 @@ def test_controller_stops_by_itself(slow: CellThread) -> None:
     assert slow.cell is not None
     slow.do("motors", on=True)  # wakes the task in its own loop
     with pytest.raises(ProtectiveStop):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     arm.disconnect()
 
 

@@ -39,7 +39,7 @@ from drivers import (
 from mocks.abb_simple import LAST, START, STOP, SimpleMessageServers
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 SLOW = CellFile(time_scale=1.0, effects=("none",))  # moves take seconds, for what happens during one
@@ -134,7 +134,7 @@ def test_stop_ends_a_pending_move(slow: CellThread) -> None:
     until(lambda: slow.do("state")["moving"])
     arm.stop()
     with pytest.raises(MotionStopped):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     state = slow.do("state")
     assert not state["moving"]
     assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
@@ -165,7 +165,7 @@ def test_stop_is_repeated_on_a_fresh_connection(slow: CellThread) -> None:
     arm.stop()
     assert not slow.do("state")["moving"]
     with pytest.raises(MotionStopped):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     arm.disconnect()
 
 
@@ -176,7 +176,7 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(
     until(lambda: slow.do("state")["moving"])
     arm.disconnect()
     with pytest.raises(LinkError):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     assert not slow.do("state")["moving"]
     assert max(slow.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
     with pytest.raises(LinkLost):
@@ -190,7 +190,7 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread
     until(lambda: slow.do("state")["moving"])
     slow.do("estop")
     with pytest.raises(EmergencyStop):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     assert arm.status().emergency_stop
     with pytest.raises(EmergencyStop):
         arm.arm()
@@ -219,7 +219,7 @@ def test_controller_gives_up_during_a_move(
     until(lambda: slow.do("state")["moving"])
     slow.do(**order)  # type: ignore[arg-type]
     with pytest.raises(error):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     arm.disconnect()
 
 
@@ -367,4 +367,4 @@ def test_simulator_as_a_process() -> None:
         arm.move_to(FAR)
         arm.disconnect()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=20) == 0
+        assert process.wait(PATIENCE_S) == 0

@@ -18,6 +18,7 @@ from drivers import AbbSimpleArm, CommandRefused, ProtocolError
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.expected import ExpectedDevice, Pair, converse
+from tests.drivers.waiting import PATIENCE_S
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 TARGET = (90.0, -45.0, 0.0, 0.0, 0.0, 90.0)
@@ -62,7 +63,10 @@ class Pusher:
 
     def __exit__(self, *_: object) -> None:
         self._end.set()
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1):
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE_S),
+        ):
             self._thread.join()
         self._server.close()
 
@@ -122,7 +126,7 @@ def test_simulator() -> None:
 
 def pushed(cell: CellThread, state: bytes) -> bool:
     """Whether the simulator comes to push exactly this."""
-    with socket.create_connection(("127.0.0.1", cell.port("abb-simple-state")), timeout=5) as client:
+    with socket.create_connection(("127.0.0.1", cell.port("abb-simple-state")), timeout=PATIENCE_S) as client:
         got = b""
         while state not in got and len(got) < 1000 * len(state):
             got += client.recv(4096)

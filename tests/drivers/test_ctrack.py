@@ -32,7 +32,7 @@ from mocks.ctrack import quaternion
 from mocks.mbp import line
 from mocks.world.transforms import turn
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
 SLOW = CellFile(time_scale=1.0, effects=("none",))
@@ -214,7 +214,7 @@ def test_stop_ends_a_pending_pose_and_a_second_client_is_refused() -> None:
         until(lambda: cell.cell and cell.cell.ctrack.bridge.busy)
         meter.stop()
         with pytest.raises(MotionStopped):
-            reading.result(timeout=5)
+            reading.result(PATIENCE_S)
         meter.arm()
         meter.disconnect()
 

@@ -33,7 +33,7 @@ from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.leica_device import LeicaDevice
 from tests.drivers.expected import ExpectedDevice, Pair, converse
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 SLOW = CellFile(time_scale=1.0, effects=("none",))
@@ -219,7 +219,7 @@ def test_stop_beam_break_in_a_reading_and_second_client() -> None:
             until(lambda: cell.cell and cell.cell.emscon.averaging)
             interrupt()
             with pytest.raises(error):
-                reading.result(timeout=5)
+                reading.result(PATIENCE_S)
         tracker.disconnect()
 
 

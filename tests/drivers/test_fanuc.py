@@ -39,7 +39,7 @@ from drivers import (
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 POSE = (12.5, 20.0, -31.25, 40.0, -45.0, 60.1234)
@@ -166,7 +166,7 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: tuple[Cell
     until(lambda: cell.do("state")["moving"])
     cell.do("estop")
     with pytest.raises(ProtectiveStop if arm.dialect == "mappdk" else EmergencyStop) as caught:
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     assert caught.value.code in (4001, 4002)
     cell.do("restart")
     arm.connect()
@@ -186,7 +186,7 @@ def test_servo_or_automatic_mode_lost_during_a_move(
     until(lambda: cell.do("state")["moving"])
     cell.do(**order)  # type: ignore[arg-type]
     with pytest.raises((EnableLost, WrongMode, ProtectiveStop)):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     assert not cell.do("state")["moving"]
 
 
@@ -210,7 +210,7 @@ def test_stop_ends_a_pending_move(slow: tuple[CellThread, FanucArm]) -> None:
     until(lambda: cell.do("state")["moving"])
     arm.stop()
     with pytest.raises(MotionStopped):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     state = cell.do("state")
     assert not state["moving"]
     assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
@@ -247,7 +247,7 @@ def test_disconnect_from_another_thread_ends_a_pending_move(slow: tuple[CellThre
     until(lambda: cell.do("state")["moving"])
     arm.disconnect()
     with pytest.raises(LinkError):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
 
 
 def test_end_of_move_elsewhere_is_not_believed(fast: tuple[CellThread, FanucArm]) -> None:
@@ -416,7 +416,7 @@ def test_two_clients_do_not_share_a_robot(slow: tuple[CellThread, FanucArm], wir
     ):  # what the first client writes as it halts may be read back in place of one's own
         controller._profile.command(controller._registers, POSE, 1, 99)  # type: ignore[attr-defined]
     with pytest.raises(Busy, match="another client"):
-        move.result(timeout=5)
+        move.result(PATIENCE_S)
     other.disconnect()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers import FanucArm, FanucDeadlines
+from tests.drivers.waiting import PATIENCE_S
 
 CELL = """
 format = "truepose-cell/1"
@@ -52,5 +53,5 @@ def test_endpoints(tmp_path: Path, whole_cell: bool, stock: bool) -> None:
         assert reached.joints_deg[2] == 200.0
         arm.disconnect()
         process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out, err) == (0, "", "")

@@ -117,6 +117,14 @@ def test_another_version_of_our_server_is_refused() -> None:
             arm.connect()
 
 
+def test_an_answer_of_our_server_with_a_wrong_sum_is_refused() -> None:
+    spoiled = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 300iC,V7.70P,k=120;")
+    with ExpectedDevice(GREETED) as main, ExpectedDevice(spoiled) as logger:
+        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+        with pytest.raises(ProtocolError, match="wrong sum"):
+            arm.connect()
+
+
 @pytest.mark.parametrize("options", ["", "?modbus=hmi", "?modbus=io"])
 def test_another_device_at_the_address(options: str) -> None:
     """An open_abb controller never greets and does not speak Modbus; a FARO bridge answers in lines."""

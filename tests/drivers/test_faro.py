@@ -31,7 +31,7 @@ from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.mbp import line
 from tests.drivers.expected import MBP_MEASURE, ExpectedDevice
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 SLOW = CellFile(time_scale=1.0, effects=("none",))
@@ -130,7 +130,7 @@ def test_beam_broken_during_a_reading() -> None:
         until(lambda: cell.cell and cell.cell.tracker.held == "T1")
         cell.do("break_beam")
         with pytest.raises(BeamBroken):
-            reading.result(timeout=5)
+            reading.result(PATIENCE_S)
         tracker.disconnect()
 
 
@@ -240,7 +240,7 @@ def test_stop_ends_a_pending_reading() -> None:
         until(lambda: cell.cell and cell.cell.tracker.held == "T1")
         tracker.stop()
         with pytest.raises(MotionStopped):
-            reading.result(timeout=5)
+            reading.result(PATIENCE_S)
         tracker.arm()
         tracker.stop()
         tracker.disconnect()

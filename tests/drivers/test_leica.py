@@ -33,7 +33,7 @@ from mocks.cell_file import CellFile
 from mocks.leica_device import LeicaDevice
 from mocks.mbp import line
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
 SLOW = CellFile(time_scale=1.0, effects=("none",))
@@ -275,7 +275,7 @@ def test_stop_beam_break_in_a_reading_and_second_client() -> None:
             until(lambda: cell.cell and cell.cell.at960.held == "N1" and cell.cell.leica.bridge.busy)
             interrupt()
             with pytest.raises(error):
-                reading.result(timeout=5)
+                reading.result(PATIENCE_S)
         tracker.disconnect()
 
 

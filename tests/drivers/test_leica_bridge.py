@@ -28,7 +28,7 @@ from drivers import (
 )
 from drivers.mbp import checksum
 from mocks.faultproxy import FaultProxy
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 FILE = Path(__file__).parents[2] / "examples" / "bridge" / "bridge.py"
 
@@ -108,7 +108,7 @@ def test_stop_and_second_client(bridge: Any, tracker: LeicaTracker) -> None:
     until(bridge.busy)
     tracker.stop()
     with pytest.raises(MotionStopped):
-        reading.result(timeout=5)
+        reading.result(PATIENCE_S)
     tracker.arm()
     tracker.measure("T1", samples=1)
 
@@ -117,7 +117,7 @@ def test_client_that_leaves_ends_what_moves_and_comes_back(bridge: Any, tracker:
     reading = in_thread(lambda: tracker.measure("T1", samples=1000))
     until(bridge.busy)
     tracker.disconnect()
-    assert reading.exception(timeout=5) is not None
+    assert reading.exception(PATIENCE_S) is not None
     tracker.connect()
     tracker.arm()
     tracker.measure("T1", samples=1)
@@ -151,7 +151,7 @@ def test_never_a_wrong_reading_through_it(bridge: Any, fault: str) -> None:
 
 
 def test_lines_that_are_no_requests(bridge: Any) -> None:
-    with socket.create_connection(("127.0.0.1", bridge.port), timeout=5) as client:
+    with socket.create_connection(("127.0.0.1", bridge.port), timeout=PATIENCE_S) as client:
         lines = client.makefile("rb")
         for body, wanted in (
             (b"nonsense", b"0 ERR code=101"),

@@ -13,7 +13,7 @@ import pytest
 
 from drivers import ConfigError, LinkLost, LinkTimeout, ProtocolError
 from drivers.link import Address, TcpLink, WireLog, parse_url
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
 class Pair:
@@ -51,7 +51,7 @@ def test_question_and_answer(pair: Pair) -> None:
     assert pair.device.recv(10) == b"q\n"
     pair.device.sendall(b"ans")
     pair.device.sendall(b"wer\n")
-    assert answer.result(timeout=5) == b"answer"
+    assert answer.result(PATIENCE_S) == b"answer"
     rows = [json.loads(row) for row in pair.wire.getvalue().splitlines()]
     assert rows[1] == {"t_s": 1.5, "device": "dev", "dir": ">", "data": "q\n"}
     assert "".join(row["data"] for row in rows if row["dir"] == "<") == "answer\n"
@@ -63,7 +63,7 @@ def test_half_a_line_at_the_end_of_the_stream_is_an_error(pair: Pair) -> None:
     pair.device.sendall(b"10")  # of 1001.2
     pair.device.shutdown(socket.SHUT_WR)
     with pytest.raises(LinkLost, match="in the middle") as caught:
-        answer.result(timeout=5)
+        answer.result(PATIENCE_S)
     assert caught.value.raw == b"10"
     assert not pair.link.is_open
 
@@ -96,7 +96,7 @@ def test_rest_of_a_glued_answer_is_not_the_next_answer(pair: Pair) -> None:
     answer = in_thread(lambda: ask(pair))
     pair.device.recv(10)
     pair.device.sendall(b"one\ntwo\n")
-    assert answer.result(timeout=5) == b"one"
+    assert answer.result(PATIENCE_S) == b"one"
     with pytest.raises(ProtocolError):
         ask(pair)
 
@@ -132,7 +132,7 @@ def test_close_from_another_thread_wakes_the_reader(pair: Pair) -> None:
     pair.device.recv(10)
     pair.link.close()
     with pytest.raises(LinkLost):
-        answer.result(timeout=5)
+        answer.result(PATIENCE_S)
 
 
 def test_answer_without_terminator_ends_by_its_form(pair: Pair) -> None:
@@ -146,7 +146,7 @@ def test_answer_without_terminator_ends_by_its_form(pair: Pair) -> None:
     answer = in_thread(read)
     for piece in (b"4", b" 1 1", b"2.", b"34"):
         pair.device.sendall(piece)
-    assert answer.result(timeout=5) == b"4 1 12.34"
+    assert answer.result(PATIENCE_S) == b"4 1 12.34"
     pair.device.sendall(b"5 1 ")
     with pytest.raises(ProtocolError):
         read()

@@ -17,7 +17,7 @@ from drivers import (
     TerminalOperator,
     UnknownPrompt,
 )
-from tests.drivers.waiting import in_thread
+from tests.drivers.waiting import PATIENCE_S, in_thread
 
 SEAT = Prompt("p1", "Seat the SMR in T1 and press confirm", (Answer.CONFIRM, Answer.SKIP, Answer.ABORT))
 
@@ -62,7 +62,7 @@ def test_remote_answer_reaches_the_one_who_asks() -> None:
     with pytest.raises(Busy):
         operator.ask(SEAT)
     operator.answer("p1", Answer.SKIP)
-    assert asked.result(timeout=5) is Answer.SKIP
+    assert asked.result(PATIENCE_S) is Answer.SKIP
     assert operator.pending is None
     with pytest.raises(UnknownPrompt):
         operator.answer("p1", Answer.CONFIRM)
@@ -74,4 +74,4 @@ def test_remote_closed_is_not_a_confirmation() -> None:
     assert operator.wait_pending(5)
     operator.close()
     with pytest.raises(NoOperator):
-        asked.result(timeout=5)
+        asked.result(PATIENCE_S)

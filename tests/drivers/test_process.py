@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers import AbbArm, FaroTracker
+from tests.drivers.waiting import PATIENCE_S
 
 CELL = """
 format = "truepose-cell/1"
@@ -62,7 +63,7 @@ def test_cell_process(tmp_path: Path) -> None:
         tracker.arm()
         arm.move_to((10, 20, 30, 40, 50, 60))
         reading = tracker.measure("T1")
-        with socket.create_connection(("127.0.0.1", ends["backdoor"]["port"]), timeout=5) as door:
+        with socket.create_connection(("127.0.0.1", ends["backdoor"]["port"]), timeout=PATIENCE_S) as door:
             lines = door.makefile("rw")
             answers = []
             for order in (
@@ -80,7 +81,7 @@ def test_cell_process(tmp_path: Path) -> None:
         assert not answers[2]["ok"]
         assert not answers[3]["ok"]
         process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=PATIENCE_S)
         arm.disconnect()
         tracker.disconnect()
     assert (process.returncode, out, err) == (0, "", "")
@@ -92,7 +93,7 @@ def test_single_device(name: str, count: int) -> None:
         assert process.stdout is not None
         ends = [json.loads(process.stdout.readline()) for _ in range(count)]
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=10)
+        process.communicate(timeout=PATIENCE_S)
     assert ends[0]["device"] == name
     assert process.returncode == 0
 
@@ -104,7 +105,7 @@ def test_wrong_cell_file(tmp_path: Path, text: str) -> None:
     file = tmp_path / "cell.toml"
     file.write_text(text, encoding="utf-8")
     with run("cell", str(file)) as process:
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     assert err.startswith("mocks: ")
 
@@ -115,8 +116,8 @@ def test_stock_and_seed_and_taken_port() -> None:
         end = json.loads(process.stdout.readline())
         assert end["protocol"] == "open_abb"
         with run("abb", "--port", str(end["port"])) as other:
-            _, err = other.communicate(timeout=20)
+            _, err = other.communicate(timeout=PATIENCE_S)
         assert other.returncode == 1
         assert "mocks:" in err
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=10)
+        process.communicate(timeout=PATIENCE_S)

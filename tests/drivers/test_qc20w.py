@@ -31,7 +31,7 @@ from mocks.cell_file import CellFile
 from mocks.mbp import line
 from mocks.world import ArmState
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 STILL = ArmState((0.0,) * 6, (0.0,) * 6, (1,) * 6)
 PLACE = np.array(make_world(CellFile(effects=("none",))).true_point(STILL, "T1"))
@@ -205,13 +205,13 @@ def test_stop_link_drop_in_a_reading_and_second_client() -> None:
         until(lambda: cell.cell and cell.cell.qc20w.bridge.busy)
         meter.stop()
         with pytest.raises(MotionStopped):
-            reading.result(timeout=5)
+            reading.result(PATIENCE_S)
         meter.arm()
         reading = in_thread(lambda: meter.measure("T1", base_target="B1", samples=100))
         until(lambda: cell.cell and cell.cell.qc20w.bridge.busy)
         cell.do("flicker")
         with pytest.raises(NoisyMeasurement, match="LINK_DOWN"):
-            reading.result(timeout=5)
+            reading.result(PATIENCE_S)
         meter.disconnect()
 
 
@@ -259,7 +259,7 @@ def test_unplugged_in_the_middle() -> None:
     until(lambda: link._buffer)
     os.close(ours)
     with pytest.raises(LinkLost):
-        reading.result(timeout=5)
+        reading.result(PATIENCE_S)
     link.close()
     os.close(theirs)
 
@@ -274,7 +274,7 @@ def test_closed_from_another_thread_and_deadline() -> None:
     until(link._reading.locked)
     link.close()
     with pytest.raises(LinkLost):
-        reading.result(timeout=5)
+        reading.result(PATIENCE_S)
     os.close(ours)
     os.close(theirs)
 

@@ -11,6 +11,7 @@ import pytest
 
 from drivers import CTrack, EmsconTracker, LeicaTracker, Qc20w
 from drivers.interfaces import Device
+from tests.drivers.waiting import PATIENCE_S
 
 
 def _driver(end: dict[str, str | int]) -> Device:
@@ -42,5 +43,5 @@ def test_every_endpoint_can_be_armed(name: str, protocols: dict[str, str]) -> No
             device.arm()
             device.disconnect()
         process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=10)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out, err) == (0, "", "")

@@ -100,7 +100,7 @@ def test_read_back_waits_for_the_arm_and_not_for_the_program(slow: CellThread, f
     arm.arm()
     goal = (12.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     early: list[float] = []
-    with socket.create_connection(("127.0.0.1", slow.port("ur-realtime")), timeout=5) as link:
+    with socket.create_connection(("127.0.0.1", slow.port("ur-realtime")), timeout=PATIENCE_S) as link:
         link.recv(1140, socket.MSG_WAITALL)
         move = in_thread(lambda: arm.move_to(goal))
         ran = False
@@ -197,7 +197,7 @@ def test_two_controlling_clients_are_refused_and_watching_is_not(fast: CellThrea
 
 
 def send_script(cell: CellThread, text: bytes) -> None:
-    with socket.create_connection(("127.0.0.1", cell.port("ur-secondary")), timeout=5) as link:
+    with socket.create_connection(("127.0.0.1", cell.port("ur-secondary")), timeout=PATIENCE_S) as link:
         link.sendall(text)
         link.shutdown(socket.SHUT_WR)
         while link.recv(4096):  # closing earlier, with states unread, would reset the connection

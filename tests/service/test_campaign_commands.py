@@ -17,8 +17,12 @@ import pytest
 from calib.dataset import read_dataset
 from service.cli import main
 from service.commands.serve import is_loopback
+<<<<<<< HEAD
 from service.private import make_secret
 from tests.drivers.waiting import until
+=======
+from tests.drivers.waiting import PATIENCE_S, until
+>>>>>>> c7437a1 (Tests wait for events with patience, no test asserts a time; make long; decision 0021)
 from tests.service.test_http_support import ROOT
 
 EXAMPLE = ROOT / "examples" / "irb120_faro" / "cell.toml"
@@ -113,7 +117,7 @@ def test_an_unsafe_pose_ends_with_5_before_anything_is_made(
 
 def test_without_a_terminal_a_prompt_ends_with_4_and_says_what_is_needed(tmp_path: Path) -> None:
     with started("campaign", "run", *files(tmp_path, one_smr=True), "--simulate") as process:
-        _, complaint = process.communicate(timeout=40)
+        _, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 4, complaint
     assert "needs an operator: Seat the SMR in N1 and press confirm." in complaint
     assert "campaign resume" in complaint
@@ -146,7 +150,7 @@ def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, 
             record = tmp_path / "record"
             until(lambda: commands(record) == ["pause"])
             process.send_signal(signal.SIGINT)
-        out, complaint = process.communicate(timeout=40)
+        out, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, complaint
     document = json.loads(out)
     assert document["state"] == state
@@ -177,7 +181,7 @@ def test_ctrl_c_at_a_prompt_ends_cleanly(tmp_path: Path) -> None:
             if "Seat the SMR in N1" in line:
                 break
         process.send_signal(signal.SIGINT)
-        _, complaint = process.communicate(timeout=40)
+        _, complaint = process.communicate(timeout=PATIENCE_S)
     os.close(master)
     os.close(slave)
     assert process.returncode == 130, complaint
@@ -192,9 +196,9 @@ def test_mock_forwards_lines_and_signals(tmp_path: Path) -> None:
         assert {end["device"] for end in ends} >= {"abb", "faro"}
         assert all(end["port"] > 0 for end in ends)
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
     with started("mock", "nobody") as process:
-        assert process.wait(20) == 2
+        assert process.wait(PATIENCE_S) == 2
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "cell-pc"])

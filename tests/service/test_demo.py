@@ -14,6 +14,7 @@ import pytest
 
 from acquisition import read_status
 from service.cli import main
+from tests.drivers.waiting import PATIENCE_S
 
 FILES = "report.html diagnosis.json predictions.csv data.csv data.toml model.json targets.csv cell.toml campaign.toml"
 
@@ -92,7 +93,7 @@ def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) ->
             told = demo.stderr.readline()
             assert told, "it ended before its first reading"
         os.kill(demo.pid, signal.SIGINT)
-        _, rest = demo.communicate(timeout=60)
+        _, rest = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 130
     assert "Traceback" not in rest
     assert read_status(out / "campaign1").state == "paused"
@@ -101,7 +102,7 @@ def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) ->
 def test_a_record_of_a_real_robot_is_not_thrown_away(tmp_path: Path) -> None:
     (tmp_path / "out" / "campaign1").mkdir(parents=True)
     with start("--out", str(tmp_path / "out")) as demo:
-        _, told = demo.communicate(timeout=60)
+        _, told = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 2, told
     assert (tmp_path / "out" / "campaign1").is_dir()
 
@@ -109,7 +110,7 @@ def test_a_record_of_a_real_robot_is_not_thrown_away(tmp_path: Path) -> None:
 def test_in_memory_needs_no_devices(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with start("--in-memory", "--seed", "3", "--out", str(out)) as demo:
-        shown, told = demo.communicate(timeout=60)
+        shown, told = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 0, told
     assert "Now revealed" in shown
     assert (out / "report.html").is_file()

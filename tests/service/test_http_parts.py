@@ -21,7 +21,7 @@ from service.http.problems import Problem
 from service.http.roles import Tokens
 from service.http.settings import Settings
 from service.plain import finite, utc_text
-from tests.drivers.waiting import in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
 def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> None:
@@ -29,7 +29,7 @@ def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> N
     go = threading.Event()
 
     def work() -> JSONResponse:
-        go.wait(10.0)
+        go.wait(PATIENCE_S)
         done.append(1)
         return reply(202, {"id": "one"}, location="/one")
 

@@ -15,6 +15,8 @@ from typing import Any
 
 import httpx2
 
+from tests.drivers.waiting import PATIENCE_S
+
 ROOT = Path(__file__).parents[2]
 TOKEN = "only-for-the-tests-of-truepose"
 MEDIA_TYPE = "application/problem+json"
@@ -29,7 +31,7 @@ class Served:
     client: httpx2.Client
     hello: dict[str, str]
 
-    def until(self, path: str, *states: str, seconds: float = 40.0) -> dict[str, Any]:
+    def until(self, path: str, *states: str, seconds: float = PATIENCE_S) -> dict[str, Any]:
         """Long-poll a run or a job until it is in one of these states."""
         end, version = time.monotonic() + seconds, 0
         while True:
@@ -66,7 +68,7 @@ def served(record: Path, *options: str) -> Iterator[Served]:
             with httpx2.Client(
                 base_url=f"{hello['url']}/api/v1",
                 headers={"Authorization": f"Bearer {TOKEN}"},
-                timeout=httpx2.Timeout(30.0),
+                timeout=httpx2.Timeout(PATIENCE_S),
             ) as client:
                 yield Served(process, hello["url"], client, hello)
         finally:

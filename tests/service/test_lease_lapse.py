@@ -19,7 +19,7 @@ from acquisition.run import Run
 from drivers.interfaces import Answer
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.lease_clock import LeaseClock
 
 SECONDS = 30.0
@@ -85,7 +85,7 @@ def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
         prompt = operator.wait_pending(20.0)
         assert prompt is not None
         clock.pass_by(SECONDS + 1.0)
-        thread.join(20.0)
+        thread.join(PATIENCE_S)
         assert outcomes[0].reason == SILENT
         assert operator.pending is None
         assert run.status().prompt is None

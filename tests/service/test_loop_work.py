@@ -24,7 +24,7 @@ from service.http.loops import CUT_OFF, Loops
 from service.http.problems import Problem
 from service.http.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.lease_clock import LeaseClock
 
 ABOUT_IT: dict[str, Any] = {
@@ -92,11 +92,11 @@ def test_a_pause_between_two_runs_rests_before_the_next_moves(stage: Stage) -> N
     def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         say("computing")
         computing.set()
-        computed.wait(20.0)
+        computed.wait(PATIENCE_S)
         measure(equipment, campaign, folder / "campaign_2")
 
     work = stage.begin(scene)
-    computing.wait(20.0)
+    computing.wait(PATIENCE_S)
     work.pause("anna", "anna gave the motion lease back.")
     assert work.document["state"] == "running"  # until the step has ended
     computed.set()
@@ -119,11 +119,11 @@ def test_a_stop_between_two_runs_ends_it_without_another_move(stage: Stage, paus
 
     def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         computing.set()
-        computed.wait(20.0)
+        computed.wait(PATIENCE_S)
         measure(equipment, campaign, folder / "campaign2")
 
     work = stage.begin(scene)
-    computing.wait(20.0)
+    computing.wait(PATIENCE_S)
     if paused:
         work.pause("anna")
         computed.set()
