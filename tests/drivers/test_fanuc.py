@@ -46,7 +46,9 @@ POSE = (12.5, 20.0, -31.25, 40.0, -45.0, 60.1234)
 POSE_OF_MODEL = (12.5, 20.0, 11.25, -40.0, 45.0, -60.1234)  # theta = (J1, J2, -(J2 + J3), -J4, -J5, -J6)
 SLOW = CellFile(robot="fanuc-lrmate200ic", time_scale=1.0, effects=("none",))
 FAST = replace(SLOW, time_scale=10_000.0)
-QUICK = FanucDeadlines(gap_s=0.001)
+QUICK = FanucDeadlines(
+    connect_s=30.0, reply_s=30.0, stop_s=30.0, settle_s=30.0, move_margin_s=60.0, gap_s=0.001
+)
 HASTY = FanucDeadlines(
     connect_s=0.3, settle_s=0.3, gap_s=0.001, still_s=0.3, move_factor=0.01, move_margin_s=0.3
 )
@@ -237,7 +239,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: tuple[CellThrea
     assert cell.cell is not None
     cell.cell.fanuc.controller.beat_s = 0.3
     arm.disconnect()
-    until(lambda: not cell.do("state")["moving"], seconds=3.0)
+    until(lambda: not cell.do("state")["moving"])
     assert max(cell.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
 
 

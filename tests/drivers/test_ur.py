@@ -7,6 +7,7 @@ import math
 import socket
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,14 +29,13 @@ from drivers import (
     RobotArm,
     SafetyStop,
     UrArm,
-    UrDeadlines,
     WrongMode,
     open_robot,
 )
 from mocks.cell import CellThread
 from mocks.ur_servo import COUNT_RAD
 from tests.drivers.expected import ExpectedDevice
-from tests.drivers.ur_bench import FAR, FAST, HASTY, SLOW, connected
+from tests.drivers.ur_bench import FAR, FAST, HASTY, PATIENT, SLOW, connected, creeping
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
@@ -82,7 +82,7 @@ def test_nothing_moves_on_connect(fast: CellThread, feed: str) -> None:
 
 
 def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str) -> None:
-    arm = connected(fast, feed, deadlines=UrDeadlines(start_s=0.3))
+    arm = connected(fast, feed, deadlines=replace(PATIENT, start_s=0.3))
     arm.arm()
     for goal in (FAR, FAR, (-5.0, -90.0, 5.0, 0.0, 0.0, 0.0)):  # the second is where it stands already
         reached = np.radians(arm.move_to(goal).joints_deg)
@@ -132,7 +132,7 @@ SAFETY = [
 def test_safety_during_a_move_is_seen_and_never_resumed(
     slow: CellThread, order: dict[str, object], error: type[AcquisitionError], code: int
 ) -> None:
-    arm = connected(slow)
+    arm = creeping(slow)
     arm.arm()
     move = in_thread(lambda: arm.move_to(FAR))
     until(lambda: slow.do("state")["moving"])
@@ -205,7 +205,7 @@ def send_script(cell: CellThread, text: bytes) -> None:
 
 
 def test_a_program_on_the_controller_is_not_aborted(slow: CellThread, feed: str) -> None:
-    arm = connected(slow, feed)
+    arm = creeping(slow, feed)
     arm.arm()
     send_script(slow, b"movej([1.5,0,0,0,0,0],a=1,v=0.5)\n")
     with pytest.raises(Busy):
@@ -217,7 +217,7 @@ def test_a_program_on_the_controller_is_not_aborted(slow: CellThread, feed: str)
 
 
 def test_a_program_that_replaces_ours_is_not_its_end(slow: CellThread, feed: str) -> None:
-    arm = connected(slow, feed)
+    arm = creeping(slow, feed)
     arm.arm()
     move = in_thread(lambda: arm.move_to(FAR))
     until(lambda: slow.do("state")["moving"])

@@ -12,7 +12,18 @@ FAST = CellFile(robot="ur5", time_scale=5000.0, effects=("none",))
 HASTY = UrDeadlines(reply_s=0.4, start_s=0.3, stop_s=0.5, settle_s=0.1, move_factor=0.0, move_margin_s=0.3)
 
 
+PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
+
+
 def connected(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
-    arm = UrArm(cell.url("ur") + options, **keywords)  # type: ignore[arg-type]
+    arm = UrArm(cell.url("ur") + options, **({"deadlines": PATIENT} | keywords))  # type: ignore[arg-type]
     arm.connect()
     return arm
+
+
+def creeping(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
+    """An arm that takes most of a minute to FAR: what shall happen on its way happens there, on a busy machine too.
+
+    Nor does its watchdog bark when only this program was starved.
+    """
+    return connected(cell, options, **({"speed_deg_s": 2.0, "watchdog_s": 30.0} | keywords))
