@@ -54,6 +54,8 @@ def test_only_direction_matters_of_the_second_and_third_nest() -> None:
 
 
 def test_refuses_a_wrong_nest_and_a_line() -> None:
+    with pytest.raises(NestsDisagree, match=r"N1 and N2 are 595\.00 mm apart"):
+        from_nests(dict(NESTS) | {"N2": (595.0, 0.0, 0.0)}, NESTS)
     with pytest.raises(NestsDisagree, match=r"N1 and N2 are 605\.00 mm apart"):
         from_nests(dict(NESTS) | {"N2": (605.0, 0.0, 0.0)}, NESTS)
     with pytest.raises(ValueError, match="line"):

@@ -87,7 +87,7 @@ def fast(wire: str) -> Iterator[tuple[CellThread, FanucArm]]:
 @pytest.fixture
 def slow(wire: str) -> Iterator[tuple[CellThread, FanucArm]]:
     with cell_of(wire, SLOW) as cell:
-        arm = arm_of(wire, cell, speed_deg_s=4.0)  # to FAR it takes longer than a busy machine starves a process
+        arm = arm_of(wire, cell, speed_deg_s=4.0)  # a busy machine does not sleep through the way to FAR
         arm.connect()
         arm.arm()
         yield cell, arm

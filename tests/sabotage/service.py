@@ -10,6 +10,13 @@ _HTTP = (
     "tests/service/test_http_data.py",
 )
 
+_LEASE = (
+    "tests/service/test_http_parts.py",
+    "tests/service/test_motion_lease.py",
+    "tests/service/test_roles.py",
+    "tests/service/test_http.py",
+)
+
 CHANGES = (
     Change(
         "service/http/state.py",
@@ -19,11 +26,60 @@ CHANGES = (
         _HTTP,
     ),
     Change(
-        "service/http/gate.py",
-        "hmac.compare_digest(token.strip().encode(), self._token)",
-        "self._token.startswith(token.strip().encode())",
+        "service/http/roles.py",
+        "        operator = hmac.compare_digest(given, self.operator.encode())",
+        "        operator = self.operator.encode().startswith(given)",
         "the first character of the token, or none, opens the service",
-        _HTTP,
+        _LEASE,
+    ),
+    Change(
+        "service/http/roles.py",
+        "/[^/]+/(pause|stop)",
+        "/[^/]+/(pause|stop|resume)",
+        "whoever may only look makes the robot move",
+        _LEASE,
+    ),
+    Change(
+        "service/http/lease.py",
+        "            _prove(held, lease_id)\n            return held\n",
+        "            return held\n",
+        "a robot moves by the lease of somebody else",
+        _LEASE,
+    ),
+    Change(
+        "service/http/lease.py",
+        "            _prove(held, lease_id)\n            if held.holder != holder:",
+        "            if held.holder != holder:",
+        "whoever repeats the holder's name prolongs, and is given, their lease",
+        _LEASE,
+    ),
+    Change(
+        "service/http/lease.py",
+        "                _prove(held, lease_id)\n            self._held = None",
+        "                pass\n            self._held = None",
+        "anybody gives back the lease of another",
+        _LEASE,
+    ),
+    Change(
+        "service/http/lease.py",
+        "            if (held := self._live()) is not None:\n                raise _other(held)\n",
+        "            held = self._live()\n",
+        "a second client takes the lease without a word",
+        _LEASE,
+    ),
+    Change(
+        "service/http/lease.py",
+        '        self._audit.note(f"lease {how}", holder=holder, seconds=seconds, **more)\n',
+        "",
+        "nobody can say later who took the lease from whom",
+        _LEASE,
+    ),
+    Change(
+        "service/private.py",
+        "os.open(name, flags, 0o600)",
+        "os.open(name, flags, 0o644)",
+        "everybody on the computer reads the token",
+        ("tests/service/test_roles.py", "tests/service/test_motion_lease.py"),
     ),
     Change(
         "service/http/gate.py",

@@ -17,12 +17,8 @@ import pytest
 from calib.dataset import read_dataset
 from service.cli import main
 from service.commands.serve import is_loopback
-<<<<<<< HEAD
 from service.private import make_secret
-from tests.drivers.waiting import until
-=======
 from tests.drivers.waiting import PATIENCE_S, until
->>>>>>> c7437a1 (Tests wait for events with patience, no test asserts a time; make long; decision 0021)
 from tests.service.test_http_support import ROOT
 
 EXAMPLE = ROOT / "examples" / "irb120_faro" / "cell.toml"
