@@ -190,7 +190,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
     in_thread(lambda: arm.move_to(FAR))
     until(lambda: slow.do("state")["moving"])
     arm.disconnect()
-    until(lambda: not slow.do("state")["moving"], seconds=2.0)
+    until(lambda: not slow.do("state")["moving"])
     assert max(slow.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
 
 

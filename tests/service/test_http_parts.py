@@ -99,6 +99,23 @@ def _never() -> JSONResponse:
     raise AssertionError("done twice")
 
 
+def test_a_key_is_on_the_disk_before_its_work_and_the_answer_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr("os.fsync", lambda handle: synced.append(os.fstat(handle).st_size))
+    journal = tmp_path / JOURNAL
+
+    def work() -> JSONResponse:
+        assert synced == [journal.stat().st_size]
+        assert b'"begun"' in journal.read_bytes()
+        return reply(200, {})
+
+    with closing(Keys(tmp_path)) as keys:
+        keys.once("key", "request", work)
+        assert synced[1:] == [journal.stat().st_size]
+
+
 def test_fingerprints_tell_requests_apart() -> None:
     assert fingerprint("/a", {"x": 1, "y": 2}) == fingerprint("/a", {"y": 2, "x": 1})
     assert fingerprint("/a", {"x": 1}) != fingerprint("/a", {"x": True})
