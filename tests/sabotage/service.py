@@ -23,7 +23,7 @@ CHANGES = (
         "limiter=self._stoppers",
         "limiter=self._waiters",
         "a hundred clients that wait keep a stop from being heard",
-        _HTTP,
+        ("tests/service/test_stop_threads.py",),
     ),
     Change(
         "service/http/roles.py",

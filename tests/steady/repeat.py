@@ -18,7 +18,7 @@ def repetition_of_the_test(request: pytest.FixtureRequest) -> int:
 
 @pytest.hookimpl(trylast=True)
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    times = metafunc.config.getoption("--repeat")
+    times: int = metafunc.config.option.repeat
     metafunc.fixturenames.append(FIXTURE)
     ids = [f"time {k}" for k in range(1, times + 1)]
     metafunc.parametrize(FIXTURE, range(times), ids=ids, indirect=True)
