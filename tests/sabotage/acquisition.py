@@ -74,10 +74,11 @@ CHANGES = (
     ),
     Change(
         "acquisition/rig.py",
-        "                problems.append(error)\n",
-        "                problems.append(error)\n                break\n",
+        '        beside.start()\n        stop("robot", self._devices.robot)\n        beside.join()\n',
+        '        stop("robot", self._devices.robot)\n        if not problems:\n            beside.start()\n'
+        "            beside.join()\n",
         "an instrument goes on measuring when the robot could not be stopped",
-        (*_SEQUENCER, "tests/acquisition/test_interrupt.py"),
+        ("tests/acquisition/test_stop.py", "tests/acquisition/test_interrupt.py", *_SEQUENCER),
     ),
     Change(
         "acquisition/control.py",

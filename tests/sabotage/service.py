@@ -23,7 +23,7 @@ CHANGES = (
         "limiter=self._stoppers",
         "limiter=self._waiters",
         "a hundred clients that wait keep a stop from being heard",
-        ("tests/service/test_stop_threads.py",),
+        ("tests/service/test_urgent.py",),
     ),
     Change(
         "service/http/roles.py",
@@ -118,7 +118,7 @@ CHANGES = (
     ),
     Change(
         "service/http/idempotency.py",
-        '                self._write(what="begun", key=key, fingerprint=request)\n',
+        '            self._write(what="begun", key=key, fingerprint=request)\n',
         "",
         "after a crash a request that was begun is done a second time",
         _HTTP,
