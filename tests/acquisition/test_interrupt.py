@@ -59,3 +59,16 @@ def test_orders_end_waits() -> None:
     control.stop()
     with pytest.raises(Stopping):
         control.settle(5.0)
+
+
+def test_a_stop_while_the_robot_is_armed_arms_nothing_else(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    arming = ALL.index("arm arm") + 1
+
+    def stop() -> None:
+        stage.run.stop(by="anna")
+
+    stage.bench.faults[arming] = stop
+    with closing(stage.run):
+        assert stage.execute().state.value == "stopped"
+    assert stage.bench.log == ALL[:arming]

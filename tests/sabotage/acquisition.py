@@ -70,7 +70,7 @@ CHANGES = (
         "            self._control.check_stop()\n",
         "",
         "a stop during the arming is undone by it",
-        _SEQUENCER,
+        ("tests/acquisition/test_interrupt.py",),
     ),
     Change(
         "acquisition/rig.py",

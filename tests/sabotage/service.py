@@ -135,13 +135,13 @@ CHANGES = (
         "            if len(self._waiting) >= MOST_WAITING:",
         "            if len(self._waiting) > 100 * MOST_WAITING:",
         "the queue of jobs grows without end",
-        _HTTP,
+        ("tests/service/test_refused_politely.py",),
     ),
     Change(
         "service/http/run_routes.py",
         "problems=[problem.as_dict() for problem in problems])",
         "problems=[])",
         "whoever stops is not told what could not be stopped",
-        (*_HTTP, "tests/service/test_http_targets.py"),
+        ("tests/service/test_refused_politely.py",),
     ),
 )
