@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.kinematics import Array
 from calib.model import Design
-from calib.regressors import Constant, JointAngle
+from calib.regressors import Constant, JointAngle, Temperature
 from calib.robot import Robot, built_in_robots
 from calib.units import FACTORS, to_internal
 from tests.calib.campaigns import situation
@@ -248,3 +249,8 @@ def test_two_effects_may_not_share_a_parameter() -> None:
     model, _ = situation("abb-irb120")
     with pytest.raises(ValueError, match="share"):
         _ = model.append(backlash(2), backlash(2)).index
+
+
+def test_warmer_air_is_a_positive_temperature() -> None:
+    conditions = cast(Conditions, SimpleNamespace(temperature=np.array([25.0, 18.0])))
+    np.testing.assert_array_equal(Temperature(20.0).evaluate(conditions), [5.0, -2.0])

@@ -131,3 +131,11 @@ def test_frame_of_three_points() -> None:
     rotation, origin = frame_of(np.array([[1.0, 1.0, 1.0], [1.0, 3.0, 1.0], [-4.0, 9.0, 1.0]]))
     np.testing.assert_allclose(rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-15)
     np.testing.assert_array_equal(origin, [1.0, 1.0, 1.0])
+
+
+def test_turns_go_into_the_world_with_their_scalar_first() -> None:
+    quarter = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0]).as_matrix()
+    frame = WorldFrame(quarter, np.zeros(3))
+    np.testing.assert_allclose(
+        frame.turned_to_world([[1.0, 0.0, 0.0, 0.0]]), [[np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]], atol=1e-12
+    )
