@@ -15,8 +15,8 @@ _PLAN = (
 CHANGES = (
     Change(
         "acquisition/database.py",
-        'connection.execute("PRAGMA synchronous = FULL")',
-        'connection.execute("PRAGMA synchronous = NORMAL")',
+        'self.query("PRAGMA synchronous = FULL")',
+        'self.query("PRAGMA synchronous = NORMAL")',
         "a power cut loses readings that were acknowledged",
         _STORE,
     ),
@@ -103,10 +103,38 @@ CHANGES = (
     ),
     Change(
         "acquisition/store.py",
-        "\"UPDATE attempt SET status = 'died' WHERE id = ?\"",
-        "\"UPDATE attempt SET status = 'good' WHERE id = ?\"",
+        'self.seals.close(db, row["id"], status="died")',
+        'self.seals.close(db, row["id"], status="good")',
         "an act that a crash cut off counts as done",
-        _STORE + _SEQUENCER,
+        ("tests/acquisition/test_store.py", *_SEQUENCER),
+    ),
+    Change(
+        "acquisition/seal.py",
+        '        return row["checksum"] == checksum(campaign["id"], table, row)\n',
+        "        return True\n",
+        "a reading that was damaged on the disk is exported",
+        ("tests/acquisition/test_seal.py",),
+    ),
+    Change(
+        "acquisition/seal.py",
+        "            parts += (name, repr(float(value) + 0.0))",
+        "            parts += (name, f'{value:g}')",
+        "the checksum of a row does not see damage in the last digits",
+        ("tests/acquisition/test_seal.py",),
+    ),
+    Change(
+        "acquisition/mover.py",
+        "            lock.acquire(timeout=0)\n",
+        "            pass\n",
+        "two campaigns move one robot",
+        ("tests/acquisition/test_mover.py",),
+    ),
+    Change(
+        "acquisition/mover.py",
+        '            self._hold(self._stack, f"{maker} {serial}"',
+        '            self._hold(self._stack, f"{maker} {serial} {self._url}"',
+        "a robot that is reached by two addresses is moved twice",
+        ("tests/acquisition/test_mover.py",),
     ),
     Change(
         "acquisition/store.py",
