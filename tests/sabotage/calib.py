@@ -184,7 +184,7 @@ CHANGES = (
         "    return 2.0 * np.sqrt(np.maximum(largest, 0.0))",
         "    return np.sqrt(np.maximum(largest, 0.0))",
         "an expanded uncertainty is the standard one",
-        ("tests/calib/test_identify.py", "tests/calib/test_selection.py", "tests/calib/test_compensate.py"),
+        ("tests/calib/test_figures.py",),
     ),
     Change(
         "calib/selection/bound.py",
@@ -198,6 +198,6 @@ CHANGES = (
         "np.quantile(errors, 0.95)",
         "np.quantile(errors, 0.9)",
         "one reading in ten lies beyond the 95 % error",
-        (*_VALIDATION, "tests/calib/test_identify.py"),
+        ("tests/calib/test_figures.py",),
     ),
 )
