@@ -84,7 +84,6 @@ class Keys:
             if entry is None:
                 entry = self._entries[key] = _Entry(request)
         if mine:
-            self._write(what="begun", key=key, fingerprint=request)
             return self._work(key, entry, work)
         if entry.fingerprint != request:
             raise Problem(
@@ -106,6 +105,7 @@ class Keys:
 
     def _work(self, key: str, entry: _Entry, work: Callable[[], JSONResponse]) -> JSONResponse:
         try:
+            self._write(what="begun", key=key, fingerprint=entry.fingerprint)
             answer = work()
             names = ("location", "retry-after")
             told = {

@@ -118,7 +118,7 @@ CHANGES = (
     ),
     Change(
         "service/http/idempotency.py",
-        '            self._write(what="begun", key=key, fingerprint=request)\n',
+        '            self._write(what="begun", key=key, fingerprint=entry.fingerprint)\n',
         "",
         "after a crash a request that was begun is done a second time",
         _HTTP,

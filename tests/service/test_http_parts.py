@@ -62,6 +62,21 @@ def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: P
             assert keys.once("refused", "a", lambda: reply(201, {"id": "y"})).status_code == 201
 
 
+def test_a_key_that_cannot_be_written_lets_nobody_wait(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with closing(Keys(tmp_path)) as keys:
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space"):
+            keys.once("k", "a", _never)
+        again = in_thread(lambda: keys.once("k", "a", _never))
+        with pytest.raises(Problem, match="outcome is not known"):
+            again.result(PATIENCE_S)
+
+
 def test_lines_that_come_while_the_disk_is_busy_share_a_sync(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
