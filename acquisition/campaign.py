@@ -6,7 +6,6 @@ says what; `acquisition.blocks` has its kinds of blocks, `acquisition.plan` turn
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,7 @@ import tomli_w
 from acquisition.blocks import read_block
 from acquisition.blocks.block import Approach, Block, Settle, read_approach, read_settle
 from acquisition.blocks.poses import read_poses
-from acquisition.toml_table import TomlTable, parse_toml
+from acquisition.toml_table import TomlTable, table_of_file, table_of_text
 
 __all__ = [
     "FORMAT",
@@ -94,13 +93,13 @@ class Campaign:
 
 def read_campaign(path: Path) -> Campaign:
     """Read `campaign.toml`. Raises ConfigError naming file and key."""
-    text, table = parse_toml(path)
+    text, table = table_of_file(path)
     return campaign_from(table, str(path), beside=path.parent, source=text)
 
 
 def campaign_of_record(source: str, where: str) -> Campaign:
     """The campaign of a record from its text; poses of files are in the record's plan and not read again."""
-    return campaign_from(tomllib.loads(source), where, source=source, read_files=False)
+    return campaign_from(table_of_text(source, where), where, source=source, read_files=False)
 
 
 def campaign_from(

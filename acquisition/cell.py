@@ -6,7 +6,6 @@ of the program can believe a `Cell`.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.arm import TOOL_RADIUS_MM, Arm
 from acquisition.clearance import Clearance
 from acquisition.obstacles import Obstacle, Table, read_fixtures, read_keep_out
-from acquisition.toml_table import TomlTable, Vector, parse_toml
+from acquisition.toml_table import TomlTable, Vector, table_of_file, table_of_text
 from calib.errors import DataError
 from calib.robot import Load, Robot, load_robot
 from calib.units import DEG
@@ -152,7 +151,7 @@ class Cell:
 
 def read_cell(path: Path) -> Cell:
     """Read `cell.toml`. Raises ConfigError naming file and key."""
-    text, table = parse_toml(path)
+    text, table = table_of_file(path)
     return cell_from(table, str(path), beside=path.parent, source=text)
 
 
@@ -182,7 +181,7 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
 
 def cell_of_record(source: str, where: str) -> Cell:
     """The cell of a record, from the text stored there. Raises ConfigError."""
-    return cell_from(tomllib.loads(source), where, beside=Path(where).parent, source=source)
+    return cell_from(table_of_text(source, where), where, beside=Path(where).parent, source=source)
 
 
 def _robot(table: TomlTable, beside: Path | None) -> RobotSection:

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from calib.errors import DataError
+from calib.toml_text import parse_toml, read_toml
 from drivers.errors import ConfigError
 
 Vector = tuple[float, float, float]
 
 
-def parse_toml(path: Path) -> tuple[str, dict[str, Any]]:
+def table_of_file(path: Path) -> tuple[str, dict[str, Any]]:
     """Text and table of a TOML file. Raises ConfigError."""
     try:
-        text = path.read_text(encoding="utf-8-sig")  # Notepad writes a byte order mark
-        return text, tomllib.loads(text)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}).") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: is not valid TOML ({error}).") from error
+        return read_toml(path)
+    except DataError as error:
+        raise ConfigError(str(error)) from error
+
+
+def table_of_text(text: str, where: str) -> dict[str, Any]:
+    """The table of TOML text that is kept in a record. Raises ConfigError."""
+    try:
+        return parse_toml(text, where)
+    except DataError as error:
+        raise ConfigError(str(error)) from error
 
 
 class TomlTable:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
 from pathlib import Path
@@ -10,8 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.csv_text import refuse_twice, rows_of
 from calib.errors import DataError
 from calib.kinematics import Array
+from calib.text_file import read_text
 
 
 class Columns:
@@ -19,16 +20,11 @@ class Columns:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError as error:
-            raise DataError("there is no such file.", do="Check the name.", file=path) from error
-        except (UnicodeDecodeError, IsADirectoryError) as error:
-            raise DataError("is not a UTF-8 text file.", do="Save it as CSV in UTF-8.", file=path) from error
-        lines = list(csv.reader(text.splitlines()))
+        text = read_text(path)
+        lines = rows_of(text, path)
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)
-        self.names = [name.strip() for name in lines[0]]
+        self.names = [name.strip() for name in lines[0][1]]
         if len(self.names) == 1 and ";" in self.names[0]:
             raise DataError(
                 "is separated by semicolons.",
@@ -36,14 +32,8 @@ class Columns:
                 file=path,
                 line=1,
             )
-        twice = {name for name in self.names if name and self.names.count(name) > 1}
-        if twice:
-            raise DataError(f"column '{min(twice)}' stands twice.", do="Keep one.", file=path, line=1)
-        rows = [
-            (number, line)
-            for number, line in enumerate(lines[1:], start=2)
-            if any(cell.strip() for cell in line)
-        ]
+        refuse_twice(self.names, path)
+        rows = [(number, line) for number, line in lines[1:] if any(cell.strip() for cell in line)]
         for number, line in rows:
             if len(line) != len(self.names):
                 raise DataError(

@@ -100,10 +100,8 @@ class Dataset:
 def read_dataset(path: Path | str) -> Dataset:
     """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
     path = Path(path)
-    if not path.is_file():
-        raise DataError("there is no such file.", do="Check the name.", file=path)
-    header = read_header(path.with_suffix(".toml"))
     table = Columns(path)
+    header = read_header(path.with_suffix(".toml"))
     _refuse_without_units(table)
     joints = _joints(table, header)
     reading_id = tuple(str(name) for name in table.text("reading_id"))
@@ -166,9 +164,7 @@ def read_dataset(path: Path | str) -> Dataset:
         u_rotation=table.numbers("u_rot_mrad") * 1e-3,
         u_length=table.numbers("u_length_mm"),
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
-        sha256=hashlib.sha256(
-            (table.sha256 + path.with_suffix(".toml").read_text("utf-8")).encode()
-        ).hexdigest(),
+        sha256=hashlib.sha256((table.sha256 + header.text).encode()).hexdigest(),
     )
     _refuse_unfit(dataset, table)
     refuse_implausible(dataset)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -14,6 +13,7 @@ from calib.effects.base_model import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.errors import DataError
 from calib.noise import Noise
 from calib.robot import Load, Robot, load_robot, parse_loads
+from calib.toml_text import read_toml
 from calib.units import DEG
 
 FORMAT = "truepose-dataset/1"
@@ -73,6 +73,7 @@ class Header:
     beyond_limits: bool = False  # whether joints may stand beyond the limits of the robot file
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unknown_keys: tuple[str, ...] = ()
+    text: str = field(default="", repr=False)  # as it stands in the file, for the hash of the data
 
     def knows_base_target(self, name: str) -> bool:
         """Whether distances may end at a base target of this name."""
@@ -156,10 +157,7 @@ def read_header(path: Path) -> Header:
             do="Write the header (robot, noise, tool targets); the README shows one.",
             file=path,
         )
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"is not valid TOML ({error}).", do="Correct that place.", file=path) from error
+    text, values = read_toml(path)
     table = _Table(values, path)
     table.text("format", (FORMAT,))
     try:
@@ -190,6 +188,7 @@ def read_header(path: Path) -> Header:
         beyond_limits=table.flag("beyond_limits"),
         devices=_devices(table),
         unknown_keys=_unknown(table),
+        text=text,
     )
 
 

@@ -7,8 +7,6 @@ conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, an
 
 from __future__ import annotations
 
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,10 +18,17 @@ from numpy.typing import NDArray
 
 from calib.capsules import Capsule, default_capsules, parse_capsules
 from calib.errors import DataError
+from calib.toml_text import read_toml
 from calib.units import DEG
 
 FORMAT = "truepose-robot/1"
 BUILT_IN = Path(__file__).parent / "robots"
+
+MOST_JOINTS = 20
+FARTHEST_MM = 1e5
+MOST_TURN = 1e4 * DEG
+HEAVIEST_KG = 1e5
+"""No link is longer or heavier, no joint turns further: what is was given in another unit."""
 
 Convention = Literal["mdh", "dh"]
 BasePlacement = Literal["plain", "thesis"]
@@ -117,19 +122,22 @@ def load_robot(name: str, beside: Path | None = None) -> Robot:
     Raises DataError when there is no such robot or its file is not a robot file.
     """
     path = BUILT_IN / f"{name}.toml"
-    if not path.is_file():
+    if name not in built_in_robots():
         path = (beside or Path()) / name
-        if path.suffix != ".toml" or not path.is_file():
+        if path.suffix != ".toml" or not _is_file(path):
             raise DataError(
                 f"unknown robot '{name}'.",
                 do=f"Use one of {', '.join(built_in_robots())}, or the path of a robot .toml file.",
                 key="robot",
             )
+    return _robot_from(read_toml(path)[1], path)
+
+
+def _is_file(path: Path) -> bool:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"is not valid TOML ({error}).", do="Correct the file.", file=path) from error
-    return _robot_from(table, path)
+        return path.is_file()
+    except OSError:  # a name that is too long
+        return False
 
 
 def _robot_from(table: dict[str, Any], path: Path) -> Robot:
@@ -165,16 +173,16 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
             d=tuple(float(link["d_mm"]) for link in links),
             lower=tuple(float(link["min_deg"]) * DEG for link in links),
             upper=tuple(float(link["max_deg"]) * DEG for link in links),
-            parallel_axes=tuple(table.get("parallel_axes", ())),
+            parallel_axes=tuple(int(k) for k in table.get("parallel_axes", ())),
             loads=parse_loads(table.get("loads", []), joints, path),
             joint_matrices=matrices,
-            controller_world_mm=tuple(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
+            controller_world_mm=_three(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
             source=table["source"],
             capsules=parse_capsules(table.get("capsule", []), joints, path),
         )
     except DataError:
         raise
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError) as error:  # float("x"), [1, [2]], 3["link"]
         raise DataError(
             f"has a value of the wrong kind ({error}).", do="See the built-in robot files.", file=path
         ) from error
@@ -186,10 +194,38 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
     return robot
 
 
+def _three(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
 def _refuse_impossible(robot: Robot, path: Path) -> None:
-    numbers = (*robot.alpha, *robot.a, *robot.theta, *robot.d, *robot.lower, *robot.upper)
-    if not all(math.isfinite(x) for x in numbers):
-        raise DataError("a link has a number that is not finite.", do="Correct it.", file=path, key="link")
+    for key, value in (("name", robot.name), ("maker", robot.maker), ("source", robot.source)):
+        if not isinstance(value, str) or not value:
+            raise DataError(f"is {value!r}.", do="Give text.", file=path, key=key)
+    if not 1 <= robot.joints <= MOST_JOINTS:
+        raise DataError(
+            f"there are {robot.joints} links.", do=f"Give 1 to {MOST_JOINTS}.", file=path, key="link"
+        )
+    lengths = (*robot.a, *robot.d, *robot.controller_world_mm)
+    angles = (*robot.alpha, *robot.theta, *robot.lower, *robot.upper)
+    if not all(abs(x) <= FARTHEST_MM for x in lengths) or not all(abs(x) <= MOST_TURN for x in angles):
+        raise DataError(
+            f"a length is beyond {FARTHEST_MM:g} mm, or an angle beyond {MOST_TURN / DEG:g} deg.",
+            do="Correct it.",
+            file=path,
+            key="link",
+        )
+    for name, each in robot.joint_matrices.items():
+        square = np.shape(each.matrix) == (robot.joints, robot.joints) and len(each.offset) == robot.joints
+        numbers = np.array([*np.ravel(each.matrix), *each.offset]) if square else np.array([np.nan])
+        if not np.all(np.abs(numbers) <= MOST_TURN) or abs(np.linalg.det(np.array(each.matrix))) < 1e-6:
+            raise DataError(
+                f"is not {robot.joints} x {robot.joints} numbers that can be inverted.",
+                do="Correct it.",
+                file=path,
+                key=f"joint_matrices.{name}",
+            )
     if robot.base not in ("plain", "thesis"):
         raise DataError(f"is {robot.base!r}.", do="Use 'plain' or 'thesis'.", file=path, key="base")
     if not all(k in range(1, robot.joints + 1) for k in robot.parallel_axes):
@@ -234,10 +270,10 @@ def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
             file=path,
             key="loads",
         )
-    if not (mass > 0.0 and all(math.isfinite(x) for x in (mass, *cog))):
+    if not (0.0 < mass <= HEAVIEST_KG and all(abs(x) <= FARTHEST_MM for x in cog)):
         raise DataError(
             f"a load of {mass} kg cannot be.",
-            do="Give its mass in kg, above zero.",
+            do=f"Give its mass in kg, above zero, and its centre within {FARTHEST_MM:g} mm.",
             file=path,
             key="loads",
         )

@@ -6,7 +6,6 @@ cannot be used.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
@@ -16,10 +15,11 @@ def do(folder: Path) -> None:
     """Do the job of a folder."""
     from calib.errors import DataError
     from calib.files import replace_file
+    from calib.json_text import read_json
     from service.files import as_json
     from service.http.problems import data_place, data_text
 
-    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
             diagnosis(Path(job["data"]), folder, simulated=job["simulated"], cell=job.get("cell"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,9 @@ from acquisition.blocks.block import DECIMALS, Joints, Site, Stand, Stream
 from acquisition.observability import select_poses
 from acquisition.poses import Pose, draw_poses
 from acquisition.toml_table import TomlTable
+from calib.csv_text import rows_of
 from calib.errors import DataError
+from calib.text_file import read_text
 from drivers.errors import ConfigError
 
 Select = Literal["random", "file", "list", "observability"]
@@ -98,22 +100,25 @@ def _listed(table: TomlTable) -> tuple[Joints, ...]:
 def read_poses(path: Path) -> tuple[Joints, ...]:
     """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ... Raises ConfigError naming the line."""
     try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error}).") from error
-    names = [name.strip() for name in lines[0]] if lines else []
+        lines = rows_of(read_text(path), path)
+    except DataError as error:
+        raise ConfigError(str(error)) from error
+    names = [name.strip() for name in lines[0][1]] if lines else []
     columns = []
     while f"j{len(columns) + 1}_deg" in names:
         columns.append(names.index(f"j{len(columns) + 1}_deg"))
     if not columns:
         raise ConfigError(f"{path}, line 1: has no columns j1_deg, j2_deg, ...")
     poses = []
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in lines[1:]:
         if any(cell.strip() for cell in line):
             try:
-                poses.append(tuple(float(line[column]) for column in columns))
+                pose = tuple(float(line[column]) for column in columns)
             except (ValueError, IndexError) as error:
                 raise ConfigError(f"{path}, line {number}: a joint angle is not a number.") from error
+            if not all(math.isfinite(q) for q in pose):
+                raise ConfigError(f"{path}, line {number}: a joint angle is not finite.")
+            poses.append(pose)
     if not poses:
         raise ConfigError(f"{path}: has no poses.")
     return tuple(poses)

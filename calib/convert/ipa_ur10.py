@@ -8,7 +8,6 @@ data set frees the tool. Source: Landgraf et al., IEEE CASE 2021, repository ipa
 
 from __future__ import annotations
 
-import csv
 import re
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +16,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.convert.table import Table
+from calib.csv_text import rows_of
 from calib.errors import DataError
+from calib.text_file import read_text
 
 _PUBLISHED = {
     "timestamp": "Timestamp",
@@ -62,15 +63,10 @@ TMAC = [0.0, 0.0, 0.0]
 
 def read(path: Path) -> Table:
     """Read either layout. Raises DataError naming line and column."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise DataError("there is no such file.", do="Check the name.", file=path) from error
-    except (UnicodeDecodeError, IsADirectoryError) as error:
-        raise DataError("is not a text file.", do="Give the published CSV file.", file=path) from error
+    text = read_text(path)
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    lines = list(csv.reader(text.splitlines(), delimiter=delimiter))
-    names = [name.strip() for name in lines[0]] if lines else []
+    lines = rows_of(text, path, delimiter)
+    names = [name.strip() for name in lines[0][1]] if lines else []
     layout = next((known for known in (_PUBLISHED, _CLEANED) if known["timestamp"] in names), None)
     wanted = (
         []
@@ -85,7 +81,7 @@ def read(path: Path) -> Table:
             file=path,
             line=1,
         )
-    rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
+    rows = [(number, line) for number, line in lines[1:] if line]
     if not rows:
         raise DataError("has a header row but no readings.", do="Give the whole file.", file=path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,6 +16,8 @@ from calib.errors import DataError
 from service import exit_codes
 from service.private import note_if_others_read, owner_only
 from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
+
+_HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
 @owner_only()
@@ -38,6 +41,7 @@ def serve(
     ] = None,
 ) -> None:
     """Serve HTTP; prints one JSON line with url and tokens when ready. Nothing moves until it is asked to."""
+    _refuse_host(host)
     token = chosen_token() if token_file is None else None
     if token is None and token_file is None and not is_loopback(host):
         sys.stderr.write(
@@ -75,6 +79,19 @@ def serve(
         code = run_server(create_app(settings), settings, port)
     if code != exit_codes.DONE:
         raise typer.Exit(code)
+
+
+def _refuse_host(host: str) -> None:
+    """Raise DataError for what is neither address nor name: the system takes '' and '0' for all its addresses."""
+    try:
+        ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))
+    except ValueError as error:
+        if not _HOST.fullmatch(host):
+            raise DataError(
+                f"{host!r} is not an address.",
+                do="Give an address or a name of this computer, or 0.0.0.0 for all of its addresses.",
+                key="--host",
+            ) from error
 
 
 def is_loopback(host: str) -> bool:

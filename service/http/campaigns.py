@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from acquisition import Campaign, campaign_from
 from calib.files import replace_file
+from calib.json_text import read_json
 from drivers.errors import ConfigError
 from service.files import as_json
 from service.http.names import new_id, safe_id
@@ -72,7 +72,7 @@ class Shelf:
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)
-        return json.loads(file.read_text(encoding="utf-8"))
+        return read_json(file)
 
     def all(self) -> list[dict[str, Any]]:
         """Newest first."""

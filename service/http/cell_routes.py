@@ -9,11 +9,12 @@ from fastapi import APIRouter, Request, Response
 
 from service.http.bodies import CellShown, Health, LeaseShown, TakeLease, TakeLeaseOver
 from service.http.headers import LeaseId
+from service.http.json_route import JsonRoute
 from service.http.lease import Held
 from service.http.state import Here
 from service.plain import utc_text
 
-router = APIRouter(tags=["cell"])
+router = APIRouter(route_class=JsonRoute, tags=["cell"])
 
 
 @router.get("/health", operation_id="getHealth", response_model=Health)

@@ -12,9 +12,10 @@ from service.http.bodies import Campaigns, CampaignShown, Datasets, DatasetShown
 from service.http.datasets import CSV, TOML
 from service.http.headers import IdempotencyKey
 from service.http.idempotency import fingerprint, reply
+from service.http.json_route import JsonRoute
 from service.http.state import Here
 
-router = APIRouter()
+router = APIRouter(route_class=JsonRoute)
 CAMPAIGNS, DATASETS = "/api/v1/campaigns", "/api/v1/datasets"
 
 

@@ -5,11 +5,8 @@ A data set is read before it is kept, so everything under `datasets/` can be wor
 
 from __future__ import annotations
 
-import csv
-import json
 import shutil
 import time
-import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +19,9 @@ from acquisition.merge import export_together
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from calib.files import replace_file
+from calib.json_text import read_json
+from calib.text_file import decoded
+from calib.toml_text import parse_toml
 from service import documents
 from service.files import as_json
 from service.http.names import new_id, safe_id
@@ -86,10 +86,7 @@ class Datasets:
         coming.mkdir()
         try:
             write(coming)
-            try:
-                about = documents.data_of(read_dataset(coming / CSV))
-            except (csv.Error, RecursionError) as error:
-                raise DataError(f"cannot be read ({error}).", do="Mend the file.", file=CSV) from error
+            about = documents.data_of(read_dataset(coming / CSV))
             document = {
                 **about,
                 "id": own,
@@ -107,7 +104,7 @@ class Datasets:
 
     def get(self, name: str) -> dict[str, Any]:
         """Raises Problem 404."""
-        return json.loads((self.path(name) / ABOUT).read_text(encoding="utf-8"))
+        return read_json(self.path(name) / ABOUT)
 
     def path(self, name: str) -> Path:
         """The folder of a data set. Raises Problem 404."""
@@ -123,9 +120,6 @@ class Datasets:
 
 def _refuse_paths(header: bytes) -> None:
     """A robot given as a path would be looked for among the server's files; built-in ones have names."""
-    try:
-        robot = tomllib.loads(header.decode("utf-8")).get("robot", "")
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DataError(f"is not valid TOML ({error}).", do="Correct the file.", file=TOML) from error
+    robot = parse_toml(decoded(header, TOML), TOML).get("robot", "")
     if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
         raise DataError("names a file of the server.", do="Name a built-in robot.", file=TOML, key="robot")

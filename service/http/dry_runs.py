@@ -5,7 +5,6 @@ Planning takes seconds to minutes: what plans here is called in a worker process
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 from acquisition import Campaign, Cell, State, checked_plan
 from acquisition.plan import Visit
 from calib.files import replace_file
+from calib.json_text import read_json
 from service.files import as_json
 from service.http.campaigns import campaign_of
 from service.wording import counted
@@ -60,4 +60,4 @@ def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulate
 def read(folder: Path) -> dict[str, Any] | None:
     """The document of a dry run; None where the folder holds another thing."""
     file = folder / FILE
-    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
+    return read_json(file) if file.is_file() else None

@@ -19,6 +19,7 @@ from typing import Any
 from fastapi.responses import JSONResponse
 
 from calib.errors import DataError
+from calib.json_text import parse_json
 from drivers.errors import AcquisitionError
 from service.http.problems import Problem
 
@@ -64,15 +65,15 @@ class Keys:
 
     def _read(self, line: bytes) -> None:
         try:
-            told = json.loads(line)
-        except ValueError:
+            told = parse_json(line, JOURNAL)
+        except DataError:
             return  # the last line of a program that was killed while it wrote
-        if told["what"] == "freed":
-            self._entries.pop(told["key"], None)
-            return
-        entry = _Entry(told["fingerprint"], told.get("reply"))
-        entry.done.set()
-        self._entries[told["key"]] = entry
+        match told:
+            case {"what": "freed", "key": str(key)}:
+                self._entries.pop(key, None)
+            case {"what": "begun" | "done", "key": str(key), "fingerprint": str(request)}:
+                self._entries[key] = entry = _Entry(request, told.get("reply"))
+                entry.done.set()
 
     def once(self, key: str, request: str, work: Callable[[], JSONResponse]) -> JSONResponse:
         """The answer of `work`, done at most once for a key; without a key, done. Raises Problem."""

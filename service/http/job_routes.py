@@ -12,9 +12,10 @@ from service.http.bodies import JobShown, OfDataset
 from service.http.datasets import CSV
 from service.http.headers import After, IdempotencyKey, Wait
 from service.http.idempotency import fingerprint, reply
+from service.http.json_route import JsonRoute
 from service.http.state import Here, Service
 
-router = APIRouter(tags=["results"])
+router = APIRouter(route_class=JsonRoute, tags=["results"])
 # A report stands by itself; whatever its data say, a browser runs and loads nothing for it.
 REPORT_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox",

@@ -7,7 +7,6 @@ The folder is the state: a job without an outcome that nobody works on was cut o
 
 from __future__ import annotations
 
-import json
 import queue
 import threading
 import time
@@ -17,6 +16,7 @@ from typing import Any
 
 from acquisition import Cell, State
 from calib.files import replace_file
+from calib.json_text import read_json
 from service import job
 from service.files import as_json
 from service.http import problems
@@ -76,7 +76,7 @@ class Jobs:
         folder = self._record / _FOLDERS[kind] / name
         if not safe_id(name) or not (folder / JOB).is_file():
             raise not_found(kind, name)
-        order = json.loads((folder / JOB).read_text(encoding="utf-8"))
+        order = read_json(folder / JOB)
         with self._changed:
             waiting, current = folder in self._waiting, folder == self._current
         result = problem = None
@@ -86,7 +86,7 @@ class Jobs:
             state, version = State.RUNNING, 2
         elif (folder / RESULT).is_file():
             state, version = State.SUCCEEDED, 3
-            result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+            result = read_json(folder / RESULT)
         else:
             state, version = State.FAILED, 3
             problem = self._problem(folder)
@@ -101,7 +101,7 @@ class Jobs:
 
     def _problem(self, folder: Path) -> dict[str, Any]:
         if (folder / PROBLEM).is_file():
-            told = json.loads((folder / PROBLEM).read_text(encoding="utf-8"))
+            told = read_json(folder / PROBLEM)
             return problems.document(422, told.pop("text"), told.pop("do"), **told)
         return problems.document(500, "The work was cut off before its end.", "Ask for it again.")
 
@@ -117,7 +117,7 @@ class Jobs:
 
     def model(self, name: str) -> dict[str, Any]:
         """The model that a job or a loop has found. Raises Problem 404."""
-        return json.loads(self._file(name, MODEL, "model"))
+        return read_json(self.model_file(name))
 
     def model_file(self, name: str) -> Path:
         """Where it stands. Raises Problem 404."""

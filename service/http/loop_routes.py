@@ -12,11 +12,12 @@ from service.http.bodies import Loops, LoopShown, NewLoop, ResumeBody
 from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
+from service.http.json_route import JsonRoute
 from service.http.loops import ENDED
 from service.http.run_routes import acceptance, who
 from service.http.state import Here, Service
 
-router = APIRouter(tags=["loops"])
+router = APIRouter(route_class=JsonRoute, tags=["loops"])
 LOOPS = "/api/v1/loops"
 
 

@@ -6,7 +6,6 @@ service has failed; its runs come back paused.
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -17,6 +16,7 @@ from acquisition import Campaign, Cell, Devices, Lease, State
 from acquisition.individuals import Acceptance
 from acquisition.loop import LoopResult, check_loop
 from calib.files import replace_file
+from calib.json_text import read_json
 from drivers.errors import AcquisitionError
 from service import loop_results
 from service.files import as_json
@@ -78,7 +78,7 @@ class Loops:
         done = document["state"] == State.SUCCEEDED.value and not document["dry_run"]
         return document | {
             "run": run,
-            "result": json.loads(result.read_text(encoding="utf-8")) if done else None,
+            "result": read_json(result) if done else None,
             "report": f"/api/v1/reports/{name}" if done else None,
         }
 
@@ -177,7 +177,7 @@ class Loops:
             raise not_found("loop", name)
 
     def _read(self, name: str) -> dict[str, Any]:
-        return json.loads((self._folder / name / ABOUT).read_text(encoding="utf-8"))
+        return read_json(self._folder / name / ABOUT)
 
     def _write(self, document: Mapping[str, Any]) -> None:
         replace_file(self._folder / document["id"] / ABOUT, as_json(dict(document)))

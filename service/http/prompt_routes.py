@@ -16,12 +16,13 @@ from drivers.operator import UnknownPrompt
 from service.http.bodies import Prompts, RunShown, WhyBody
 from service.http.headers import IdempotencyKey, LeaseId
 from service.http.idempotency import fingerprint, reply
+from service.http.json_route import JsonRoute
 from service.http.problems import Problem
 from service.http.run_routes import FINAL, RUNS, who
 from service.http.state import Here
 from service.plain import finite, utc_text
 
-router = APIRouter(tags=["prompts"])
+router = APIRouter(route_class=JsonRoute, tags=["prompts"])
 
 
 class Verb(Enum):

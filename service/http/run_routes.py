@@ -15,9 +15,10 @@ from service.http.bodies import DatasetShown, ExportBody, NewRun, Resume, Resume
 from service.http.dry_runs import planned
 from service.http.headers import After, IdempotencyKey, LeaseId, Wait
 from service.http.idempotency import fingerprint, reply
+from service.http.json_route import JsonRoute
 from service.http.state import Here, Service
 
-router = APIRouter(tags=["runs"])
+router = APIRouter(route_class=JsonRoute, tags=["runs"])
 RUNS = "/api/v1/runs"
 FINAL = ("succeeded", "failed")
 LINES = "application/x-ndjson"

@@ -8,10 +8,11 @@ from fastapi import APIRouter
 
 from service.http.bodies import CorrectedTargets, TargetsToCorrect
 from service.http.corrections import corrected
+from service.http.json_route import JsonRoute
 from service.http.problems import Problem
 from service.http.state import Here
 
-router = APIRouter(tags=["results"])
+router = APIRouter(route_class=JsonRoute, tags=["results"])
 
 
 @router.post("/models/{job_id}/targets", operation_id="correctTargets", response_model=CorrectedTargets)

@@ -28,21 +28,23 @@ from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
 from service.programs.program import Driven, Target, Window
-from service.programs.text import Edit, line_of
+from service.programs.text import Edit, Lines
 
 PLACES = 3
 
+# Every repetition is possessive, and none can run over the beginning of another position: time grows with the text.
 _POSITION = re.compile(
-    r"P\[\s*(?P<number>\d+)\s*(?::\s*\"?(?P<comment>[^\]\"]*)\"?)?\s*\]\s*\{(?P<body>[^}]*)\}\s*;"
+    r"P\[\s*+(?P<number>\d{1,9}+)\s*+(?::(?P<comment>[^\[\]]*+))?\]\s*+\{(?P<body>[^{}]*+)\}\s*+;"
 )
-_GROUP = re.compile(r"\bGP(\d+)\s*:")
-_FRAMES = re.compile(r"\bUF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)")
-_CONFIG = re.compile(r"\bCONFIG\s*:\s*'\s*([^']*)'")
+_GROUP = re.compile(r"\bGP(\d++)\s*+:")
+_FRAMES = re.compile(r"\bUF\s*+:\s*+(\w++)\s*+,\s*+UT\s*+:\s*+(\w++)")
+_CONFIG = re.compile(r"\bCONFIG\s*+:\s*+'([^']*+)'")
 _VALUE = re.compile(
-    r"\b(?P<name>[XYZWPR]|[JE]\d)\s*=(?P<field>\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+))|(?P<none>\*+)))"
-    r"\s*(?P<unit>mm|deg)?"
+    r"\b(?P<name>[XYZWPR]|[JE]\d)\s*+="
+    r"(?P<field>\s*+(?:(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++))|(?P<none>\*++)))"
 )
-_USE = re.compile(r"(?<![A-Z])P\[\s*(\d+)[^\]]*\]")
+_USE = re.compile(r"(?<![A-Z])P\[\s*+(\d{1,9}+)[^\[\]]*+\]")
+_MOST_TURNS = 100
 _POSE = ("X", "Y", "Z", "W", "P", "R")
 _JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
 _TURNED = (0, 3, 5)  # joints 1, 4, 6
@@ -69,6 +71,7 @@ class FanucProgram:
 
     def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
         self.text = text
+        self._lines = Lines(text, file)
         self._file, self._world, self._known = file, world, known
         begin = re.search(r"^/POS\b", text, re.MULTILINE)
         if begin is None or re.search(r"^﻿?/PROG\b", text, re.MULTILINE) is None:
@@ -110,9 +113,9 @@ class FanucProgram:
         return out
 
     def _position(self, match: re.Match[str]) -> tuple[Target, _Place]:
-        number, comment = match["number"], (match["comment"] or "").strip()
+        number, comment = match["number"], (match["comment"] or "").strip().strip('"')
         name = f"P[{number}:{comment}]" if comment else f"P[{number}]"
-        target = Target(name, line_of(self.text, match.start()))
+        target = Target(name, self._lines.at(match.start()))
         begin, end = self._first_group(match)
         if begin == end:
             return replace(target, empty=True, notes=("has no position of group 1",)), _Place()
@@ -136,9 +139,9 @@ class FanucProgram:
             line = self._incremental[int(number)]
             return replace(target, refused=f"is a distance, not a place: used with INC (line {line})"), place
         values = [fields[key].value or 0.0 for key in wanted]
-        if wanted is _JOINTS:
-            return replace(target, joints=np.array(values) * DEG), place
         try:
+            if wanted is _JOINTS:
+                return replace(target, joints=frames.joint_angles(np.array(values) * DEG)), place
             return self._pose(target, body, place, values)
         except ValueError as error:
             return replace(target, refused=str(error)), place
@@ -187,7 +190,7 @@ class FanucProgram:
         for statement in instructions.split(";"):
             if re.search(r"\bINC\b", statement):
                 for use in _USE.finditer(statement):
-                    out.setdefault(int(use[1]), line_of(self.text, at + use.start()))
+                    out.setdefault(int(use[1]), self._lines.at(at + use.start()))
             at += len(statement) + 1
         return out
 
@@ -200,7 +203,7 @@ class FanucProgram:
                 "a position is not written as P[n]{ ... };",
                 do="Correct it, or list the program anew.",
                 file=self._file,
-                line=line_of(self.text, odd),
+                line=self._lines.at(odd),
             )
 
 
@@ -217,7 +220,7 @@ def _configuration(text: str) -> tuple[str, dict[int, Window]]:
         counted = [int(turn) for turn in turns]
     except ValueError as error:
         raise ValueError(f"its CONFIG '{text.strip()}' has a turn that is no number") from error
-    if len(counted) != len(_TURNED):
+    if len(counted) != len(_TURNED) or any(abs(turn) > _MOST_TURNS for turn in counted):
         raise ValueError(f"its CONFIG '{text.strip()}' does not have three turns")
     half = 180.0 * DEG
     return "/".join(words), {

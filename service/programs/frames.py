@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import DataError
 from calib.kinematics import Array
+from calib.robot import FARTHEST_MM, MOST_TURN
+from calib.units import DEG
 
 NORM_TOLERANCE = 1e-3  # how far from 1 the norm of a quaternion may be, that was written with four digits
 UNNAMED = ""
@@ -28,8 +30,17 @@ class KnownFrames:
     frames: Mapping[str, Array] = field(default_factory=dict)
 
 
+def joint_angles(angles: Sequence[float] | Array) -> Array:
+    """(N,) joint angles, rad. Raises ValueError for turns that no joint makes."""
+    if not np.all(np.abs(angles) <= MOST_TURN):
+        raise ValueError(f"a joint angle is beyond {MOST_TURN / DEG:g} deg")
+    return np.array(angles, dtype=np.float64)
+
+
 def pose_of(position: Sequence[float], rotation: Rotation) -> Array:
-    """(4, 4) from a position in mm and a rotation."""
+    """(4, 4) from a position in mm and a rotation. Raises ValueError for a place that no robot reaches."""
+    if not np.all(np.abs(position) <= FARTHEST_MM):
+        raise ValueError(f"it is farther than {FARTHEST_MM / 1000:g} m away")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.as_matrix(), position
     return pose
@@ -52,7 +63,8 @@ def quaternion(pose: Array, near: Sequence[float]) -> list[float]:
 
 
 def of_wpr(position: Sequence[float], wpr_deg: Sequence[float]) -> Array:
-    """Pose from W, P, R in degrees."""
+    """Pose from W, P, R in degrees. Raises ValueError for a place or an angle that no robot has."""
+    joint_angles(np.radians(wpr_deg))
     return pose_of(position, Rotation.from_euler("xyz", wpr_deg, degrees=True))
 
 
@@ -83,7 +95,8 @@ def wpr(pose: Array, near: Sequence[float]) -> list[float]:
 
 
 def of_vector(position: Sequence[float], vector: Sequence[float]) -> Array:
-    """Pose from a rotation vector in rad."""
+    """Pose from a rotation vector in rad. Raises ValueError for a place or an angle that no robot has."""
+    joint_angles(vector)
     return pose_of(position, Rotation.from_rotvec(vector))
 
 
@@ -105,14 +118,13 @@ def named_frames(option: str, texts: Sequence[str]) -> dict[str, Array]:
         name, equals, numbers = text.rpartition("=")
         key = name.strip() if equals else UNNAMED
         try:
-            values = [float(part) for part in numbers.split(",")]
-        except ValueError:
-            values = []
-        if len(values) != 6 or not all(math.isfinite(v) for v in values):
+            x, y, z, w, p, r = (float(part) for part in numbers.split(","))
+            pose = of_wpr((x, y, z), (w, p, r))
+        except ValueError as error:
             raise DataError(
                 f"'{text}' is not a frame.", do="Write NAME=x,y,z,w,p,r in mm and degrees.", key=option
-            )
+            ) from error
         if key.lower() in out:
             raise DataError(f"'{key}' is given twice.", do="Give it once.", key=option)
-        out[key.lower()] = of_wpr(values[:3], values[3:])
+        out[key.lower()] = pose
     return out

@@ -30,6 +30,7 @@ MM_PLACES, QUATERNION_PLACES, DEG_PLACES = 5, 9, 6
 UNUSED = 1e8  # external axes from here on are not used; written 9E9
 QUARTER_EDGE = 0.5 * DEG  # an angle this close to a quarter turn may have been counted on either side of it
 ROUNDING = 1e-6 * DEG
+_MOST_QUARTERS = 1000
 _QUARTERED = (0, 3, 5)  # joints 1, 4, 6
 
 
@@ -143,12 +144,14 @@ class RapidProgram:
         try:
             if joints:
                 degrees = self._module.numbers(self._module.items(node, 2)[0], 6)
-                return replace(target, joints=np.array(degrees) * DEG), place
+                return replace(target, joints=frames.joint_angles(np.array(degrees) * DEG)), place
             trans, rot, conf, external = self._module.items(node, 4)
             pose = frames.of_quaternion(self._module.numbers(trans, 3), self._module.numbers(rot, 4))
             cf1, cf4, cf6, cfx = self._module.numbers(conf, 4)
             if cfx not in range(len(BRANCHES)):
                 raise ValueError(f"its configuration number is {cfx:g}, not 0 to 7")
+            if any(abs(quarter) > _MOST_QUARTERS for quarter in (cf1, cf4, cf6)):
+                raise ValueError(f"its quarter turns are beyond {_MOST_QUARTERS}")
             if any(abs(value) < UNUSED for value in self._module.numbers(external, 6)):
                 raise ValueError("it positions an external axis, which may carry the robot or the work")
             tool, frame = self._tool_and_frame(uses)

@@ -6,19 +6,22 @@ pass by unread. Instructions and their arguments: the maker's reference, as sect
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from calib.errors import DataError
-from service.programs.syntax import Node, Token, Unknown, closing, lexer, literal, split
-from service.programs.text import line_of
+from service.programs.syntax import Node, Token, Unknown, brackets, lexer, literal, split
+from service.programs.text import Lines
 
 tokens_of = lexer("!", '"')
 
 _DATA = ("const", "pers", "var")
 _MOVED = ("offs", "reltool")  # functions that move a target along
 _DEEPEST = 8  # constants named by constants
+_LONGEST_VALUE = (
+    200  # words of a constant that a target, tool or work object is made of; a wobjdata has some 50
+)
 
 
 class Motion(NamedTuple):
@@ -72,24 +75,25 @@ class Module:
     """A RAPID module as far as it is read. Raises DataError where it cannot be one."""
 
     def __init__(self, text: str, file: str) -> None:
-        self._text, self._file = text, file
-        self._tokens = tokens_of(text, file)
+        self._text, self._file, self._lines = text, file, Lines(text, file)
+        self._tokens = tokens_of(text, self._lines, file)
         words = {token.text.lower() for token in self._tokens if token.kind == "name"}
         if not words & {"module", "proc", "robtarget", "jointtarget"}:
             raise DataError(
                 "is not a RAPID module.", do="Give a .mod file as the controller saves it.", file=file, line=1
             )
+        self._brackets = brackets(self._tokens)
         self._names_at: set[int] = set()
         self.declarations: dict[str, list[Declaration]] = {}
-        for i, token in enumerate(self._tokens):
-            if token.kind == "name" and token.text.lower() in _DATA:
-                self._declare(i)
-        self.uses = tuple(use for i in range(len(self._tokens)) for use in self._motion(i))
+        self._each(self._declare)
+        uses: list[Use] = []
+        self._each(lambda i: self._motion(i, uses))
+        self.uses = tuple(uses)
         self.assigned = self._assignments()
 
     def line(self, at: int) -> int:
         """Line number of a position."""
-        return line_of(self._text, at)
+        return self._lines.at(at)
 
     def constant(self, node: Node, depth: int = 0) -> Node:
         """The literal behind a name, or the node itself. Raises Unknown for a name that has none."""
@@ -100,6 +104,8 @@ class Module:
             raise Unknown(node.start, f"'{node.text}' has no value in this module")
         if node.text.lower() in self.assigned:
             raise Unknown(node.start, f"'{node.text}' gets another value while the program runs")
+        if len(found[0].value) > _LONGEST_VALUE:
+            raise Unknown(node.start, f"'{node.text}' is a longer value than any part of a target")
         return self.constant(literal(found[0].value), depth + 1)
 
     def numbers(self, node: Node, count: int) -> list[float]:
@@ -117,33 +123,48 @@ class Module:
             raise Unknown(node.start, f"a list of {count} values is needed here")
         return found.items
 
-    def _declare(self, i: int) -> None:
+    def _each(self, read: Callable[[int], int]) -> None:
+        """Read statement by statement: `read` looks at a token, and gives the index of where to go on.
+
+        What a statement holds is not looked at again, so that the time grows with the length of the text alone.
+        """
+        at = 0
+        while at < len(self._tokens):
+            at = max(read(at), at + 1)
+
+    def _declare(self, i: int) -> int:
         head = self._tokens[i + 1 : i + 4]
+        if self._tokens[i].kind != "name" or self._tokens[i].text.lower() not in _DATA:
+            return i
         if len(head) < 3 or head[0].kind != "name" or head[1].kind != "name":
-            return
+            return i
         at, dimensions = i + 3, ()
         if head[2].text == "{":
             end = self._closing(i + 3)
             sizes = [t.text for t in self._tokens[i + 4 : end] if t.text != ","]
-            dimensions = tuple(int(size) if size.isdecimal() else 0 for size in sizes)
+            dimensions = tuple(int(size) if size.isdecimal() and len(size) < 10 else 0 for size in sizes)
             at = end + 1
         begins = self._tokens[at].text if at < len(self._tokens) else ""
         if begins not in (":=", ";"):
-            return  # a parameter of a routine
+            return i  # a parameter of a routine
         value = self._until_semicolon(at + 1) if begins == ":=" else []
         name = head[1].text
         self._names_at.add(head[1].start)
         self.declarations.setdefault(name.lower(), []).append(
             Declaration(name, head[0].text.lower(), head[1].start, dimensions, tuple(value))
         )
+        return at + len(value) + 1
 
-    def _motion(self, i: int) -> list[Use]:
+    def _motion(self, i: int, uses: list[Use]) -> int:
         token = self._tokens[i]
         motion = MOTIONS.get(token.text.lower()) if token.kind == "name" else None
         follows = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
         if motion is None or follows in (":=", "(", ")", ",", ";", ":"):
-            return []
-        parts = [part for part in split(self._until_semicolon(i + 1), ",", "\\") if part]
+            return i
+        statement = self._until_semicolon(i + 1)
+        if any(word.kind == "name" and word.text.lower() in MOTIONS for word in statement):
+            raise self._not_ended(i)  # the semicolon is another motion's
+        parts = [part for part in split(statement, ",", "\\") if part]
         plain = [part for part in parts if part[0].text != "\\"]
         options = {p[1].text.lower(): p[3:] for p in parts if p[0].text == "\\" and len(p) > 1}
         tool = ""
@@ -151,11 +172,12 @@ class Module:
             tool = _name_of(plain[motion.tool]) if motion.tool < len(plain) else "?"
         work_object = _name_of(options["wobj"]) if "wobj" in options else "wobj0"
         joints = token.text.lower() == "moveabsj"
-        return [
+        uses += [
             self._use(plain[k], joints=joints, tool=tool, work_object=work_object)
             for k in motion.targets
             if k < len(plain)
         ]
+        return i + 1 + len(statement)
 
     def _use(self, part: Sequence[Token], *, joints: bool, tool: str, work_object: str) -> Use:
         at = part[0].start
@@ -190,20 +212,17 @@ class Module:
         for i in range(at, len(self._tokens)):
             if self._tokens[i].text == ";":
                 return self._tokens[at:i]
-        raise DataError(
-            "a statement is not ended.",
-            do="End it with ';'.",
-            file=self._file,
-            line=self.line(self._tokens[at - 1].start),
-        )
+        raise self._not_ended(at - 1)
+
+    def _not_ended(self, at: int) -> DataError:
+        line = self.line(self._tokens[at].start)
+        return DataError("a statement is not ended.", do="End it with ';'.", file=self._file, line=line)
 
     def _closing(self, at: int) -> int:
-        try:
-            return closing(self._tokens, at)
-        except Unknown as unknown:
-            raise DataError(
-                f"{unknown}.", do="Close it.", file=self._file, line=self.line(unknown.at)
-            ) from unknown
+        if at not in self._brackets:
+            line = self.line(self._tokens[at].start)
+            raise DataError("a bracket is not closed.", do="Close it.", file=self._file, line=line)
+        return self._brackets[at]
 
 
 def _name_of(part: Sequence[Token]) -> str:

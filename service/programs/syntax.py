@@ -5,13 +5,16 @@ Only what a literal can hold is understood; anything else is `Unknown`, with its
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from calib.errors import DataError
-from service.programs.text import line_of
+from service.programs.text import Lines
 
+DEEPEST = 16
+"""Brackets within brackets of one value; a wobjdata in an array has five."""
 _OPEN, _CLOSE = "([{", ")]}"
 
 
@@ -45,15 +48,15 @@ class Unknown(Exception):
         self.at = at
 
 
-def lexer(comment: str, quotes: str) -> Callable[[str, str], list[Token]]:
-    """A function (text, file) -> tokens, for a language whose comments begin with `comment` and end with the line."""
-    strings = "|".join(f"{q}[^{q}\n]*{q}" for q in quotes)
+def lexer(comment: str, quotes: str) -> Callable[[str, Lines, str], list[Token]]:
+    """A function (text, its lines, file) -> tokens of a language; `comment` runs to the end of its line."""
+    strings = "|".join(f"{q}[^{q}\r\n]*+{q}" for q in quotes)
     pattern = re.compile(
-        rf"(?P<space>\s+|{comment}[^\n]*)|(?P<string>{strings})|(?P<name>[^\W\d]\w*)"
+        rf"(?P<space>\s+|{comment}[^\r\n]*)|(?P<string>{strings})|(?P<name>[^\W\d]\w*)"
         r"|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<sign>:=|.)",
     )
 
-    def tokens(text: str, file: str) -> list[Token]:
+    def tokens(text: str, lines: Lines, file: str) -> list[Token]:
         out = []
         for match in pattern.finditer(text):
             kind = match.lastgroup or "sign"
@@ -64,7 +67,7 @@ def lexer(comment: str, quotes: str) -> Callable[[str, str], list[Token]]:
                     "a string is not closed.",
                     do="Close it on its line.",
                     file=file,
-                    line=line_of(text, match.start()),
+                    line=lines.at(match.start()),
                 )
             out.append(Token(kind, match.group(), match.start(), match.end()))
         return out
@@ -72,7 +75,19 @@ def lexer(comment: str, quotes: str) -> Callable[[str, str], list[Token]]:
     return tokens
 
 
-def closing(tokens: Sequence[Token], at: int) -> int:
+def brackets(tokens: Sequence[Token]) -> dict[int, int]:
+    """Index of every opening bracket -> index of the one that closes it; without those left open."""
+    out: dict[int, int] = {}
+    left: list[int] = []
+    for i, token in enumerate(tokens):
+        if token.kind == "sign" and token.text in _OPEN:
+            left.append(i)
+        elif token.kind == "sign" and token.text in _CLOSE and left:
+            out[left.pop()] = i
+    return out
+
+
+def _closing(tokens: Sequence[Token], at: int) -> int:
     """Index of the bracket that closes the one at `at`. Raises Unknown when there is none."""
     depth = 0
     for i in range(at, len(tokens)):
@@ -99,53 +114,64 @@ def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
     return parts
 
 
-def literal(tokens: Sequence[Token]) -> Node:
-    """All tokens as one literal. Raises Unknown for anything else."""
+def literal(tokens: Sequence[Token], depth: int = 0) -> Node:
+    """All tokens as one literal, within so many brackets. Raises Unknown for anything else."""
     if not tokens:
         raise Unknown(0, "nothing stands here")
-    node, used = _literal(tokens, 0)
+    if depth > DEEPEST:
+        raise Unknown(tokens[0].start, f"more than {DEEPEST} brackets stand within one another")
+    node, used = _literal(tokens, 0, depth)
     if used != len(tokens):
         raise Unknown(tokens[used].start, f"'{tokens[used].text}' is not part of a plain value")
     return node
 
 
-def _literal(tokens: Sequence[Token], at: int) -> tuple[Node, int]:
+def _literal(tokens: Sequence[Token], at: int, depth: int) -> tuple[Node, int]:
     if at >= len(tokens):
         raise Unknown(tokens[-1].end, "the value ends too early")
     token = tokens[at]
     if token.kind == "sign" and token.text in "+-" and at + 1 < len(tokens):
         number = tokens[at + 1]
         if number.kind == "number":
-            value = float(number.text) * (-1.0 if token.text == "-" else 1.0)
+            value = _number(number) * (-1.0 if token.text == "-" else 1.0)
             return Node("number", token.start, number.end, token.text + number.text, value), at + 2
     if token.kind == "number":
-        return Node("number", token.start, token.end, token.text, float(token.text)), at + 1
+        return Node("number", token.start, token.end, token.text, _number(token)), at + 1
     if token.kind == "string":
         return Node("string", token.start, token.end, token.text), at + 1
     if token.kind == "name":
         follows = tokens[at + 1] if at + 1 < len(tokens) else None
         if follows is not None and follows.kind == "sign" and follows.text in _OPEN:
-            end = closing(tokens, at + 1)
+            end = _closing(tokens, at + 1)
             kind = {"(": "call", "{": "element", "[": "list"}[follows.text]
             # The arguments of a call may be anything: only the first, where it is a plain value, is looked at.
-            items = _plain(tokens[at + 2 : end]) if kind == "call" else _items(tokens[at + 2 : end])
+            read = _plain if kind == "call" else _items
+            items = read(tokens[at + 2 : end], depth + 1)
             return Node(kind, token.start, tokens[end].end, token.text, items=items), end + 1
         return Node("name", token.start, token.end, token.text), at + 1
     if token.text == "[":
-        end = closing(tokens, at)
-        return Node("list", token.start, tokens[end].end, items=_items(tokens[at + 1 : end])), end + 1
+        end = _closing(tokens, at)
+        items = _items(tokens[at + 1 : end], depth + 1)
+        return Node("list", token.start, tokens[end].end, items=items), end + 1
     raise Unknown(token.start, f"'{token.text}' is not part of a plain value")
 
 
-def _items(tokens: Sequence[Token]) -> tuple[Node, ...]:
-    return tuple(literal(part) for part in split(tokens, ",")) if tokens else ()
+def _number(token: Token) -> float:
+    value = float(token.text)
+    if not math.isfinite(value):
+        raise Unknown(token.start, f"'{token.text[:20]}' is larger than any number")
+    return value
 
 
-def _plain(tokens: Sequence[Token]) -> tuple[Node, ...]:
+def _items(tokens: Sequence[Token], depth: int) -> tuple[Node, ...]:
+    return tuple(literal(part, depth) for part in split(tokens, ",")) if tokens else ()
+
+
+def _plain(tokens: Sequence[Token], depth: int) -> tuple[Node, ...]:
     out = []
     for part in split(tokens, ","):
         try:
-            out.append(literal(part))
+            out.append(literal(part, depth))
         except Unknown:
             out.append(Node("unknown", part[0].start if part else 0, part[-1].end if part else 0))
     return tuple(out)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.compensate import inverse_poses
+from calib.csv_text import LONGEST_LINE, MOST_COLUMNS
 from calib.errors import DataError
 from calib.inverse_kinematics import BRANCHES
 from calib.kinematics import Array
@@ -26,7 +27,7 @@ from service.programs.text import Edit, decimal
 
 PLACES = 9
 
-_CELL = re.compile(r'"(?:[^"]|"")*"|[^,]*')
+_QUOTED = re.compile(r'"(?:[^"]|"")*+"(?=,|$)')
 _POSITION = ("x_mm", "y_mm", "z_mm")
 _QUATERNION = ("rot_w", "rot_x", "rot_y", "rot_z")
 
@@ -53,12 +54,13 @@ class TargetTable:
         found = [self._row(line, header, cells) for line, cells in rows[1:]]
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._cells = tuple(cells for _, cells in found)
-        names = [target.name for target in self.targets]
-        for i, name in enumerate(names):
-            if name in names[:i]:
+        seen: set[str] = set()
+        for target in self.targets:
+            if target.name in seen:
                 raise self._refuse(
-                    f"target '{name}' is there twice.", "Give every target its own id.", self.targets[i].line
+                    f"target '{target.name}' is there twice.", "Give every target its own id.", target.line
                 )
+            seen.add(target.name)
 
     def edits(self, index: int, driven: Driven) -> list[Edit]:
         """Edits of the cells that differ."""
@@ -83,14 +85,12 @@ class TargetTable:
             bare = line.rstrip("\r\n").removeprefix("﻿")
             begin = at + line.index(bare)
             at += len(line)
+            if len(bare) > LONGEST_LINE:
+                raise self._refuse(f"has {len(bare)} characters.", f"Give at most {LONGEST_LINE}.", number)
             if bare.strip():
-                cells, place = [], 0
-                while place <= len(bare):
-                    match = _CELL.match(bare, place)
-                    end = len(bare) if match is None else match.end()
-                    cells.append(_Cell(begin + place, begin + end, bare[place:end].strip().strip('"')))
-                    place = end + 1
-                out.append((number, cells))
+                out.append((number, _cells(bare, begin)))
+                if len(out[-1][1]) > MOST_COLUMNS:
+                    raise self._refuse("has too many columns.", f"Give at most {MOST_COLUMNS}.", number)
         return out
 
     def _check_header(self, header: list[str], joints: int) -> None:
@@ -99,7 +99,7 @@ class TargetTable:
         for name in header:
             if header.count(name) > 1:
                 raise self._refuse(f"column '{name}' is there twice.", "Remove one.", 1)
-            angle = re.fullmatch(r"j(\d+)(_deg)?", name)
+            angle = re.fullmatch(r"j(\d{1,9})(_deg)?", name)
             if angle and not angle[2]:
                 raise self._refuse(f"column '{name}' has no unit.", f"Name it {name}_deg.", 1)
             if angle and int(angle[1]) > joints:
@@ -122,7 +122,11 @@ class TargetTable:
         if not target.name:
             raise self._refuse("column 'target_id' is empty.", "Give every target an id.", line)
         if "j1_deg" in row and row["j1_deg"].text:
-            return replace(target, joints=np.array(self._numbers(row, self._angles, line)) * DEG), row
+            angles = np.array(self._numbers(row, self._angles, line)) * DEG
+            try:
+                return replace(target, joints=frames.joint_angles(angles)), row
+            except ValueError as error:
+                return replace(target, refused=str(error)), row
         if "x_mm" not in row:
             raise self._refuse("column 'j1_deg' is empty.", "Give the angles of every target.", line)
         branch = row["config"].text
@@ -149,3 +153,15 @@ class TargetTable:
 
     def _refuse(self, what: str, do: str, line: int) -> DataError:
         return DataError(what, do=do, file=self._file, line=line)
+
+
+def _cells(line: str, begin: int) -> list[_Cell]:
+    """The cells of a line that begins at `begin` of the text."""
+    cells, place = [], 0
+    while place <= len(line):
+        quoted = _QUOTED.match(line, place)
+        end = line.find(",", place) if quoted is None else quoted.end()
+        end = len(line) if end < 0 else end
+        cells.append(_Cell(begin + place, begin + end, line[place:end].strip().strip('"')))
+        place = end + 1
+    return cells

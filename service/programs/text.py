@@ -6,12 +6,20 @@ tabs and a byte order mark stay as they are.
 
 from __future__ import annotations
 
+import re
+from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import DataError
 from calib.files import replace_file
+from calib.text_file import read_bytes
+
+MOST_BYTES = 32 * 1024 * 1024
+LONGEST_LINE = 1_000_000
+"""A module may write a whole array of targets on one line."""
+_LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 @dataclass(frozen=True)
@@ -24,11 +32,8 @@ class Edit:
 
 
 def read_text(path: Path) -> str:
-    """A program as text. Raises DataError when there is no such file or it holds binary data."""
-    try:
-        data = path.read_bytes()
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise DataError("there is no such file.", do="Check the name.", file=path) from error
+    """A program as text. Raises DataError when there is no such file, it is too large or holds binary data."""
+    data = read_bytes(path, MOST_BYTES)
     if b"\0" in data:
         raise DataError("is not a text file.", do="Save the program as text (ASCII).", file=path)
     return data.decode("utf-8", errors="surrogateescape")
@@ -50,9 +55,25 @@ def edited(text: str, edits: Iterable[Edit]) -> str:
     return "".join([*out, text[at:]])
 
 
-def line_of(text: str, at: int) -> int:
-    """Line number, from 1, of a position in the text."""
-    return text.count("\n", 0, at) + 1
+class Lines:
+    """Line numbers of positions in a text. Raises DataError for a line that no controller would have written."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self._ends = [match.end() for match in _LINE_END.finditer(text)]
+        for number, (begin, end) in enumerate(
+            zip([0, *self._ends], [*self._ends, len(text)], strict=True), 1
+        ):
+            if end - begin > LONGEST_LINE:
+                raise DataError(
+                    f"has {end - begin} characters; at most {LONGEST_LINE} are taken.",
+                    do="Break the line.",
+                    file=file,
+                    line=number,
+                )
+
+    def at(self, position: int) -> int:
+        """Line number, from 1; lines end with LF, CR, or both."""
+        return bisect_left(self._ends, position + 1) + 1
 
 
 def decimal(value: float, places: int) -> str:

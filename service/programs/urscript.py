@@ -22,8 +22,8 @@ from calib.kinematics import Array
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target
-from service.programs.syntax import Node, Token, Unknown, closing, lexer, literal, split
-from service.programs.text import Edit, decimal, line_of
+from service.programs.syntax import Node, Unknown, brackets, lexer, literal, split
+from service.programs.text import Edit, Lines, decimal
 
 PLACES = 8  # m and rad
 METRE = 1000.0
@@ -32,6 +32,7 @@ tokens_of = lexer("#", "\"'")
 
 _MOTIONS = {"movej": 1, "movel": 1, "movep": 1, "movec": 2}  # how many waypoints
 _TOOL = "set_tcp"
+_LONGEST_VALUE = 1_000  # words of a value that can be a waypoint
 
 
 class UrScript:
@@ -39,18 +40,22 @@ class UrScript:
 
     def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
         self.text = text
-        self._file, self._world = file, world
-        self._tokens = tokens_of(text, file)
+        self._file, self._world, self._lines = file, world, Lines(text, file)
+        self._tokens = tokens_of(text, self._lines, file)
+        self._brackets = brackets(self._tokens)
         self._values = self._assigned()
         self._tool: Array | None = known.tools.get(UNNAMED)
         self._seen: dict[str, Target] = {}
         found: list[tuple[Target, Node | None]] = []
+        done = 0  # what stands in the brackets of a motion is not looked at again
         for i, token in enumerate(self._tokens[:-1]):
-            if token.kind == "name" and self._tokens[i + 1].text == "(":
-                if token.text == _TOOL:
-                    self._tool = self._set_tcp(i)
-                elif token.text in _MOTIONS:
-                    found += self._motion(i, _MOTIONS[token.text])
+            if i < done or token.kind != "name" or self._tokens[i + 1].text != "(":
+                continue
+            if token.text == _TOOL:
+                self._tool, done = self._set_tcp(i), self._closing(i + 1)
+            elif token.text in _MOTIONS:
+                found += self._motion(i, _MOTIONS[token.text])
+                done = self._closing(i + 1)
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._nodes = tuple(node for _, node in found)
 
@@ -70,7 +75,7 @@ class UrScript:
         out = []
         for part in parts[:count]:
             at = part[0].start if part else self._tokens[i].start
-            line = line_of(self.text, at)
+            line = self._lines.at(at)
             try:
                 node = literal(part)
                 name = node.text if node.kind == "name" else f"line {line}"
@@ -87,7 +92,7 @@ class UrScript:
                 why = "is computed while the program runs" if values else "has no value in this program"
                 return [(Target(name, line, refused=why), None)]
             node = values[0]
-            line = line_of(self.text, node.start)
+            line = self._lines.at(node.start)
         target = self._read(Target(name, line), node)
         if name in self._seen:  # a named waypoint used again: the same text, already a target
             before = self._seen[name]
@@ -104,14 +109,14 @@ class UrScript:
                 raise ValueError("is neither six joint angles nor a pose")
             values = [_number(item) for item in node.items]
             if node.text == "":
-                return replace(target, joints=np.array(values))
+                return replace(target, joints=frames.joint_angles(values))
             if self._tool is None:
                 raise ValueError("no set_tcp stands before it, so its tool is not known: give --tool")
+            pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
         except Unknown as unknown:
             return replace(target, refused=f"is computed while the program runs: {unknown}")
         except ValueError as error:
             return replace(target, refused=str(error))
-        pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
         return replace(target, flange=self._world @ pose @ inverse_poses(self._tool), tool=self._tool)
 
     def _set_tcp(self, i: int) -> Array | None:
@@ -126,17 +131,15 @@ class UrScript:
             if node.text != "p" or len(node.items) != 6:
                 return None
             values = [_number(item) for item in node.items]
+            return frames.of_vector([METRE * v for v in values[:3]], values[3:])
         except (Unknown, ValueError):
             return None
-        return frames.of_vector([METRE * v for v in values[:3]], values[3:])
 
     def _assigned(self) -> dict[str, list[Node | None]]:
         """Every value that a name is given, None where it is computed or an element of it is changed."""
         out: dict[str, list[Node | None]] = {}
-        depth = 0
+        ends = self._statement_ends()
         for i, token in enumerate(self._tokens[:-1]):
-            if token.kind == "sign":
-                depth += (token.text == "(") - (token.text == ")")
             if token.kind != "name":
                 continue
             at = i + 1
@@ -146,34 +149,44 @@ class UrScript:
             if at + 1 >= len(self._tokens) or self._tokens[at].text != "=":
                 continue
             # In brackets `name =` names an argument, as in movej(q, a=1.2).
-            if self._tokens[at + 1].text == "=" or depth > 0:
+            if self._tokens[at + 1].text == "=" or not ends[i]:
                 continue
-            out.setdefault(token.text, []).append(None if element else self._value(at + 1))
+            value = None if element else self._value(at + 1, ends[at + 1] or at)
+            out.setdefault(token.text, []).append(value)
         return out
 
-    def _value(self, at: int) -> Node | None:
-        """The literal that fills the rest of its line."""
-        end = self._tokens[at].start
-        tokens: list[Token] = []
-        depth = 0
-        for token in self._tokens[at:]:
-            if depth == 0 and "\n" in self.text[end : token.start]:
-                break
-            depth += (token.text in "([") - (token.text in ")]") if token.kind == "sign" else 0
-            tokens.append(token)
-            end = token.end
+    def _value(self, at: int, end: int) -> Node | None:
+        """The literal that fills the rest of its line; none is longer than some numbers."""
+        if end - at > _LONGEST_VALUE:
+            return None
         try:
-            return literal(tokens)
+            return literal(self._tokens[at:end])
         except Unknown:
             return None
 
+    def _statement_ends(self) -> list[int]:
+        """For every token the index behind its statement, a line or more where brackets run on; 0 within brackets."""
+        count = len(self._tokens)
+        begins, within, closes = [count], [False] * count, -1
+        for i, token in enumerate(self._tokens):
+            within[i] = i <= closes
+            between = self.text[self._tokens[i - 1].end : token.start] if i else ""
+            if not within[i] and ("\n" in between or "\r" in between):
+                begins.append(i)
+            if not within[i] and token.kind == "sign" and token.text in "([{":
+                closes = self._closing(i)
+        begins.sort()
+        ends, next_one = [0] * count, 0
+        for i in range(count):
+            next_one += begins[next_one] <= i
+            ends[i] = 0 if within[i] else begins[next_one]
+        return ends
+
     def _closing(self, at: int) -> int:
-        try:
-            return closing(self._tokens, at)
-        except Unknown as unknown:
-            raise DataError(
-                f"{unknown}.", do="Close it.", file=self._file, line=line_of(self.text, unknown.at)
-            ) from unknown
+        if at not in self._brackets:
+            line = self._lines.at(self._tokens[at].start)
+            raise DataError("a bracket is not closed.", do="Close it.", file=self._file, line=line)
+        return self._brackets[at]
 
 
 def _number(node: Node) -> float:

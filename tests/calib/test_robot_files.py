@@ -94,7 +94,7 @@ REFUSED = {
     "format": (GOOD.replace("truepose-robot/1", "robot/9"), "format"),
     "no format": (GOOD.replace("format =", "fromat ="), "format"),
     "not toml": (GOOD + "\n[[link", "TOML"),
-    "not utf-8": ("", "TOML"),
+    "not utf-8": ("", "UTF-16"),
     "convention": (GOOD.replace('"mdh"', '"craig"'), "convention"),
     "no convention": (GOOD.replace("convention =", "converntion ="), "convention"),
     "missing key": (GOOD.replace("theta_deg = 180.0\n", ""), "theta_deg"),

@@ -16,11 +16,11 @@ from acquisition.export import export
 from acquisition.forecast import Forecast
 from acquisition.run import Run, checked_plan
 from acquisition.store import Store
-from acquisition.toml_table import parse_toml
 from calib.circle_points import find_sweeps, starts
 from calib.dataset import Dataset, read_dataset
 from calib.held_out import errors_on
 from calib.identify import identify
+from calib.toml_text import read_toml
 from calib.validation.iso9283 import pose_repeatability, repeated_poses
 from drivers.operator import RehearsalOperator
 from service.simulated_cell import simulated_cell
@@ -63,9 +63,9 @@ def test_the_plan_is_that_of_the_source(
 def faster(example: str, campaign: str, **changes: Any) -> tuple[Cell, Campaign]:
     """The two files with the clock of the simulation sped up and keys of the campaign replaced."""
     file = EXAMPLES / example / "cell.toml"
-    table = parse_toml(file)[1]
+    table = read_toml(file)[1]
     table["simulation"] |= {"time_scale": SCALE, "effects": ["none"]}
-    wanted = parse_toml(EXAMPLES / example / f"{campaign}.toml")[1] | changes
+    wanted = read_toml(EXAMPLES / example / f"{campaign}.toml")[1] | changes
     return cell_from(table, str(file)), campaign_from(wanted, campaign)
 
 
@@ -102,7 +102,7 @@ def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Pa
 
 def test_the_ballbar_comes_back_for_what_was_out_of_its_stroke(tmp_path: Path) -> None:
     """Nubiola 4.4 over the wires of a Fanuc and a ballbar: two stages, every distance had, judged by others."""
-    blocks = parse_toml(EXAMPLES / "lrmate_ballbar" / "campaign.toml")[1]["block"]
+    blocks = read_toml(EXAMPLES / "lrmate_ballbar" / "campaign.toml")[1]["block"]
     few = [block | {"count": count} for block, count in zip(blocks, (24, 6), strict=True)]
     cell, campaign = faster("lrmate_ballbar", "campaign", block=few)
     with run_simulated(tmp_path, cell, campaign) as run:

@@ -207,6 +207,16 @@ def test_serving_a_network_without_a_token_is_refused(
     assert not is_loopback(host)
 
 
+@pytest.mark.parametrize("host", ["", " ", "0", "0x0", "127.1", "127.0.0.1/8"])
+def test_what_is_no_address_is_not_listened_on(
+    host: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even with a token: the system takes an empty host, or 0, for every address of the computer."""
+    monkeypatch.setenv("TRUEPOSE_TOKEN", "a-token-of-sixteen-or-more")
+    assert main(["serve", "--host", host, "--port", "1", "--record", "/dev/null/x"]) == 2
+    assert "--host" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("token", ["short", "with spaces in the middle of it", "tökentökentökentöken"])
 def test_a_token_that_is_none_is_refused(
     token: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

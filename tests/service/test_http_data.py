@@ -76,8 +76,8 @@ def test_a_data_set_that_cannot_be_used_is_refused_with_its_line(
     ("part", "content", "word"),
     [
         ("toml", b'robot = "../../robot.toml"', "robot"),
-        ("toml", b"\xff\xfe", "TOML"),
-        ("toml", b"a = " + b"[" * 5000, "TOML"),
+        ("toml", b"\xff\xfe", "UTF-8"),
+        ("toml", b"a = " + b"[" * 5000, "nested"),
         ("csv", b"\xff\xfe", "UTF-8"),
         ("csv", b"", "empty"),
         ("csv", b'"' + b"x" * 200_000 + b'"\n', "data.csv"),

@@ -1,0 +1,64 @@
+"""Files of text that people and other programs wrote: read whole, or refused by name.
+
+Everything that is read goes through `read_text`: it refuses folders, devices, files that are too large or not UTF-8,
+each with the reason. A byte order mark is taken off; lines may end as on any system and end with LF from here on.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from calib.errors import DataError
+
+MOST_BYTES = 256 * 1024 * 1024
+"""A million readings have some 200 MB."""
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
+    """The bytes of an ordinary file of at most `most` bytes. Raises DataError naming the file."""
+    try:
+        # Without waiting: a named pipe that nobody writes to would hold the program for ever.
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except FileNotFoundError as error:
+        raise DataError("there is no such file.", do="Check the name.", file=path) from error
+    except PermissionError as error:
+        what = "is a folder." if path.is_dir() else "may not be read by this user."
+        raise DataError(what, do="Name a file that can be read.", file=path) from error
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise DataError(f"cannot be read ({why}).", do="Check the name.", file=path) from error
+    mode = os.fstat(handle).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(handle)
+        what = "is a folder." if stat.S_ISDIR(mode) else "is not an ordinary file."
+        raise DataError(what, do="Name a file on a disk.", file=path)
+    with open(handle, "rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise DataError(
+            f"is larger than {most / 1024 / 1024:g} MB.", do="Split it, or check the name.", file=path
+        )
+    return data
+
+
+def decoded(data: bytes, file: Path | str) -> str:
+    """UTF-8 text without its byte order mark. Raises DataError, with the line where it can, for anything else."""
+    if data.startswith(_UTF_16):
+        raise DataError("is UTF-16, not UTF-8.", do="Save it as UTF-8.", file=file)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise DataError("is not UTF-8 text.", do="Save it as UTF-8.", file=file, line=line) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise DataError("holds a NUL byte: it is not text.", do="Save it as UTF-8.", file=file, line=line)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_text(path: Path, most: int = MOST_BYTES) -> str:
+    """The text of a file. Raises DataError naming the file."""
+    return decoded(read_bytes(path, most), path)

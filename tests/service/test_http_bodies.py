@@ -1,0 +1,66 @@
+"""Bodies of JSON over HTTP. These would catch: a fault of our own for a body that only JSON can say, a body of which
+two values of `dry_run` make one that moves a robot, and a route that reads its body in another way.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from fastapi.testclient import TestClient
+
+from service.http.app import create_app
+from service.http.json_route import AT_ONCE
+from service.http.settings import Settings
+
+TOKEN = "only-for-the-tests-of-bodies"
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    app = create_app(Settings(record=tmp_path_factory.mktemp("record"), token=TOKEN))
+    with TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False) as client:
+        client.headers |= {"Authorization": f"Bearer {TOKEN}"}
+        yield client
+
+
+BODIES = {
+    "digits": (b'{"campaign": {"seed": ' + b"9" * 400 + b"}}", "400 digits"),
+    "nested": (b'{"campaign": {"a": ' + b"[" * 100_000 + b"]" * 100_000 + b"}}", "nested"),
+    "twice": (b'{"campaign": {"a": 1}, "dry_run": true, "dry_run": false}', "dry_run"),
+    "infinite": (b'{"campaign": {"settle_s": 1e999}}', "settle_s"),
+    "nan": (b'{"campaign": {"settle_s": NaN}}', "NaN"),
+    "utf-16": ('{"campaign": {"a": 1}}'.encode("utf-16"), "UTF-16"),
+    "latin-1": (b'{"campaign": {"a": "\xff"}}', "UTF-8"),
+    "cut": (b'{"campaign": ', "JSON"),
+    "large": (b'{"campaign": {"a": "' + b"x" * AT_ONCE + b'", "a": 1}}', "twice"),
+}
+
+
+@pytest.mark.parametrize("path", ["/runs", "/campaigns"])
+@pytest.mark.parametrize("case", sorted(BODIES))
+def test_a_body_that_cannot_be_used_is_refused_by_key(client: TestClient, case: str, path: str) -> None:
+    body, word = BODIES[case]
+    answer = client.post(f"/api/v1{path}", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422, answer.text
+    told = answer.json()
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert word in told["detail"] + told.get("key", "")
+    assert told["what_to_do"]
+
+
+def test_every_route_reads_its_body_so(client: TestClient) -> None:
+    """Told by the OpenAPI document, so that a route of tomorrow is asked too."""
+    asked = 0
+    for path, item in client.get("/openapi.json").json()["paths"].items():
+        for method, operation in item.items():
+            if "application/json" in operation.get("requestBody", {}).get("content", {}):
+                where = re.sub(r"\{\w+\}", "x", path)
+                answer = client.request(
+                    method, where, content=b'{"a": 1, "a": 2}', headers={"Content-Type": "application/json"}
+                )
+                assert answer.status_code == 422, (where, answer.text)
+                assert "twice" in answer.json()["detail"], (where, answer.text)
+                asked += 1
+    assert asked > 8
