@@ -47,7 +47,7 @@ from acquisition.verification import (
     world_of,
 )
 from acquisition.world_frame import WorldFrame
-from calib.compensate import StatedConditions
+from calib.compensate import Bounds, StatedConditions, refuse_unlikely
 from calib.dataset import Dataset, read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.follow_up import FollowUp
@@ -241,7 +241,9 @@ def verify(
 
     first: the campaign whose world frame and clock count; last: the one measured last.
     """
-    dataset = diagnosis.dataset
+    dataset, final = diagnosis.dataset, diagnosis.final
+    usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
+    refuse_unlikely(final.model, final.estimate, usual, Bounds(), coupling=dataset.header.coupling)
     world = world_of(first.record)
     wanted, refused = new_targets(equipment, campaign, dataset, diagnosis, first, last, poses)
     size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)

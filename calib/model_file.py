@@ -1,32 +1,49 @@
 """`MODEL.json`: an identified model on disk (`truepose-model/1`), complete enough to predict from.
 
 Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
-regressors; covariance; hash of the data; for which approach and temperature it holds; the held-out error.
-A fit that did not converge is refused: nobody should drive a robot with it.
+regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
+holds; the held-out error. A hash is no signature: it shows that a file was changed, not who wrote it. A fit that did
+not converge is refused: nobody should drive a robot with it.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calib.capsules import Capsule
+from calib.capsules import parse_capsules
+from calib.compensate import Bounds, StatedConditions, refuse_unlikely
 from calib.diagnose.diagnosis import Diagnosis
 from calib.effects.effect import Effect
 from calib.errors import DataError
 from calib.files import replace_file
-from calib.header import Vector
+from calib.header import FARTHEST_MM, Vector
 from calib.identification import Identification
+from calib.json_text import read_json
 from calib.kinematics import Array
 from calib.model import RobotModel
-from calib.robot import JointMatrix, Load, Robot
-from calib.units import FACTORS, to_display, to_internal
+from calib.model_checks import (
+    content_hash,
+    covariance_of,
+    estimate_of,
+    numbers_of,
+    refuse_changed,
+    refuse_effects,
+    refuse_other_table,
+    rigid,
+    robot_hash,
+)
+from calib.robot import JointMatrix, Load, Robot, built_in_robots, load_robot, parse_loads, refuse_impossible
+from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
+_SIDES = ("from below", "from above", "both sides")
+_MOST_GRAVITY, _HOTTEST_C = 10.0, 1000.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,16 @@ class SavedModel:
     coupling: str
     data_sha256: str
     holds_for: dict[str, Any]
+    held_out_rms_mm: float | None = None
+    notes: tuple[str, ...] = ()  # what whoever uses it must be told
+
+    @property
+    def usual(self) -> StatedConditions:
+        """The conditions that the readings were made in."""
+        air = self.holds_for.get("temperature_c")
+        return StatedConditions(
+            temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
+        )
 
 
 def save_model(path: Path, identification: Identification, diagnosis: Diagnosis | None = None) -> None:
@@ -59,6 +86,7 @@ def save_model(path: Path, identification: Identification, diagnosis: Diagnosis 
         "format": FORMAT,
         "robot": model.robot.name,
         "robot_table": asdict(model.robot),
+        "robot_sha256": robot_hash(model.robot),
         "loads": [asdict(load) for load in identification.header.loads],
         "gravity_base": list(identification.header.gravity),
         "joint_coupling": identification.header.coupling,
@@ -96,6 +124,7 @@ def save_model(path: Path, identification: Identification, diagnosis: Diagnosis 
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
     }
+    document["content_sha256"] = content_hash(document)
     replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
@@ -112,73 +141,142 @@ def _nominal(model: RobotModel, name: str) -> float | None:
     return 0.0 if name.startswith("beta") else None
 
 
-def load_model(path: Path) -> SavedModel:
-    """Read a model. Raises DataError when the file is not one, or was written for an unknown robot."""
+def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None) -> SavedModel:
+    """Read a model, and refuse one that is not what was written, or corrects beyond `bounds` (default `Bounds()`).
+
+    Its robot must be that of `robot_file`, or the built-in one of its name; of a robot of the user's own without its
+    file the table in the model is believed, and `notes` says so. Raises DataError naming file and key.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
+    notes = refuse_changed(document, path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
-        effects = tuple(Effect.from_json(entry) for entry in document["effects"])
-        model = RobotModel(
-            robot=_robot(document["robot_table"]),
-            effects=effects,
-            targets={
-                s: {t: tuple(v) for t, v in own.items()} for s, own in document["tool_targets_mm"].items()
-            },
-            placements={name: np.array(pose) for name, pose in document["placements"].items()},
-            station=tuple(document["station_mm"]),
-            turns={name: np.array(turn) for name, turn in document.get("tool_turns", {}).items()},
-            anchors={name: tuple(place) for name, place in document.get("base_targets_mm", {}).items()},
-        )
-        values = {
-            entry["name"]: to_internal(entry["value"], entry["unit"]) for entry in document["parameters"]
-        }
-        estimate = np.array([values[p.name] for p in model.parameters])
-        covariance = np.array(document["covariance_internal_units"])
-        return SavedModel(
-            model,
-            estimate,
-            covariance,
-            loads=tuple(_load(load) for load in document["loads"]),
-            gravity=tuple(document["gravity_base"]),
-            coupling=document["joint_coupling"],
-            data_sha256=document["data_sha256"],
-            holds_for=document["holds_for"],
-        )
-    except DataError:
-        raise
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise DataError("there is no such file.", do="Check the name.", file=path) from error
-    except (TypeError, AttributeError) as error:
+        saved = _saved(document, path)
+    except (TypeError, AttributeError, ValueError, IndexError) as error:
+        if isinstance(error, DataError):
+            raise
         raise DataError(
             f"is damaged ({error}).", do="Write the model again with this version.", file=path
         ) from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"is not valid JSON ({error}).", do="Write the model again.", file=path) from error
     except KeyError as error:
         raise DataError(
-            "key is missing.",
+            "key is missing, or names what this version does not know.",
             do="Write the model again with this version.",
             file=path,
             key=str(error.args[0]),
         ) from error
+    robot = saved.model.robot
+    if robot_file is not None:
+        refuse_other_table(robot, load_robot(str(robot_file.absolute())), path)
+    elif robot.name in built_in_robots():
+        refuse_other_table(robot, load_robot(robot.name), path)
+    else:
+        notes += (
+            f"The table and limits of '{robot.name}' are those of {path.name}; --robot FILE checks them.",
+        )
+    refuse_unlikely(
+        saved.model, saved.estimate, saved.usual, bounds or Bounds(), coupling=saved.coupling, file=path
+    )
+    return replace(saved, notes=notes)
 
 
-def _robot(table: dict[str, Any]) -> Robot:
+def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
+    """The model of a document. Raises DataError, or what a document of another form makes of itself."""
+    robot = _robot(document["robot_table"], path)
+    if document["robot"] != robot.name or document.get("robot_sha256", robot_hash(robot)) != robot_hash(
+        robot
+    ):
+        raise DataError(
+            f"is {document['robot']!r}, which is not the robot of robot_table.",
+            do="Use the model of this robot as it was written.",
+            file=path,
+            key="robot",
+        )
+
+    def points(table: Mapping[str, Any], key: str) -> dict[str, Vector]:
+        return {
+            name: _vector(numbers_of(v, (3,), f"{key}.{name}", path, FARTHEST_MM))
+            for name, v in table.items()
+        }
+
+    model = RobotModel(
+        robot=robot,
+        effects=tuple(Effect.from_json(entry) for entry in document["effects"]),
+        targets={
+            series: points(own, f"tool_targets_mm.{series}")
+            for series, own in document["tool_targets_mm"].items()
+        },
+        placements={
+            name: rigid(pose, 4, f"placements.{name}", path) for name, pose in document["placements"].items()
+        },
+        station=_vector(numbers_of(document["station_mm"], (3,), "station_mm", path, FARTHEST_MM)),
+        turns={
+            name: rigid(turn, 3, f"tool_turns.{name}", path)
+            for name, turn in document.get("tool_turns", {}).items()
+        },
+        anchors=points(document.get("base_targets_mm", {}), "base_targets_mm"),
+    )
+    if not model.targets:
+        raise DataError("names no series.", do="Write the model again.", file=path, key="tool_targets_mm")
+    refuse_effects(model, path)
+    coupling, data, holds = document["joint_coupling"], document["data_sha256"], document["holds_for"]
+    if coupling != "none" and coupling not in robot.joint_matrices:
+        raise DataError(
+            f"is {coupling!r}.", do="Use a joint matrix of the robot.", file=path, key="joint_coupling"
+        )
+    if not isinstance(data, str):
+        raise DataError(f"is {data!r}.", do="Write the model again.", file=path, key="data_sha256")
+    return SavedModel(
+        model,
+        estimate_of(document["parameters"], model, path),
+        covariance_of(document["covariance_internal_units"], len(model.parameters), path),
+        loads=parse_loads(document["loads"], robot.joints, path),
+        gravity=_vector(numbers_of(document["gravity_base"], (3,), "gravity_base", path, _MOST_GRAVITY)),
+        coupling=coupling,
+        data_sha256=data,
+        holds_for=_holds_for(holds, robot, path),
+        held_out_rms_mm=_held_out_rms(document.get("held_out")),
+    )
+
+
+def _robot(table: dict[str, Any], path: Path) -> Robot:
     """The nominal robot as it was when the model was fitted, whatever has become of its file since."""
     matrices = {
         name: JointMatrix(tuple(tuple(row) for row in entry["matrix"]), tuple(entry["offset"]))
         for name, entry in table["joint_matrices"].items()
     }
     plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-    loads = tuple(_load(load) for load in table["loads"])
-    capsules = tuple(_capsule(capsule) for capsule in table.get("capsules", ()))
-    return Robot(**{**plain, "loads": loads, "joint_matrices": matrices, "capsules": capsules})
+    counts = {len(plain[key]) for key in ("alpha", "a", "theta", "d", "lower", "upper")}
+    if len(counts) != 1 or plain["convention"] not in ("mdh", "dh"):
+        raise DataError("is no robot.", do="Write the model again.", file=path, key="robot_table")
+    joints = counts.pop()
+    loads = parse_loads(table["loads"], joints, path)
+    capsules = parse_capsules(table.get("capsules", []), joints, path)
+    robot = Robot(**{**plain, "loads": loads, "joint_matrices": matrices, "capsules": capsules})
+    refuse_impossible(robot, path)
+    return robot
 
 
-def _capsule(table: dict[str, Any]) -> Capsule:
-    return Capsule(**{**table, "from_mm": tuple(table["from_mm"]), "to_mm": tuple(table["to_mm"])})
+def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
+    approach, air = table.get("approach"), table.get("temperature_c")
+    if approach is not None and (len(approach) != robot.joints or not set(approach) <= set(_SIDES)):
+        raise DataError(
+            f"is {approach!r}.",
+            do=f"Give one of {', '.join(_SIDES)} a joint.",
+            file=path,
+            key="holds_for.approach",
+        )
+    if air is not None:
+        numbers_of(air, (), "holds_for.temperature_c", path, _HOTTEST_C)
+    return table
 
 
-def _load(table: dict[str, Any]) -> Load:
-    return Load(table["link"], table["mass_kg"], tuple(table["cog_mm"]))
+def _held_out_rms(table: Any) -> float | None:
+    rms = None if table is None else table["error_mm"]["rms"]
+    return float(rms) if isinstance(rms, int | float) else None
+
+
+def _vector(numbers: Array) -> Vector:
+    x, y, z = (float(value) for value in numbers)
+    return x, y, z

@@ -190,7 +190,7 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
         raise DataError(
             "key is missing.", do="Add it; see the built-in robot files.", file=path, key=error.args[0]
         ) from error
-    _refuse_impossible(robot, path)
+    refuse_impossible(robot, path)
     return robot
 
 
@@ -199,7 +199,8 @@ def _three(values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _refuse_impossible(robot: Robot, path: Path) -> None:
+def refuse_impossible(robot: Robot, path: Path) -> None:
+    """Raise DataError, naming the key, for a robot that no maker can build."""
     for key, value in (("name", robot.name), ("maker", robot.maker), ("source", robot.source)):
         if not isinstance(value, str) or not value:
             raise DataError(f"is {value!r}.", do="Give text.", file=path, key=key)

@@ -1,6 +1,7 @@
 """Compensation: targets that make the real robot land where the nominal one would. `correct` is the door."""
 
 from calib.compensate.actual import nominal_of
+from calib.compensate.bounds import Bounds, refuse_unlikely
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.carried import Carried, carried, constant_slots, joint_origins
 from calib.compensate.controller import model_sides
@@ -12,6 +13,7 @@ from calib.compensate.targets import PoseCorrection, correct_poses, stands_of
 __all__ = [
     "FLANGE",
     "REASONS",
+    "Bounds",
     "Calibrated",
     "Carried",
     "Correction",
@@ -28,5 +30,6 @@ __all__ = [
     "model_sides",
     "nominal_of",
     "nominal_poses",
+    "refuse_unlikely",
     "stands_of",
 ]

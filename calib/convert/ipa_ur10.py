@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from calib.convert.table import Table
 from calib.csv_text import rows_of
 from calib.errors import DataError
+from calib.header import FARTHEST_MM
 from calib.text_file import read_text
 
 _PUBLISHED = {
@@ -92,21 +93,23 @@ def read(path: Path) -> Table:
             for k, place in enumerate(places):
                 try:
                     out[i, k] = float(line[place].replace(",", "."))
-                except (ValueError, IndexError) as error:
+                except (ValueError, IndexError):
+                    out[i, k] = np.nan
+                if not abs(out[i, k]) <= FARTHEST_MM:
                     raise DataError(
-                        f"column '{columns[k]}' is not a number.",
+                        f"column '{columns[k]}' is not a number that can be.",
                         do="Mend that line.",
                         file=path,
                         line=number,
-                    ) from error
+                    )
         return out
 
     quaternion = Rotation.from_euler("XYZ", numbers(layout["euler"]), degrees=True).as_quat(scalar_first=True)
     joints = np.degrees(numbers(layout["joints"]))
     point = numbers(layout["point"])
     columns: dict[str, list[str]] = {"reading_id": [str(i + 1) for i in range(len(rows))]}
-    stamps = [line[names.index(layout["timestamp"])] for _, line in rows]
-    columns["t_s"] = _seconds(stamps)
+    place = names.index(layout["timestamp"])
+    columns["t_s"] = _seconds([line[place] if place < len(line) else "" for _, line in rows])
     for k in range(6):
         columns[f"j{k + 1}_deg"] = [f"{value:.6f}" for value in joints[:, k]]
     columns["tool_target"] = ["TMAC"] * len(rows)
@@ -120,7 +123,13 @@ def read(path: Path) -> Table:
 
 def _seconds(stamps: list[str]) -> list[str]:
     """Seconds since the first stamp; empty where the source rounded its stamps to the month."""
-    if not all(re.fullmatch(r"20\d{12}", stamp) for stamp in stamps) or len(set(stamps)) < len(stamps) // 2:
+    if (
+        not all(re.fullmatch(r"20[0-9]{12}", stamp) for stamp in stamps)
+        or len(set(stamps)) < len(stamps) // 2
+    ):
         return [""] * len(stamps)
-    times = [datetime.strptime(stamp, "%Y%m%d%H%M%S").timestamp() for stamp in stamps]
+    try:
+        times = [datetime.strptime(stamp, "%Y%m%d%H%M%S").timestamp() for stamp in stamps]
+    except ValueError:  # digits that are no date
+        return [""] * len(stamps)
     return [f"{time - times[0]:.0f}" for time in times]

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from calib.errors import DataError
-from calib.model_file import load_model
 from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -49,6 +48,8 @@ def compensate_command(
     keep_refused: Annotated[
         bool, typer.Option("--keep-refused", help="Write the program though some targets stay as they were.")
     ] = False,
+    robot: options.RobotFile = None,
+    largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
     """Correct the targets of a program; all its other text stays as it is."""
@@ -60,7 +61,7 @@ def compensate_command(
     known = KnownFrames(named_frames("--tool", tool or []), named_frames("--frame", frame or []))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model} and {program}")
-        saved = load_model(model)
+        saved = options.read_model(model, robot, largest_correction)
         stated = stated_conditions(conditions, saved)
         read = read_program(program, saved.model.robot, known)
         terminal.say(f"correcting {wording.counted(len(read.targets), 'target')}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,6 @@ import typer
 from calib.compensate import Carried, carried
 from calib.errors import DataError
 from calib.files import replace_file
-from calib.model_file import load_model
 from service.commands import options
 from service.exports import FORMATS, Export
 from service.files import STANDARD_OUTPUT
@@ -36,6 +34,8 @@ def export_command(
         str | None,
         typer.Option("--hash", metavar="calib_...", help="ur-yaml: the robot's own calibration hash."),
     ] = None,
+    robot_file: options.RobotFile = None,
+    largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
     """Write a model in another program's format, with the error that this format leaves."""
@@ -44,14 +44,14 @@ def export_command(
         raise DataError(f"'{kind}' is not a known format.", do=f"Use {', '.join(FORMATS)}.", key="--as")
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model}")
-        saved = load_model(model)
+        saved = options.read_model(model, robot_file, largest_correction)
         stated = stated_conditions(conditions, saved)
         form = FORMATS[kind]
         robot = saved.model.robot
         found = carried(
             saved.model, saved.estimate, stated.stated, form.holds(robot), coupling=saved.coupling
         )
-        held_out = _held_out_rms(model)
+        held_out = saved.held_out_rms_mm
         about = _about(found, form.says, stated.in_words, held_out)
         text = form.writes(
             Export(robot, saved.coupling, found, (f"{robot.name}, from {model.name}.", *about), robot_hash)
@@ -104,10 +104,3 @@ def _about(found: Carried, says: str, holds_for: str, held_out: float | None) ->
 
 def _together(loss: float, held_out: float | None) -> float | None:
     return None if held_out is None else math.hypot(loss, held_out)
-
-
-def _held_out_rms(path: Path) -> float | None:
-    """RMS error of the model on readings that took no part, mm, where the file tells it."""
-    held_out = json_module.loads(path.read_text(encoding="utf-8")).get("held_out") or {}
-    rms = (held_out.get("error_mm") or {}).get("rms")
-    return rms if isinstance(rms, float) else None

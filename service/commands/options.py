@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from calib.compensate import Bounds
 from calib.errors import DataError
+from calib.model_file import SavedModel, load_model
 from service.files import STANDARD_OUTPUT, write_json
 from service.terminal import Terminal
 
@@ -27,6 +30,26 @@ Model = Annotated[
     Path | None,
     typer.Option("--model", metavar="M.json", help="Save the model, to predict and correct with."),
 ]
+RobotFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--robot", metavar="FILE.toml", help="The robot's own file, which the model must agree with."
+    ),
+]
+LargestCorrection = Annotated[
+    tuple[float, float],
+    typer.Option(
+        metavar="DEG MM", help="A model that turns or shifts the flange by more than this is refused."
+    ),
+]
+LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
+
+
+def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]) -> SavedModel:
+    """A model file for a command. Raises DataError naming file, key or option."""
+    if not all(0.0 < value < math.inf for value in largest):
+        raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
+    return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
 
 
 def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[Path | None] = ()) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -13,7 +13,7 @@ from calib.dataset import Dataset, read_dataset
 from calib.errors import DataError
 from calib.kinematics import Array
 from calib.model import RobotModel
-from calib.model_file import SavedModel, load_model
+from calib.model_file import SavedModel
 from calib.placing import base_model_of, place_nominal
 from calib.validation import (
     Judgement,
@@ -31,6 +31,15 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.tables import warnings as warnings_table
 from service.terminal import Terminal
+
+
+class Read(NamedTuple):
+    """A model to judge and its file, and another to set beside it."""
+
+    model: SavedModel
+    path: Path
+    second: SavedModel | None
+    other: Path | None
 
 
 def validate_command(
@@ -56,11 +65,13 @@ def validate_command(
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y Z", help="Tell errors by the distance from this point of the world, mm."),
     ] = None,
+    robot: options.RobotFile = None,
+    largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
     """Judge a saved model on measured readings, or compare kinds of hold-out."""
-    read = [path for path in (model, compare) if path is not None]
-    options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *read))
+    inputs = [path for path in (model, compare) if path is not None]
+    options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs))
     if model is None and (compare is not None or place_it or everything or point is not None):
         raise DataError(
             "is missing: --compare, --place, --all and --point go with it.",
@@ -75,7 +86,10 @@ def validate_command(
         if model is None:
             _hold_outs(dataset, json, terminal)
         else:
-            _judge(dataset, model, compare, point, json, terminal, placed=place_it, everything=everything)
+            saved = options.read_model(model, robot, largest_correction)
+            second = None if compare is None else options.read_model(compare, robot, largest_correction)
+            read = Read(saved, model, second, compare)
+            _judge(dataset, read, point, json, terminal, placed=place_it, everything=everything)
 
 
 def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
@@ -88,8 +102,7 @@ def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
 
 def _judge(
     dataset: Dataset,
-    path: Path,
-    other: Path | None,
+    read: Read,
     point: tuple[float, float, float] | None,
     json: str | None,
     terminal: Terminal,
@@ -97,9 +110,8 @@ def _judge(
     placed: bool,
     everything: bool,
 ) -> None:
-    saved = load_model(path)
+    saved, path, second, other = read
     refuse_other_robot(saved, dataset, path)
-    second = None if other is None else load_model(other)
     if second is not None and other is not None:
         refuse_incomparable(saved, second, other)
     rows = dataset.usable if everything else dataset.validation_rows
@@ -162,7 +174,7 @@ def _warnings(
     everything: bool,
 ) -> list[str]:
     """What keeps these figures from meaning what they seem to mean."""
-    out = []
+    out = [*saved.notes, *(() if second is None else second.notes)]
     if everything and dataset.sha256 in (saved.data_sha256, "" if second is None else second.data_sha256):
         out.append("Rows to which the model was fitted are among those judged: flatters.")
     if second is not None and second.data_sha256 == saved.data_sha256:

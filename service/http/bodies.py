@@ -11,6 +11,8 @@ from typing import Annotated, Any, Self
 from fastapi import Body as BodyOf
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from calib.compensate import Bounds
+
 Name = Annotated[str, Field(max_length=200)]
 
 
@@ -106,6 +108,12 @@ class TargetsToCorrect(Body):
     )
     inverse: bool = Field(default=False, description="From actual to nominal: taught on the real robot.")
     keep_refused: bool = False
+    largest_deg: Annotated[float, Field(gt=0.0, le=90.0, strict=False)] = Field(
+        default=Bounds().turn_deg, description="A model that turns the flange by more is refused."
+    )
+    largest_mm: Annotated[float, Field(gt=0.0, le=1000.0, strict=False)] = Field(
+        default=Bounds().shift_mm, description="A model that shifts the flange by more is refused."
+    )
 
     @model_validator(mode="after")
     def _one_table(self) -> TargetsToCorrect:
@@ -249,6 +257,22 @@ class DatasetShown(Answered):
     readings: int
     fit: int
     validation: int
+
+
+class JobKept(Answered):
+    """An identification or a diagnosis as it was asked for."""
+
+    id: str
+    kind: str
+    dataset_id: str
+    created_utc: str
+
+
+class ProblemKept(Answered):
+    """Why a job could not be done."""
+
+    text: str
+    do: str
 
 
 class JobShown(Answered):

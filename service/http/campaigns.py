@@ -9,9 +9,10 @@ from typing import Any
 
 from acquisition import Campaign, campaign_from
 from calib.files import replace_file
-from calib.json_text import read_json
 from drivers.errors import ConfigError
 from service.files import as_json
+from service.http.bodies import CampaignShown
+from service.http.kept import read_kept, readable
 from service.http.names import new_id, safe_id
 from service.http.problems import not_found
 from service.plain import utc_text
@@ -72,8 +73,8 @@ class Shelf:
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)
-        return read_json(file)
+        return read_kept(file, CampaignShown)
 
     def all(self) -> list[dict[str, Any]]:
         """Newest first."""
-        return [self.get(file.stem) for file in sorted(self._folder.glob("*.json"), reverse=True)]
+        return readable((file.stem for file in sorted(self._folder.glob("*.json"), reverse=True)), self.get)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from calib.compensate import Bounds
 from calib.errors import DataError
 from calib.model_file import load_model
 from service.http.campaigns import refuse_untold
@@ -28,7 +29,7 @@ def corrected(
 
     Raises DataError, ConfigError.
     """
-    saved = load_model(model_file)
+    saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
     refuse_untold(order["targets"], "targets")
     text = order["csv"] or _as_csv(order["targets"])
     known = KnownFrames(named_frames("tool", [order["tool"]] if order["tool"] else []), {})

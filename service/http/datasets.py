@@ -19,11 +19,12 @@ from acquisition.merge import export_together
 from calib.dataset import read_dataset
 from calib.errors import DataError
 from calib.files import replace_file
-from calib.json_text import read_json
 from calib.text_file import decoded
 from calib.toml_text import parse_toml
 from service import documents
 from service.files import as_json
+from service.http.bodies import DatasetShown
+from service.http.kept import read_kept, readable
 from service.http.names import new_id, safe_id
 from service.http.problems import not_found
 from service.plain import utc_text
@@ -104,7 +105,7 @@ class Datasets:
 
     def get(self, name: str) -> dict[str, Any]:
         """Raises Problem 404."""
-        return read_json(self.path(name) / ABOUT)
+        return read_kept(self.path(name) / ABOUT, DatasetShown)
 
     def path(self, name: str) -> Path:
         """The folder of a data set. Raises Problem 404."""
@@ -115,7 +116,7 @@ class Datasets:
     def all(self) -> list[dict[str, Any]]:
         """Newest first."""
         names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
-        return [self.get(name) for name in names]
+        return readable(names, self.get)
 
 
 def _refuse_paths(header: bytes) -> None:

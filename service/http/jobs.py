@@ -16,10 +16,11 @@ from typing import Any
 
 from acquisition import Cell, State
 from calib.files import replace_file
-from calib.json_text import read_json
 from service import job
 from service.files import as_json
 from service.http import problems
+from service.http.bodies import Answered, JobKept, ProblemKept
+from service.http.kept import read_kept
 from service.http.names import new_id, safe_id
 from service.http.problems import Problem, not_found
 from service.http.workers import WorkerDied, Workers
@@ -76,7 +77,7 @@ class Jobs:
         folder = self._record / _FOLDERS[kind] / name
         if not safe_id(name) or not (folder / JOB).is_file():
             raise not_found(kind, name)
-        order = read_json(folder / JOB)
+        order = read_kept(folder / JOB, JobKept)
         with self._changed:
             waiting, current = folder in self._waiting, folder == self._current
         result = problem = None
@@ -86,7 +87,7 @@ class Jobs:
             state, version = State.RUNNING, 2
         elif (folder / RESULT).is_file():
             state, version = State.SUCCEEDED, 3
-            result = read_json(folder / RESULT)
+            result = read_kept(folder / RESULT, Answered)
         else:
             state, version = State.FAILED, 3
             problem = self._problem(folder)
@@ -101,7 +102,7 @@ class Jobs:
 
     def _problem(self, folder: Path) -> dict[str, Any]:
         if (folder / PROBLEM).is_file():
-            told = read_json(folder / PROBLEM)
+            told = read_kept(folder / PROBLEM, ProblemKept)
             return problems.document(422, told.pop("text"), told.pop("do"), **told)
         return problems.document(500, "The work was cut off before its end.", "Ask for it again.")
 
@@ -117,7 +118,7 @@ class Jobs:
 
     def model(self, name: str) -> dict[str, Any]:
         """The model that a job or a loop has found. Raises Problem 404."""
-        return read_json(self.model_file(name))
+        return read_kept(self.model_file(name), Answered)
 
     def model_file(self, name: str) -> Path:
         """Where it stands. Raises Problem 404."""

@@ -60,7 +60,7 @@ def stated_conditions(text: str | None, saved: SavedModel) -> Conditions:
     robot = saved.model.robot
     identified = saved.holds_for.get("approach") or ["both sides"] * robot.joints
     of_model = np.array([_IDENTIFIED.get(side, 1.0) for side in identified])
-    notes: list[str] = []
+    notes = list(saved.notes)
     sides = of_model
     if "side" in given:
         sides = _sides(given["side"], saved)

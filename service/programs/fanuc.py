@@ -34,7 +34,7 @@ PLACES = 3
 
 # Every repetition is possessive, and none can run over the beginning of another position: time grows with the text.
 _POSITION = re.compile(
-    r"P\[\s*+(?P<number>\d{1,9}+)\s*+(?::(?P<comment>[^\[\]]*+))?\]\s*+\{(?P<body>[^{}]*+)\}\s*+;"
+    r"\bP\[\s*+(?P<number>\d{1,9}+)\s*+(?::(?P<comment>[^\[\]]*+))?\]\s*+\{(?P<body>[^{}]*+)\}\s*+;"
 )
 _GROUP = re.compile(r"\bGP(\d++)\s*+:")
 _FRAMES = re.compile(r"\bUF\s*+:\s*+(\w++)\s*+,\s*+UT\s*+:\s*+(\w++)")

@@ -5,7 +5,9 @@ two values of `dry_run` make one that moves a robot, and a route that reads its 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
@@ -13,6 +15,7 @@ from fastapi.testclient import TestClient
 from service.http.app import create_app
 from service.http.json_route import AT_ONCE
 from service.http.settings import Settings
+from tests.fuzz.formats import EXAMPLES
 
 TOKEN = "only-for-the-tests-of-bodies"
 
@@ -64,3 +67,22 @@ def test_every_route_reads_its_body_so(client: TestClient) -> None:
                 assert "twice" in answer.json()["detail"], (where, answer.text)
                 asked += 1
     assert asked > 8
+
+
+def test_a_damaged_file_of_the_record_is_named_and_takes_no_list_down(tmp_path: Path) -> None:
+    with TestClient(
+        create_app(Settings(record=tmp_path, token=TOKEN)), base_url="http://127.0.0.1"
+    ) as client:
+        client.headers |= {"Authorization": f"Bearer {TOKEN}"}
+        campaign = tomllib.loads((EXAMPLES / "irb120_faro" / "campaign.toml").read_text("utf-8"))
+        ids = [
+            client.post("/api/v1/campaigns", json={"campaign": campaign, "name": n}).json()["id"]
+            for n in "abc"
+        ]
+        (tmp_path / "campaigns" / f"{ids[0]}.json").write_bytes(b"\0" * 100)
+        (tmp_path / "campaigns" / f"{ids[1]}.json").write_text('{"id": 3}', "utf-8")
+        for each in ids[:2]:
+            told = client.get(f"/api/v1/campaigns/{each}")
+            assert told.status_code == 500
+            assert f"{each}.json" in told.json()["detail"]
+        assert [each["id"] for each in client.get("/api/v1/campaigns").json()["campaigns"]] == [ids[2]]

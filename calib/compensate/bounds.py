@@ -1,0 +1,79 @@
+"""How far a correction may go before it says more about the model than about the robot.
+
+Robots that were identified are off by some tenths of a degree and some millimetres; 10 deg in a joint is a file that
+was changed, a model of another robot, or a fit that went astray. What is compared is where the flange stands, with
+the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calib.compensate.calibrated import Calibrated
+from calib.compensate.stated import StatedConditions, nominal_poses
+from calib.errors import DataError
+from calib.kinematics import Array
+from calib.model import RobotModel
+from calib.units import DEG
+
+STANDS = 200
+_SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where none is stated
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Largest turn of the flange, deg, and largest shift, mm, that a model may make of it."""
+
+    turn_deg: float = 2.0
+    shift_mm: float = 15.0
+
+
+def refuse_unlikely(
+    model: RobotModel,
+    estimate: Array,
+    stated: StatedConditions,
+    bounds: Bounds,
+    *,
+    coupling: str = "none",
+    file: Path | str | None = None,
+) -> None:
+    """Raise DataError, naming the parameter that does most of it, where a model corrects beyond `bounds`.
+
+    estimate: (m,) internal units. Conditions that are not stated are those of a usual room.
+    """
+    robot = model.robot
+    counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (STANDS, robot.joints))
+    joints = robot.model_angles(counted, coupling)
+    nominal = nominal_poses(model, joints, np.zeros(3))
+    stated = replace(
+        stated,
+        time_s=_SECONDS if np.isnan(stated.time_s) else stated.time_s,
+        temperature_c=_AIR_C if np.isnan(stated.temperature_c) else stated.temperature_c,
+    )
+    for series in model.targets:
+
+        def off(values: Array, series: str = series) -> tuple[float, float]:
+            """Largest shift, mm, and turn, deg."""
+            poses = Calibrated(model, values, replace(stated, series=series)).poses(joints)
+            shift = np.linalg.norm(poses[:, :3, 3] - nominal[:, :3, 3], axis=1)
+            # |R - R0| = 2 sqrt(2) sin(angle / 2) in the norm of Frobenius
+            apart = np.linalg.norm(poses[:, :3, :3] - nominal[:, :3, :3], axis=(1, 2)) / np.sqrt(8.0)
+            return float(shift.max()), float(2.0 * np.arcsin(np.minimum(apart, 1.0)).max() / DEG)
+
+        shift, turn = off(estimate)
+        if shift <= bounds.shift_mm and turn <= bounds.turn_deg:
+            continue
+        share = [
+            max(np.divide(off(alone), (bounds.shift_mm, bounds.turn_deg))) for alone in np.diag(estimate)
+        ]
+        raise DataError(
+            f"corrects the robot by up to {shift:.1f} mm and {turn:.2f} deg, more than {bounds.shift_mm:g} mm and "
+            f"{bounds.turn_deg:g} deg; most of it by this parameter.",
+            do="Use a model of this robot as it was written. Where the robot is really so far off, allow more: "
+            "--largest-correction DEG MM, over HTTP largest_deg and largest_mm.",
+            file=file,
+            key=model.parameters[int(np.argmax(share))].name,
+        )

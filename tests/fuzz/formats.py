@@ -1,0 +1,114 @@
+"""Every file that people or other programs give us: a good example, how it is spoiled, and who reads it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import tomli_w
+
+from acquisition import read_campaign, read_cell
+from acquisition.blocks.poses import read_poses
+from calib.compensate import StatedConditions
+from calib.convert import IMPORTERS
+from calib.dataset import read_dataset
+from calib.identify import identify
+from calib.model_file import SavedModel, load_model, save_model
+from calib.robot import BUILT_IN, load_robot
+from mocks.campaign import make_campaign
+from service.programs import KnownFrames, compensate
+from service.programs.read import read_program
+from tests.calib.campaigns import write_files
+from tests.fuzz.mutations import Mutation, spoil_bytes, spoil_cells, spoil_json, spoil_lines, spoil_toml
+from tests.service.robot_programs import LS, RAPID, SCRIPT, model_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ANYTHING: tuple[Mutation, ...] = (spoil_bytes, spoil_lines)
+
+
+@dataclass(frozen=True)
+class Format:
+    """`good`: the file of this name as it should be; `read` takes its path, and may raise errors of ours alone."""
+
+    name: str
+    good: bytes
+    spoil: Sequence[Mutation]
+    read: Callable[[Path], object]
+
+
+def formats(folder: Path) -> dict[str, Format]:
+    """All formats by the name of their file; `folder` gets what stands beside them, all of it good."""
+    campaign = make_campaign(seed=3, n=40, n_validation=6, effects=[])
+    data = write_files(folder, campaign.rows, campaign.header)
+    save_model(folder / "model.json", identify(read_dataset(data)))
+    table, cells = (*ANYTHING, spoil_toml), (*ANYTHING, spoil_cells)
+    robot = (BUILT_IN / "abb-irb120.toml").read_bytes()
+    header = tomllib.loads(data.with_suffix(".toml").read_text("utf-8"))
+    lengths = header | {"base_targets": {"B1": [300.0, 0.0, 0.0]}, "series": {"main": {"tool_targets": {}}}}
+    lengths |= {"loads": [{"link": 6, "mass_kg": 2.0, "cog_mm": [1.0, 2.0, 3.0]}]}
+    example = EXAMPLES / "irb120_faro"
+    irb, fanuc, ur = (model_of(name) for name in ("abb-irb120", "fanuc-lrmate200ic", "ur5"))
+    found = [
+        Format("data.csv", data.read_bytes(), cells, read_dataset),
+        Format(
+            "data.toml",
+            tomli_w.dumps(lengths).encode(),
+            table,
+            lambda path: read_dataset(path.with_suffix(".csv")),
+        ),
+        Format("robot.toml", robot, table, lambda path: load_robot(path.name, path.parent)),
+        Format("cell.toml", (example / "cell.toml").read_bytes(), table, read_cell),
+        Format("campaign.toml", (example / "campaign.toml").read_bytes(), table, read_campaign),
+        Format("poses.csv", b"j1_deg,j2_deg,j3_deg\n1,2,3\n4,5,6\n", cells, read_poses),
+        Format("model.json", (folder / "model.json").read_bytes(), (*ANYTHING, spoil_json), load_model),
+        Format("targets.csv", _targets(), cells, partial(_corrected, irb)),
+        Format("program.mod", RAPID.encode(), ANYTHING, partial(_corrected, irb)),
+        Format("program.ls", LS.encode(), ANYTHING, partial(_corrected, fanuc)),
+        Format("program.script", SCRIPT.encode(), ANYTHING, partial(_corrected, ur)),
+        Format("published.csv", _published(), cells, IMPORTERS["ipa-ur10"]),
+        Format("cleaned.csv", _cleaned(), cells, IMPORTERS["ipa-ur10"]),
+    ]
+    for each in found:
+        (folder / each.name).write_bytes(each.good)
+    return {each.name: each for each in found}
+
+
+def _header(path: Path) -> object:
+    return read_dataset(path.with_suffix(".csv"))
+
+
+def _corrected(saved: SavedModel, path: Path) -> object:
+    """What `truepose compensate` does with a program."""
+    known = KnownFrames()
+    stated = StatedConditions(temperature_c=22.0, loads=saved.loads)
+    return compensate(read_program(path, saved.model.robot, known), path, saved, stated, known)
+
+
+def _targets() -> bytes:
+    head = (
+        "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,x_mm,y_mm,z_mm,rot_w,rot_x,rot_y,rot_z,config\n"
+    )
+    return (head + "A,10,-20,30,0,45,0,,,,,,,,\nB,,,,,,,300,50,400,0,0,1,0,front/up/noflip\n").encode()
+
+
+def _published() -> bytes:
+    names = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+    head = ["Timestamp", *(f"{name}_joint" for name in names), "measurement_temperature"]
+    head += [f"measurement_{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    rows = [
+        [f"2020010112{k:02d}00", *("0,1",) * 6, "21,5", "100,5", "2,5", "-3", "0,1", "0,2", str(k)]
+        for k in range(5)
+    ]
+    return "\n".join(";".join(row) for row in [head, *rows]).encode()
+
+
+def _cleaned() -> bytes:
+    head = ["timestamp", *(f"q{k}_rad" for k in range(1, 7)), "temp_C", "x_mm", "y_mm", "z_mm"]
+    head += [f"{axis}_deg_XYZintrinsic" for axis in ("rx", "ry", "rz")]
+    rows = [
+        [f"2020010112{k:02d}00", *("0.1",) * 6, "21.5", "1", "2", "3", "4", "5", str(k)] for k in range(5)
+    ]
+    return "\n".join(",".join(row) for row in [head, *rows]).encode()

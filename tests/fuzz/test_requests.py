@@ -1,0 +1,82 @@
+"""Every request that the OpenAPI document knows, spoiled: an answer or a problem document, never a fault.
+
+The service has the cell of an example and no devices: nothing that is sent here can move anything, and nobody waits
+for a connection. A short run by the seed in the suite, 100,000 requests by `make fuzz`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from hypothesis import given, note
+from hypothesis import strategies as st
+
+from acquisition import read_cell
+from calib.dataset import read_dataset
+from calib.files import replace_file
+from calib.identify import identify
+from calib.model_file import save_model
+from mocks.campaign import make_campaign
+from service.files import as_json
+from service.http.app import create_app
+from service.http.problems import MEDIA_TYPE
+from service.http.settings import Settings
+from service.worker import JOB, MODEL, RESULT
+from tests.calib.campaigns import write_files
+from tests.fuzz.formats import EXAMPLES
+from tests.fuzz.requests import draw
+
+TOKEN = "only-for-the-tests-of-requests"
+DONE = "20260101-000000-0001"
+
+
+class Service:
+    """A service in this process, with a finished job of which the model is good."""
+
+    def __init__(self, client: TestClient, files: dict[str, bytes]) -> None:
+        self.client, self.files = client, files
+        self.document: dict[str, Any] = client.get("/openapi.json").json()
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    folder = tmp_path_factory.mktemp("requests")
+    campaign = make_campaign(seed=3, n=40, n_validation=6, effects=[])
+    data = write_files(folder, campaign.rows, campaign.header)
+    done = folder / "record" / "identifications" / DONE
+    done.mkdir(parents=True)
+    save_model(done / MODEL, identify(read_dataset(data)))
+    job = {"id": DONE, "kind": "identification", "dataset_id": "x", "created_utc": "2026-01-01T00:00:00Z"}
+    replace_file(done / JOB, as_json({**job, "data": str(data), "simulated": True, "cell": None}))
+    replace_file(done / RESULT, as_json({"format": "truepose-identification/1"}))
+    # an address where nobody listens: what would connect is refused at once
+    text = (EXAMPLES / "irb120_faro" / "cell.toml").read_text("utf-8")
+    (folder / "cell.toml").write_text(re.sub(r'url = "[^"]*"', 'url = "tcp://127.0.0.1:1"', text), "utf-8")
+    settings_ = Settings(record=folder / "record", token=TOKEN, cell=read_cell(folder / "cell.toml"))
+    with TestClient(create_app(settings_), base_url="http://127.0.0.1") as client:
+        client.headers |= {"Authorization": f"Bearer {TOKEN}"}
+        files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
+        yield Service(client, files)
+
+
+@given(seed=st.integers(0, 2**64 - 1))
+def test_any_request(service: Service, seed: int) -> None:
+    asked = draw(service.document, (DONE,), service.files, Random(seed))
+    note(repr(asked)[:4000])
+    answer = service.client.request(
+        asked.method,
+        asked.path,
+        params=tuple(asked.params),
+        headers=list(asked.headers.items()),
+        content=asked.content,
+        files=asked.files or None,
+    )
+    assert answer.status_code < 500, answer.text[:1000]
+    if answer.status_code >= 400:
+        assert answer.headers["content-type"] == MEDIA_TYPE, answer.text[:1000]
+        assert answer.json()["what_to_do"]
