@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import DataError
+from calib.header import FARTHEST_MM
 from calib.toml_text import parse_toml, read_toml
 from drivers.errors import ConfigError
 
@@ -99,6 +100,8 @@ class TomlTable:
         if not _are_numbers(value, 3):
             raise self.refuse(key, f"is {value!r}; give three numbers, [x, y, z].")
         x, y, z = value  # type: ignore[misc]
+        if max(abs(x), abs(y), abs(z)) > FARTHEST_MM:
+            raise self.refuse(key, f"is {value!r}, farther than anything on earth; give it in mm.")
         return float(x), float(y), float(z)
 
     def vectors(self, key: str) -> dict[str, Vector]:

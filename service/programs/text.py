@@ -45,12 +45,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def edited(text: str, edits: Iterable[Edit]) -> str:
-    """The text with all edits made. Raises ValueError when two of them overlap."""
+    """The text with all edits made; lines keep their numbers. Raises ValueError when two of them overlap."""
     out, at = [], 0
     for edit in sorted(edits, key=lambda e: e.start):
         if edit.start < at:
             raise ValueError("two edits of a program overlap")
-        out += [text[at : edit.start], edit.text]
+        out += [text[at : edit.start], edit.text, *_LINE_END.findall(text, edit.start, edit.end)]
         at = edit.end
     return "".join([*out, text[at:]])
 

@@ -42,6 +42,8 @@ def test_what_the_record_keeps_means_the_same(tmp_path: Path) -> None:
         ({"robot__limits_deg": [[-170, 90]] + [[-10, 10]] * 5}, "robot.limits_deg"),
         ({"robot__limit_deg": []}, "robot.limit_deg"),
         ({"robot__keep_out": [[[0, 0, 0], [1, 1, -1]]]}, "robot.keep_out"),
+        ({"robot__keep_out": 1.5}, "robot.keep_out"),
+        ({"world__nests": {"N1": [0, 0, 0], "N2": [1e200, 0, 0], "N3": [0, 600, 0]}}, "world.nests.N2"),
         ({"robot__table_z_mm": float("nan")}, "robot.table_z_mm"),
         ({"instrument__station_mm": [1, 2]}, "instrument.station_mm"),
         ({"instrument__one_smr": 1}, "instrument.one_smr"),

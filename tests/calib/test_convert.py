@@ -17,6 +17,7 @@ from calib.convert import IMPORTERS, Table
 from calib.convert.ipa_ur10 import read
 from calib.dataset import read_dataset
 from calib.errors import DataError
+from tests.fuzz import formats
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "ur10_leica"
 needs_data = pytest.mark.skipif(
@@ -166,3 +167,17 @@ def test_both_published_layouts_of_the_real_data_agree(series: str) -> None:
         assert times[0] == times[1]
     else:
         assert set(times[0]) == set(times[1]) == {""}, "stamps rounded to the month are no time"
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "1e308", "1e400"])
+def test_numbers_that_cannot_be_are_refused_by_line(cell: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(formats.cleaned().replace(b"0.1", cell.encode(), 1))
+    with pytest.raises(DataError, match=r"line 2: column 'q1_rad'"):
+        read(path)
+
+
+def test_stamps_that_are_no_date_leave_the_time_empty(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(formats.cleaned().replace(b"20200101", b"20209999"))
+    assert set(read(path).columns["t_s"]) == {""}

@@ -69,7 +69,7 @@ def formats(folder: Path) -> dict[str, Format]:
         Format("program.ls", LS.encode(), ANYTHING, partial(_corrected, fanuc)),
         Format("program.script", SCRIPT.encode(), ANYTHING, partial(_corrected, ur)),
         Format("published.csv", _published(), cells, IMPORTERS["ipa-ur10"]),
-        Format("cleaned.csv", _cleaned(), cells, IMPORTERS["ipa-ur10"]),
+        Format("cleaned.csv", cleaned(), cells, IMPORTERS["ipa-ur10"]),
     ]
     for each in found:
         (folder / each.name).write_bytes(each.good)
@@ -105,7 +105,7 @@ def _published() -> bytes:
     return "\n".join(";".join(row) for row in [head, *rows]).encode()
 
 
-def _cleaned() -> bytes:
+def cleaned() -> bytes:
     head = ["timestamp", *(f"q{k}_rad" for k in range(1, 7)), "temp_C", "x_mm", "y_mm", "z_mm"]
     head += [f"{axis}_deg_XYZintrinsic" for axis in ("rx", "ry", "rz")]
     rows = [
