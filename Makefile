@@ -36,9 +36,10 @@ test: check
 	-$(BIN)/python -m tests.counterparts
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
-# 100,000 cases for every parser, more than an hour.
+# An hour of spoiled files of every format; then 100,000 cases for every parser of a device, and as many requests.
 fuzz: $(VENV)/.installed
-	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz --timeout=0
+	$(BIN)/python -m tests.fuzz 3600
+	$(BIN)/python -m pytest tests/drivers tests/fuzz/test_requests.py -k test_any --hypothesis-profile=fuzz --timeout=0
 
 # Every driver under every fault of the proxy, 400 questions each, about a quarter of an hour.
 conformance: $(VENV)/.installed

@@ -117,7 +117,7 @@ REFUSED = {
     "capsule of a radius of nought": (GOOD.replace("radius_mm = 65.0", "radius_mm = 0.0"), "'forearm'"),
     "capsule as thick as a house": (GOOD.replace("radius_mm = 65.0", "radius_mm = 65000.0"), "'forearm'"),
     "capsule with text": (GOOD.replace("radius_mm = 65.0", 'radius_mm = "65"'), "'forearm'"),
-    "capsule with nan": (GOOD.replace("[0.0, 0.0, -240.0]", "[0.0, 0.0, nan]"), "no point"),
+    "capsule with nan": (GOOD.replace("[0.0, 0.0, -240.0]", "[0.0, 0.0, nan]"), "from_mm"),
     "capsule without a place": (GOOD.replace("[0.0, 0.0, -240.0]", "[0.0, -240.0]"), "no point"),
     "capsule with a mistyped key": (GOOD.replace("radius_mm = 65.0", "radius_m = 65.0"), "radius_m"),
     "capsules as a table": (

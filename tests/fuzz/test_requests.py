@@ -25,13 +25,15 @@ from mocks.campaign import make_campaign
 from service.files import as_json
 from service.http.app import create_app
 from service.http.problems import MEDIA_TYPE
+from service.http.roles import Tokens
 from service.http.settings import Settings
-from service.worker import JOB, MODEL, RESULT
+from service.job import JOB, MODEL, RESULT
 from tests.calib.campaigns import write_files
 from tests.fuzz.formats import EXAMPLES
 from tests.fuzz.requests import draw
 
 TOKEN = "only-for-the-tests-of-requests"
+VIEWER = "only-to-look-at-these-tests"
 DONE = "20260101-000000-0001"
 
 
@@ -57,7 +59,9 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     # an address where nobody listens: what would connect is refused at once
     text = (EXAMPLES / "irb120_faro" / "cell.toml").read_text("utf-8")
     (folder / "cell.toml").write_text(re.sub(r'url = "[^"]*"', 'url = "tcp://127.0.0.1:1"', text), "utf-8")
-    settings_ = Settings(record=folder / "record", token=TOKEN, cell=read_cell(folder / "cell.toml"))
+    settings_ = Settings(
+        record=folder / "record", tokens=Tokens(TOKEN, VIEWER), cell=read_cell(folder / "cell.toml")
+    )
     with TestClient(create_app(settings_), base_url="http://127.0.0.1") as client:
         client.headers |= {"Authorization": f"Bearer {TOKEN}"}
         files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}

@@ -14,15 +14,17 @@ from fastapi.testclient import TestClient
 
 from service.http.app import create_app
 from service.http.json_route import AT_ONCE
+from service.http.roles import Tokens
 from service.http.settings import Settings
 from tests.fuzz.formats import EXAMPLES
 
 TOKEN = "only-for-the-tests-of-bodies"
+VIEWER = "only-to-look-at-these-tests"
 
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    app = create_app(Settings(record=tmp_path_factory.mktemp("record"), token=TOKEN))
+    app = create_app(Settings(record=tmp_path_factory.mktemp("record"), tokens=Tokens(TOKEN, VIEWER)))
     with TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False) as client:
         client.headers |= {"Authorization": f"Bearer {TOKEN}"}
         yield client
@@ -71,7 +73,7 @@ def test_every_route_reads_its_body_so(client: TestClient) -> None:
 
 def test_a_damaged_file_of_the_record_is_named_and_takes_no_list_down(tmp_path: Path) -> None:
     with TestClient(
-        create_app(Settings(record=tmp_path, token=TOKEN)), base_url="http://127.0.0.1"
+        create_app(Settings(record=tmp_path, tokens=Tokens(TOKEN, VIEWER))), base_url="http://127.0.0.1"
     ) as client:
         client.headers |= {"Authorization": f"Bearer {TOKEN}"}
         campaign = tomllib.loads((EXAMPLES / "irb120_faro" / "campaign.toml").read_text("utf-8"))
