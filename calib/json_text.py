@@ -37,13 +37,10 @@ def parse_json(text: str | bytes, file: Path | str) -> Any:
             )
         return int(digits)
 
-    def constant(name: str) -> float:
-        raise DataError(f"holds {name}, which JSON does not have.", do="Leave it out.", file=file)
-
     if isinstance(text, bytes):
         text = decoded(text, file)
     try:
-        value = json.loads(text, object_pairs_hook=once, parse_int=integer, parse_constant=constant)
+        value = json.loads(text, object_pairs_hook=once, parse_int=integer)
     except json.JSONDecodeError as error:
         raise DataError(
             f"is not valid JSON ({error.msg}, column {error.colno}).",

@@ -167,10 +167,12 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
             key=str(error.args[0]),
         ) from error
     robot = saved.model.robot
-    if robot_file is not None:
-        refuse_other_table(robot, load_robot(str(robot_file.absolute())), path)
-    elif robot.name in built_in_robots():
-        refuse_other_table(robot, load_robot(robot.name), path)
+    if robot_file is not None or robot.name in built_in_robots():
+        reference = load_robot(robot.name if robot_file is None else str(robot_file.absolute()))
+        refuse_other_table(robot, reference, path)
+        # Its girth is that of today's robot file; models of older versions have none.
+        robot = replace(robot, capsules=reference.capsules)
+        saved = replace(saved, model=replace(saved.model, robot=robot))
     else:
         notes += (
             f"The table and limits of '{robot.name}' are those of {path.name}; --robot FILE checks them.",

@@ -27,9 +27,12 @@ def refuse_unusual(value: Any, file: Path | str | None = None) -> None:
         elif isinstance(each, list):
             waiting += [(key, item, depth + 1) for item in each]
         elif isinstance(each, int) and abs(each) >= LARGEST_INTEGER:
-            raise DataError("has an integer of more than 64 bits.", do="Correct it.", file=file, key=key)
+            raise DataError(
+                "has an integer of more than 64 bits.", do="Correct it.", file=file, key=key or None
+            )
         elif isinstance(each, float) and not math.isfinite(each):
-            raise DataError(f"is {each}.", do="Give a finite number, or leave it out.", file=file, key=key)
+            do = "Give a finite number, or leave it out."
+            raise DataError(f"is {each}.", do=do, file=file, key=key or None)
         if depth > DEEPEST:
             raise too_deep(file)
 

@@ -16,7 +16,7 @@ from calib.errors import DataError
 from calib.identify import identify
 from calib.model_checks import content_hash
 from calib.model_file import load_model, save_model
-from calib.robot import BUILT_IN
+from calib.robot import BUILT_IN, load_robot
 from tests.calib.campaigns import simulate
 
 Document = dict[str, Any]
@@ -79,6 +79,7 @@ BELIEVED: dict[str, tuple[Callable[[Document], object], str]] = {
     "a parameter in another unit": (lambda d: parameter(d, "theta2").update(unit="mrad"), "theta2.*mrad"),
     "a parameter of text": (lambda d: parameter(d, "theta2").update(value="1"), "theta2"),
     "theta2 + 10 deg": (add("theta2", 10.0), "theta2.*largest-correction"),
+    "theta6 + 3 deg, which turns the flange and shifts nothing": (add("theta6", 3.0), "theta6"),
     "a2 + 20 mm": (add("a2", 20.0), "a2.*22"),
     "a weight of 1e6": (term("weight", 1e6), "corrects the robot"),
     "another robot's name": (set_to("robot", value="ur5"), "'ur5'"),
@@ -146,10 +147,12 @@ def test_a_file_changed_by_hand_is_noticed(written: str, tmp_path: Path) -> None
 
 def test_a_file_of_an_older_version_is_read_and_said_to_be_one(written: str, tmp_path: Path) -> None:
     document = json.loads(written)
-    del document["content_sha256"], document["robot_sha256"]
+    del document["content_sha256"], document["robot_sha256"], document["robot_table"]["capsules"]
     (tmp_path / "m.json").write_text(json.dumps(document), "utf-8")
-    (note,) = load_model(tmp_path / "m.json").notes
+    saved = load_model(tmp_path / "m.json")
+    (note,) = saved.notes
     assert "older version" in note
+    assert saved.model.robot == load_robot("abb-irb120")
 
 
 def test_a_key_that_stands_twice_is_refused(written: str, tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_our_own_page_can_ask(service: Served) -> None:
 @pytest.mark.parametrize(
     ("text", "where"),
     [
-        ('{"campaign": {"block": [{"select": "list", "joints_deg": [[NaN, 0, 0, 0, 0, 0]]}]}}', "format"),
+        ('{"campaign": {"block": [{"select": "list", "joints_deg": [[NaN, 0, 0, 0, 0, 0]]}]}}', "joints_deg"),
         ('{"dry_run": NaN, "campaign": {"format": "x"}}', "dry_run"),
         ('{"dry_run": 0, "campaign": {"format": "x"}}', "dry_run"),
         ('{"dry_run": "false", "campaign": {"format": "x"}}', "dry_run"),

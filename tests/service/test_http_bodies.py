@@ -35,7 +35,7 @@ BODIES = {
     "nested": (b'{"campaign": {"a": ' + b"[" * 100_000 + b"]" * 100_000 + b"}}", "nested"),
     "twice": (b'{"campaign": {"a": 1}, "dry_run": true, "dry_run": false}', "dry_run"),
     "infinite": (b'{"campaign": {"settle_s": 1e999}}', "settle_s"),
-    "nan": (b'{"campaign": {"settle_s": NaN}}', "NaN"),
+    "nan": (b'{"campaign": {"settle_s": NaN}}', "settle_s"),
     "utf-16": ('{"campaign": {"a": 1}}'.encode("utf-16"), "UTF-16"),
     "latin-1": (b'{"campaign": {"a": "\xff"}}', "UTF-8"),
     "cut": (b'{"campaign": ', "JSON"),

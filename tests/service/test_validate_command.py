@@ -165,7 +165,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 def test_what_it_refuses(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data, model = str(cell / "data.csv"), str(cell / "m.json")
-    assert "data.toml: is not valid JSON" in refused(capsys, data, "--model", str(cell / "data.toml"))
+    assert "data.toml, line 1: is not valid JSON" in refused(capsys, data, "--model", str(cell / "data.toml"))
     assert "there is no such file" in refused(capsys, data, "--model", str(tmp_path / "none.json"))
     assert "--model: is missing" in refused(capsys, data, "--place")
     assert "finite" in refused(capsys, data, "--model", model, "--point", "nan", "0", "0")
@@ -174,14 +174,19 @@ def test_what_it_refuses(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_a_model_of_another_robot(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "other.json"
-    other.write_text((cell / "m.json").read_text("utf-8").replace('"abb-irb120"', '"irb-of-my-own"'), "utf-8")
+    document = json.loads((cell / "m.json").read_text("utf-8"))
+    document["robot"] = document["robot_table"]["name"] = "irb-of-my-own"
+    del document["content_sha256"]  # as an older version wrote it
+    other.write_text(json.dumps(document), "utf-8")
     data, model = str(cell / "data.csv"), str(cell / "m.json")
     assert "is a model of the robot 'irb-of-my-own'" in refused(capsys, data, "--model", str(other))
     assert "not 'abb-irb120'" in refused(capsys, data, "--model", model, "--compare", str(other))
-    other.write_text((cell / "m.json").read_text("utf-8").replace("270.0", "271.0"), "utf-8")
-    assert "counts from another nominal robot: a differ" in refused(
-        capsys, data, "--model", model, "--compare", str(other)
-    )
+    document = json.loads((cell / "m.json").read_text("utf-8"))
+    document["robot_table"]["a"][2] += 1.0
+    del document["content_sha256"], document["robot_sha256"]
+    other.write_text(json.dumps(document), "utf-8")
+    told = refused(capsys, data, "--model", model, "--compare", str(other))
+    assert "robot_table.a': its robot is not 'abb-irb120'" in told
 
 
 def test_no_validation_rows(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
