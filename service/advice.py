@@ -32,6 +32,10 @@ CHECKS = {
         "Check the preload of the gear of joint {of}: with the brakes on, push the arm by hand both "
         "ways and read a dial gauge; compare with the limit in the maker's manual."
     ),
+    "lost_motion": (
+        "Check the drive of joint {of} for friction and for play between motor and gear (belt, coupling, "
+        "key): move it to and fro by a tenth of a degree and watch when a dial gauge follows."
+    ),
     "dead_zone": (
         "Check gear and brake of joint {of} for play with the load first on one side of the joint, "
         "then on the other; look at the counterbalance if it has one."

@@ -129,10 +129,16 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
 
 
 def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, list[Found]]:
-    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first."""
+    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first;
+    before them, one at a time, those that it left where physics forbids them."""
     while True:
         fitted = selection.fitted
         space = Space.of(fitted)
+        forbidden = [effect for effect in selection.effects if space.forbids(effect)]
+        if forbidden:
+            kept = tuple(e for e in selection.effects if e is not forbidden[0])
+            selection = Selection(refit(dataset, fitted, kept), kept)
+            continue
         scores = Scores(offers(Survey.of(fitted, dataset)), space)
         found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
         found.sort(key=lambda f: -f.evidence.explained_variance)

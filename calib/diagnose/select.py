@@ -56,7 +56,7 @@ def select(
         space = Space.of(fitted)
         scores = Scores(library, space)
         total = _total(space, scores, chosen)
-        if total < lowest:
+        if total < lowest and not any(space.forbids(effect) for effect in chosen):
             best, lowest, waited = Selection(fitted, chosen), total, 0
         else:
             waited += 1
@@ -168,9 +168,11 @@ def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores,
 
 
 def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Drop the weaker half of the effects that no longer pass by themselves (the others may pass without them)."""
+    """Drop what physics forbids, and the weaker half of the effects that no longer pass by themselves (the others may
+    pass without them)."""
     failing = []
-    for effect in chosen:
+    allowed = tuple(effect for effect in chosen if not space.forbids(effect))
+    for effect in allowed:
         _, coefficients = space.own_direction(effect)
         gain, columns = float(coefficients @ coefficients), len(coefficients)
         tries = scores.multiplicity_of(effect)
@@ -178,7 +180,7 @@ def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple
         if chance > CLAIM:
             failing.append((chance, -gain, effect.label))
     weaker = {label for _, _, label in sorted(failing, reverse=True)[: (len(failing) + 1) // 2]}
-    return tuple(effect for effect in chosen if effect.label not in weaker)
+    return tuple(effect for effect in allowed if effect.label not in weaker)
 
 
 def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:

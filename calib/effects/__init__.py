@@ -11,6 +11,7 @@ from calib.effects import (
     joint_compliance,
     joint_offset,
     link_torsion,
+    lost_motion,
     parallel_twist,
     payload,
     pedestal,
@@ -29,6 +30,7 @@ from calib.effects.survey import Survey
 LIBRARY = (
     periodic.offer,
     backlash.offer,
+    lost_motion.offer,
     settling.offer,
     encoder_scale.offer,
     coupling.offer,

@@ -1,4 +1,5 @@
-"""Joint compliance: the gear of a joint yields to gravity, c tau. Source: level-3 models, Nubiola, Annex I."""
+"""Joint compliance: the gear of a joint yields to gravity, never against it, c tau. Source: Nubiola, Annex I (level
+3)."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ def joint_compliance(joint: int) -> Effect:
         "transmission",
         "robot",
         f"The gear of joint {joint} yields to gravity.",
-        {"c": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{joint}", Torque(joint))])},
+        {"c": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{joint}", Torque(joint))], (0.0, None))},
     )
 
 

@@ -29,6 +29,7 @@ MECHANISMS: dict[str, str] = {
     "cubic_stiffness": "load on gear",
     "backlash": "arrival of gear",
     "settling": "arrival of gear",
+    "lost_motion": "arrival of gear",
     "parallel_twist": "structure",
     "link_torsion": "structure",
     "bearing_tilt": "structure",

@@ -34,6 +34,7 @@ def test_every_joint_and_target_has_its_offers(name: str) -> None:
         (
             "periodic",
             "backlash",
+            "lost_motion",
             "settling",
             "encoder_scale",
             "coupling",
@@ -72,7 +73,7 @@ def test_an_offer_needs_what_it_is_driven_by() -> None:
     assert complete - names(temperature=np.full(n, 21.3)) == of_temperature
     one = conditions.side.copy()
     one[:, 3] = 1.0
-    assert complete - names(side=one) == {"backlash:j4"}
+    assert complete - names(side=one) == {"backlash:j4", "lost_motion:j4"}
     still = conditions.joints.copy()
     still[:, 1] = 0.7
     assert complete - names(joints=still) == {"encoder_scale:j2", "periodic:j2", "coupling:j2-j3"}

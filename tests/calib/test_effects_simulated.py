@@ -23,6 +23,7 @@ from calib.effects.encoder_scale import encoder_scale
 from calib.effects.joint_compliance import joint_compliance
 from calib.effects.joint_offset import joint_offset
 from calib.effects.link_torsion import link_torsion
+from calib.effects.lost_motion import lost_motion
 from calib.effects.parallel_twist import parallel_twist
 from calib.effects.payload import payload_cog, payload_mass
 from calib.effects.pedestal import pedestal
@@ -70,6 +71,7 @@ def of_joint(k: int) -> dict[str, Translation]:
         f"joint_offset:j{k}": lambda c, m, p: (joint_offset(k), {"offset": p["offset"] * DEG}),
         f"joint_compliance:j{k}": lambda c, m, p: (joint_compliance(k), {"c": p["c"]}),
         f"backlash:j{k}": lambda c, m, p: (backlash(k), {"gap": p["gap"] * DEG}),
+        f"lost_motion:j{k}": lambda c, m, p: (lost_motion(k), {"width": p["width"] * DEG}),
         f"dead_zone:j{k}": lambda c, m, p: (dead_zone(k, p["width"]), {"gap": p["gap"] * DEG}),
         f"cubic_stiffness:j{k}": lambda c, m, p: (cubic_stiffness(k, 1e4), {"c": p["c"]}),
         f"settling:j{k}": lambda c, m, p: (settling(k), {"k": p["k"]}),
