@@ -98,6 +98,7 @@ def of_diagnosis(
         "structure": [
             {
                 "where": s.where,
+                "acts_on": s.acts_on,
                 "p_value": _number(s.p_value),
                 "explained_variance": _number(s.explained_variance),
             }

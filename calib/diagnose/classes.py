@@ -9,11 +9,12 @@ no reading speaks for either, whatever their labels and however many columns eac
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.diagnose.evidence import CLASS_WIDTH, p_value
+from calib.diagnose.null import Chance
 from calib.diagnose.refine import one_order
 from calib.diagnose.scan import HarmonicScores, Score, Scores, gain_of
 from calib.diagnose.select import candidates, leave_one_out
@@ -37,6 +38,11 @@ class Evidence:
     delta_bic: float
     p_value: float
     explained_variance: float
+
+    def at_most_as_sure_as(self, chance: Chance) -> Evidence:
+        """The same with the p-value that the whole scan has by chance, where that is larger."""
+        log_p = math.log(max(self.p_value, 1e-300))
+        return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
 
     @property
     def certain(self) -> bool:

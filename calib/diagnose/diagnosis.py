@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from calib.dataset import Dataset
+from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.curves import with_curves
 from calib.diagnose.evidence import CLAIM, p_value
@@ -20,7 +21,7 @@ from calib.diagnose.follow_up import FollowUp, Rival, follow_up
 from calib.diagnose.scan import Scores
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.space import Space
-from calib.diagnose.structure import NOISY, Structure, left_over, p_lack_of_fit
+from calib.diagnose.structure import NOISY, Structure, left_over, p_beyond_repeats, p_lack_of_fit
 from calib.effects import Survey, offers
 from calib.effects.effect import Effect
 from calib.held_out import errors_on
@@ -116,7 +117,7 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         nominal=nominal,
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
-        verdict=_verdict(found, structure, chance),
+        verdict=_verdict(found, structure, _fits(space, chance)),
         structure=tuple(structure),
         p_lack_of_fit=chance,
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
@@ -140,7 +141,10 @@ def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, l
             selection = Selection(refit(dataset, fitted, kept), kept)
             continue
         scores = Scores(offers(Survey.of(fitted, dataset)), space)
+        chance = chance_by_pose(scores) if selection.effects else None
         found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
+        if chance is not None:
+            found = [replace(f, evidence=f.evidence.at_most_as_sure_as(chance)) for f in found]
         found.sort(key=lambda f: -f.evidence.explained_variance)
         weak = [f for f in found if f.evidence.p_value > CLAIM]
         if not weak:
@@ -217,14 +221,21 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
     return follow_up(final, rivals) if rivals else None
 
 
-def _verdict(found: list[Found], structure: list[Structure], chance: float) -> Verdict:
+def _fits(space: Space, chance: float) -> bool:
+    """Whether noise leaves so much: noise as declared or, where readings repeat, as they show it."""
+    repeats = p_beyond_repeats(space)
+    return chance >= NOISY or (repeats is not None and repeats >= NOISY)
+
+
+def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verdict:
+    """No cause is told for certain, and no class, where more is left than noise explains."""
     if structure:
         return "unexplained"
+    if not fits:
+        return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
-    if found:
-        return "attributed"
-    return "excess_noise" if chance < NOISY else "complete"
+    return "attributed" if found else "complete"
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from calib.kinematics import Array
 from calib.units import to_internal
 
 _LOW_ORDER = 6
-_ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
+ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
 
 
 class FixedScores:
@@ -336,7 +336,7 @@ def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
         return _gain_of_two(a, b)
     values, vectors = np.linalg.eigh(a)
     along = np.einsum("cij,ci->cj", vectors, b)
-    counts = values > _ABSORBED
+    counts = values > ABSORBED
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)
 
 
@@ -344,7 +344,7 @@ def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
     """A^-1 b (c, p) and its variance for unit noise (c, p), of the directions that `gain_of` counts; else 0."""
     scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
     values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
-    inverse = np.where(values > _ABSORBED, 1.0 / np.maximum(values, _ABSORBED), 0.0)
+    inverse = np.where(values > ABSORBED, 1.0 / np.maximum(values, ABSORBED), 0.0)
     along = np.einsum("cij,ci->cj", vectors, b * scale)
     estimate = np.einsum("cij,cj->ci", vectors, inverse * along)
     return estimate * scale, np.einsum("cij,cj->ci", vectors**2, inverse) * scale**2
@@ -358,5 +358,5 @@ def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
     c, s = np.cos(angle), np.sin(angle)
     values = np.stack([middle + radius, middle - radius])
     along = np.stack([c * b[:, 0] + s * b[:, 1], c * b[:, 1] - s * b[:, 0]])
-    counts = values > _ABSORBED
+    counts = values > ABSORBED
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=0), counts.sum(axis=0)
