@@ -24,6 +24,10 @@ CHECKS = {
     "joint_offset": (
         "Bring joint {of} to its calibration mark and read the counter; master the axis anew if it is off."
     ),
+    "joint_step": (
+        "Bring joint {of} to its calibration mark and read the counter; look for a belt that jumped, a "
+        "clamp that slipped, a collision between the two readings."
+    ),
     "joint_compliance": (
         "Check the payload that the controller was told and, on joint {of}, the bolts of gear and "
         "motor; hang a known mass on the flange and watch a dial gauge."

@@ -104,6 +104,10 @@ def of_diagnosis(
             }
             for s in diagnosis.structure
         ],
+        "power": [
+            {"label": v.label, "smallest": None if v.size is None else _number(v.size), "unit": v.unit}
+            for v in diagnosis.power
+        ],
         "notes": list(diagnosis.notes),
         "data": data_of(diagnosis.dataset),
         **other,

@@ -137,7 +137,7 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         "complete": "Nothing is missing: the base model explains these readings to the declared noise.",
         "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
         + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
-        + f" (chance {chance(diagnosis.p_lack_of_fit)}). No structure shows where it comes from: the noise is larger"
+        + ". No structure shows where it comes from: the noise is larger"
         + " than declared, or a law outside the library is at work.",
         "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
         "ambiguous": f"Found {effects}: {listed}. These poses cannot tell "

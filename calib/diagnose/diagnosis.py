@@ -18,6 +18,7 @@ from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.curves import with_curves
 from calib.diagnose.evidence import CLAIM, p_value
 from calib.diagnose.follow_up import FollowUp, Rival, follow_up
+from calib.diagnose.power import Visible, visible
 from calib.diagnose.scan import Scores
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.space import Space
@@ -68,6 +69,9 @@ class Diagnosis:
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
+    power: tuple[
+        Visible, ...
+    ]  # the smallest size of everything looked for that these readings would have shown
     seconds: float
 
     @property
@@ -99,7 +103,7 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         if unchanged:
             break
     progress("weighing rivals of every effect")
-    selection, space, named = _judged(dataset, selection)
+    selection, space, named, power = _judged(dataset, selection)
     final, found = selection.fitted, list(named)
     structure = left_over(space)
     curved = with_curves(dataset, selection, structure, progress=progress)
@@ -125,11 +129,14 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
         follow_up=_follow_up(dataset, selection.fitted, named),
+        power=power,
         seconds=time.perf_counter() - begin,
     )
 
 
-def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, list[Found]]:
+def _judged(
+    dataset: Dataset, selection: Selection
+) -> tuple[Selection, Space, list[Found], tuple[Visible, ...]]:
     """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first;
     before them, one at a time, those that it left where physics forbids them."""
     while True:
@@ -148,7 +155,7 @@ def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, l
         found.sort(key=lambda f: -f.evidence.explained_variance)
         weak = [f for f in found if f.evidence.p_value > CLAIM]
         if not weak:
-            return selection, space, found
+            return selection, space, found, visible(scores)
         gone = weak[len(weak) // 2 :]
         kept = tuple(e for e in selection.effects if all(e is not f.effect for f in gone))
         selection = Selection(refit(dataset, fitted, kept), kept)

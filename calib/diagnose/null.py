@@ -10,9 +10,9 @@ B the blocks of QQ' that belong to one pose: where few poses carry a fit it hide
 them once more.
 
 A test looks at many places; what counts is how large the largest of all is by chance. That is known from some 200
-draws, and beyond them its logarithm is taken to fall as straight as it does among them.
-Sources: Davidson and Flachaire 2008 (wild bootstrap, clusters: Cameron et al. 2008); Bell and McCaffrey 2002 (B); Westfall and Young 1993 (the
-smallest of many p-values); Pickands 1975 (exponential tail).
+draws, and beyond them its logarithm is taken to fall as straight as it does among them. Sources: Davidson and
+Flachaire 2008 (wild bootstrap, clusters: Cameron et al. 2008); Bell and McCaffrey 2002 (B); Westfall and Young 1993
+(the smallest of many p-values); Pickands 1975 (exponential tail).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from calib.units import DEG
 _DRAWS, _FEWEST_DRAWS = 199, 59
 _MOST_NUMBERS = 4_000_000  # of the drawn residuals: 32 MB
 _TERMS = 40  # of the series of (1 - b)^-1/2: to 1 % where the fit hides 90 % of an error
+_CLIP = 3.0
 _TAIL = 0.2  # share of the draws from which the tail is taken
 _SAME_POSE = 1e-4 * DEG
 
@@ -41,14 +42,19 @@ def poses_of(conditions: Conditions) -> NDArray[np.int64]:
     return pose.reshape(-1)
 
 
-def draws(space: Space, seed: int = 0) -> Array:
+def draws(space: Space, seed: int = 0, *, clipped: bool = False) -> Array:
     """(size, 1 + B) the residuals with all signs as they are, then as chance would have them; B up to 199, fewer where
-    readings are many."""
+    readings are many. clipped: readings far larger than most count as three times the median, so that a few of them
+    neither make structure nor hide it."""
     pose = poses_of(space.fitted.readings.conditions)
     count = int(np.clip(_MOST_NUMBERS // space.size, _FEWEST_DRAWS, _DRAWS))
     signs = np.ones((pose.max() + 1, 1 + count))
     signs[:, 1:] = np.random.default_rng(seed).choice((-1.0, 1.0), signs[:, 1:].shape)
-    drawn = (_errors(space, pose)[:, :, None] * signs[pose]).reshape(space.size, 1 + count)
+    errors = _errors(space, pose)
+    if clipped:
+        length = np.linalg.norm(errors, axis=0)
+        errors = errors * np.minimum(1.0, _CLIP * np.median(length) / np.maximum(length, 1e-300))
+    drawn = (errors[:, :, None] * signs[pose]).reshape(space.size, 1 + count)
     basis = space.basis_of_readings
     return drawn - basis @ (basis.T @ drawn)
 

@@ -14,6 +14,7 @@ from calib.conditions import Conditions
 from calib.diagnose.space import Space
 from calib.kinematics import Array
 
+TOGETHER = "joint angles together"
 _WAVES = 5
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
@@ -30,7 +31,7 @@ def drivers(space: Space) -> dict[str, Array]:
     for j, k in combinations(moving, 2):
         found[f"joint {j + 1} and joint {k + 1} angles"] = _products(waves[j][:, :6], waves[k][:, :6])
     if len(moving) > 2:
-        found["joint angles together"] = _field(conditions.joints[:, moving])
+        found[TOGETHER] = _field(conditions.joints[:, moving])
     for k in joints:
         load = _powers(conditions.torque[:, k], 5)
         found |= _named(f"torque about joint {k + 1}", load)

@@ -20,7 +20,7 @@ from scipy import stats
 from scipy.special import log_ndtr
 
 from calib.diagnose.null import Chance, draws, poses_of
-from calib.diagnose.places import along, directions, drivers
+from calib.diagnose.places import TOGETHER, along, directions, drivers
 from calib.diagnose.space import Space
 from calib.kinematics import Array
 
@@ -35,7 +35,8 @@ _FEWEST_REPEATS = 30  # rows by which noise is known from repeats
 
 @dataclass(frozen=True)
 class Structure:
-    """Left-over structure: what drives it, on what it acts, how sure, and what share of the left-over variance it is."""
+    """Left-over structure: what drives it, on what it acts, how sure, and what share of the left-over variance it
+    is."""
 
     where: str
     p_value: float
@@ -48,7 +49,7 @@ def left_over(space: Space) -> list[Structure]:
     if space.freedom <= 0 or space.rss <= 0.0:
         return []
     some = _some(space)
-    rows = draws(space)
+    rows = draws(space, clipped=True)
     size = np.sum(rows**2, axis=0)
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
@@ -56,7 +57,8 @@ def left_over(space: Space) -> list[Structure]:
     first = np.cumsum([0, *(f.shape[1] for f in functions.values())])[:-1]
     names: list[tuple[str, str]] = []
     each = np.zeros((0, rows.shape[1]))
-    for direction, axes in directions(space).items():
+    acting = directions(space)
+    for direction, axes in acting.items():
         squares = sum((stacked @ along(axis, rows)[some]) ** 2 for axis in axes)
         scores = np.add.reduceat(squares, first, axis=0) / size
         raw = squared @ np.sum(axes[:, :, some] ** 2, axis=(0, 1)) / space.freedom
@@ -71,8 +73,11 @@ def left_over(space: Space) -> list[Structure]:
     for driver, i in best.items():
         p_value = chance.p_value(float(each[i, 0]))
         if p_value < ALARM and len(found) < _MOST_PLACES:
-            found.append(Structure(driver, p_value, _share(space, functions[driver], some), names[i][1]))
-    return found
+            acts_on = names[i][1]
+            share = _share(space, functions[driver], acting[acts_on], some)
+            found.append(Structure(driver, p_value, share, acts_on))
+    # What any function of the joints would show names no place where a narrower one does.
+    return sorted(found, key=lambda s: s.where == TOGETHER)
 
 
 def p_lack_of_fit(space: Space) -> float:
@@ -122,7 +127,8 @@ def _spread(functions: Array) -> float:
 
 def _log_p(values: Array) -> Array:
     """log of the chance that draws exceed each value (tests, 1 + B), the data first, by the gamma law of mean and
-    variance of the draws, of the others for a draw itself. Source: Wilson and Hilferty 1931, which does not underflow."""
+    variance of the draws, of the others for a draw itself. Source: Wilson and Hilferty 1931, which does not
+    underflow."""
     drawn = values[:, 1:]
     count = np.full(values.shape[1], drawn.shape[1] - 1.0)
     count[0] += 1.0
@@ -133,12 +139,10 @@ def _log_p(values: Array) -> Array:
     return log_ndtr(-(np.cbrt(values / mean) - 1.0 + 1.0 / (9.0 * shape)) * 3.0 * np.sqrt(shape))
 
 
-def _share(space: Space, functions: Array, some: NDArray[np.int64]) -> float:
-    """Share of the left-over variance that the functions explain at the tool point, their number allowed for."""
+def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64]) -> float:
+    """Share of the left-over variance that the functions explain along some axes, their number allowed for."""
     n = len(functions)
-    axes = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, len(space.fitted.readings.conditions)))
-    shown = space.fitted.readings.observed.displaced(space.frames, axes)[:, :, some]
-    columns = np.einsum("akn,nf->knaf", shown, functions).reshape(space.residual.shape[0] * n, -1)
+    columns = np.einsum("akn,nf->knaf", axes[:, :, some], functions).reshape(space.residual.shape[0] * n, -1)
     left = space.residual[:, some].ravel()
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]

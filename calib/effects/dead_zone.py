@@ -24,7 +24,7 @@ def dead_zone(joint: int, width: float) -> Effect:
         "transmission",
         "robot",
         f"Joint {joint} has play that gravity closes to the side to which it pulls.",
-        {"gap": ("deg", 0.1, [(f"theta{joint}", TorqueSign(joint, width), 0.5)], (0.0, None))},
+        {"gap": ("deg", 0.1, [(f"theta{joint}", TorqueSign(joint, width), 0.5)], (0.0, 1.0))},
         {"width_nmm": width},
     )
 
@@ -32,7 +32,7 @@ def dead_zone(joint: int, width: float) -> Effect:
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint whose load comes near zero or changes its side: far from it the gap is an offset."""
     candidates = []
-    for joint in survey.joint_numbers:
+    for joint in survey.moving:
         torque = survey.conditions.torque[:, joint - 1]
         width = SMOOTHED * survey.largest(torque)
         if survey.loaded(joint) and np.ptp(np.tanh(torque / width)) > _LEAST_CHANGE:

@@ -21,4 +21,4 @@ def joint_compliance(joint: int) -> Effect:
 
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint that gravity loads, but for those whose compliance the base model finds."""
-    return [Candidate(joint_compliance(k)) for k in survey.joint_numbers if survey.loaded(k)]
+    return [Candidate(joint_compliance(k)) for k in survey.moving if survey.loaded(k)]

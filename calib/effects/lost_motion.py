@@ -19,11 +19,11 @@ def lost_motion(joint: int) -> Effect:
         "transmission",
         "robot",
         f"Joint {joint} stops short of where it is sent, from either side.",
-        {"width": ("deg", 0.1, [(f"theta{joint}", Side(joint), -0.5)], (0.0, None))},
+        {"width": ("deg", 0.1, [(f"theta{joint}", Side(joint), -0.5)], (0.0, 1.0))},
     )
 
 
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint that was approached from both sides."""
     side = survey.conditions.side
-    return [Candidate(lost_motion(k)) for k in survey.joint_numbers if survey.varies(side[:, k - 1])]
+    return [Candidate(lost_motion(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

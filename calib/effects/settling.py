@@ -19,11 +19,11 @@ def settling(joint: int) -> Effect:
         "procedure",
         "robot",
         f"Joint {joint} still lags behind its last move when it is measured.",
-        {"k": ("ppm", 2e4, [(f"theta{joint}", LastMove(joint), -1.0)], (0.0, None))},
+        {"k": ("ppm", 2e4, [(f"theta{joint}", LastMove(joint), -1.0)], (0.0, 2e5))},
     )
 
 
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint whose last moves differ."""
     moved = survey.conditions.joints - survey.conditions.previous
-    return [Candidate(settling(k)) for k in survey.joint_numbers if survey.varies(moved[:, k - 1])]
+    return [Candidate(settling(k)) for k in survey.moving if survey.varies(moved[:, k - 1])]

@@ -30,6 +30,7 @@ LAWS: dict[str, tuple[str, Law]] = {
     "periodic": ("transmission", transmission.periodic),
     "encoder_scale": ("transmission", transmission.encoder_scale),
     "joint_offset": ("transmission", transmission.joint_offset),
+    "joint_step": ("transmission", transmission.joint_step),
     "joint_compliance": ("transmission", transmission.joint_compliance),
     "backlash": ("transmission", transmission.backlash),
     "lost_motion": ("transmission", transmission.lost_motion),
@@ -79,6 +80,7 @@ ARGUMENTS = {"periodic": 2, "coupling": 1, "target_offset": 1, "outside": 1} | d
     (
         "encoder_scale",
         "joint_offset",
+        "joint_step",
         "joint_compliance",
         "backlash",
         "lost_motion",

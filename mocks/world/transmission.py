@@ -52,6 +52,20 @@ def joint_offset(m: Material) -> Effect:
     return Effect(m.label, "arm", act, {"offset": 0.01 * m.sign()}, {"offset": "deg"})
 
 
+def joint_step(m: Material) -> Effect:
+    """The zero of a joint jumps at one reading, label joint_step:jK; step in deg."""
+    i = joint_number(m.arguments[0]) - 1
+
+    def act(arm: Arm, p: Values) -> None:
+        if arm.state.reading >= p["at_reading"]:
+            arm.extra_angle[i] += DEG * p["step"]
+
+    units = {"step": "deg", "at_reading": "reading (0-based)"}
+    return Effect(
+        m.label, "arm", act, {"step": 0.02 * m.sign()}, units, {"at_reading": float(m.step_reading())}
+    )
+
+
 def joint_compliance(m: Material) -> Effect:
     """c tau beyond the compliance the true robot has anyway, label joint_compliance:jK; c in rad/(N.mm)."""
     i = joint_number(m.arguments[0]) - 1

@@ -23,6 +23,7 @@ MECHANISMS: dict[str, str] = {
     "periodic": "angle of gear",
     "encoder_scale": "angle of gear",
     "joint_offset": "angle of gear",
+    "joint_step": "angle of gear",
     "coupling": "angle of gear",
     "joint_compliance": "load on gear",
     "dead_zone": "load on gear",

@@ -67,7 +67,7 @@ def library(robot: Robot, conditions: Conditions) -> list[Effect]:
 
 OWNERS = {
     "robot": {
-        "periodic", "backlash", "lost_motion", "settling", "encoder_scale", "coupling", "joint_offset",
+        "periodic", "backlash", "lost_motion", "settling", "encoder_scale", "coupling", "joint_offset", "joint_step",
         "joint_compliance", "dead_zone", "cubic_stiffness", "parallel_twist", "link_torsion", "bearing_tilt",
         "thermal_growth", "thermal_joint", "warm_up",
     },

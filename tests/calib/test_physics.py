@@ -18,6 +18,7 @@ from calib.diagnose.space import Space
 from calib.effects import Candidate
 from calib.effects.backlash import backlash
 from calib.effects.lost_motion import lost_motion
+from calib.effects.parallel_twist import parallel_twist
 from calib.effects.pedestal import pedestal
 from calib.effects.periodic import periodic
 from calib.effects.settling import settling
@@ -115,9 +116,10 @@ def test_a_fit_that_ends_where_physics_forbids_it_is_not_kept(tmp_path: Path) ->
 def test_bounds_are_counted_in_the_noise_of_the_estimate() -> None:
     bounds = bounds_of(backlash(4))
     assert bounds is not None
-    values = np.array([[-1.0], [-1.0], [0.5]])
-    assert impossible(bounds, values, np.array([[0.1], [0.5], [0.1]])).tolist() == [True, False, False]
-    assert bounds_of(periodic(2, 3.0)) is None
+    values = np.array([[-0.01], [-0.01], [0.005], [0.05]])  # rad; a gap is a degree at most
+    errors = np.array([[0.001], [0.005], [0.001], [0.001]])
+    assert impossible(bounds, values, errors).tolist() == [True, False, False, True]
+    assert bounds_of(parallel_twist(3)) is None
     both = bounds_of(pedestal(load_robot("abb-irb120")))
     assert both is not None
     assert impossible(both, np.array([1.0, -1.0]), np.array([0.1, 0.1])), "one of two parameters is enough"

@@ -33,6 +33,7 @@ LABELS = [
     "periodic:j5:n100.25",
     "encoder_scale:j6",
     "joint_offset:j3",
+    "joint_step:j3",
     "joint_compliance:j3",
     "backlash:j4",
     "lost_motion:j4",
