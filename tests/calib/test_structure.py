@@ -94,6 +94,16 @@ def test_no_certainty_where_noise_does_not_explain_what_is_left(tmp_path: Path) 
     assert "joint 4 and joint 6 angles" in [s.where for s in result.structure[:2]]
 
 
+def test_effects_stay_named_where_noise_is_larger_than_declared(tmp_path: Path) -> None:
+    _, data = simulate(
+        tmp_path, seed=6, n=150, n_validation=0, effects=["backlash:j4"], size=6.0, noise_declared_factor=0.5
+    )
+    result = diagnose(data)
+    assert [f.effect.label for f in result.effects] == ["backlash:j4"]
+    assert result.structure == ()
+    assert result.verdict == "excess_noise"
+
+
 def repeated(poses: int, visits: int, targets: int, seed: int, repeatability_deg: float) -> Space:
     """The base model fitted to random poses, each visited so often, so many targets read in each visit."""
     world = World(
@@ -133,6 +143,28 @@ def test_readings_of_a_pose_are_not_independent() -> None:
     assert independent is not None
     assert chance.p_value(-15.0) > 20.0 * independent.p_value(-15.0)
     assert left_over(left) == [], "no driver is behind it"
+
+
+def test_what_every_pose_has_of_its_own_is_no_effect() -> None:
+    """Six times the noise, shared by the visits of a pose: rows that count by themselves give it names."""
+    world = World("abb-irb120", 3, [], session=Session(200))
+    rng = np.random.default_rng(3)
+    drawn = [random_pose(world.robot, world.targets, rng) for _ in range(40)]
+    own = {pose: 0.0012 * rng.normal(size=2) for pose in drawn}
+
+    def act(arm: Arm, p: Values) -> None:
+        arm.extra_angle[1] += p["size"] * own[arm.state.joints_deg][0]
+        arm.extra_angle[3] += p["size"] * own[arm.state.joints_deg][1]
+
+    world.effects = [Effect("outside", "arm", act, {"size": 1.0}, {"size": ""})]
+    readings = []
+    for k in range(200):
+        pose, sides = drawn[k % 40], random_sides(6, rng)
+        state = ArmState(pose, approach_point(pose, sides), sides, 20.0 * (k + 1), 20.0, k)
+        readings.append((state, list(world.targets)[(k % 40) % 3]))
+    result = diagnose(load(measured(world, readings)))
+    assert [f.effect.label for f in result.effects] == []
+    assert result.verdict in ("excess_noise", "unexplained")
 
 
 def test_many_poses_with_one_reading_each_need_no_draws(space: Space) -> None:
