@@ -53,7 +53,7 @@ def candidates_in(cell: Cell, found: Identification, seed: int = 0) -> Condition
                 drawn = draw_candidates(
                     cell, share, rng, -side * length / DEG, both=False, decimals=DECIMALS, targets=(name,)
                 )
-                joints += [pose for pose, _ in drawn]
+                joints += [pose.joints_deg for pose in drawn]
                 sides += [float(side)] * len(drawn)
                 approach += [length] * len(drawn)
                 targets += [name] * len(drawn)

@@ -310,7 +310,7 @@ def new_targets(
     """
     rng = np.random.default_rng([campaign.seed, _NEW_POSES])
     drawn = draw_poses(equipment.cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
-    goals = np.array([joints for joints, _ in drawn])
+    goals = np.array([pose.joints_deg for pose in drawn])
     done = correction(equipment.cell, diagnosis, goals, conditions_soon(equipment, dataset, first, last))
     near_table = done.good & ~clear(equipment.cell, np.where(done.good[:, None], done.joints / DEG, goals))
     good = done.good & ~near_table

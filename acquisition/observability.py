@@ -52,16 +52,26 @@ def select_poses(
     *,
     both: bool,
     targets: Sequence[str],
+    longest_deg: float | None = None,
     decimals: int = 4,
 ) -> list[Pose]:
     """As `acquisition.poses.draw_poses`, but selected among `CANDIDATES` random ones, in random order.
 
     Raises ConfigError when the cell leaves too few poses, DataError when `count` cannot carry the base model.
     """
-    drawn = draw_candidates(cell, CANDIDATES, rng, offset_deg, both=both, decimals=decimals, targets=targets)
+    drawn = draw_candidates(
+        cell,
+        CANDIDATES,
+        rng,
+        offset_deg,
+        both=both,
+        longest_deg=longest_deg,
+        decimals=decimals,
+        targets=targets,
+    )
     if len(drawn) < count:
         raise too_few(cell, len(drawn), count, targets)
     setup = setup_of(cell, targets)
-    candidates = candidates_of(setup, cell.robot.model_angles([joints for joints, _ in drawn]))
+    candidates = candidates_of(setup, cell.robot.model_angles([pose.joints_deg for pose in drawn]))
     choice = choose(setup, candidates, count, starts=STARTS, seed=int(rng.integers(2**32)))
     return [drawn[i] for i in choice.selection]

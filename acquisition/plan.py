@@ -125,7 +125,7 @@ def _reference(cell: Cell, campaign: Campaign) -> Visit:
     rng = np.random.default_rng([campaign.seed, Stream.REFERENCE])
     approach = Approach(campaign.blocks[0].approach.offset_deg)
     targets = tuple(cell.tool.targets)[: None if cell.instrument.one_smr else 1]
-    ((pose, sides),) = draw_poses(
+    ((pose, sides, _),) = draw_poses(
         cell, 1, rng, approach.offset_deg, both=False, decimals=DECIMALS, targets=targets
     )
     point = approach.point(pose, sides)

@@ -1,13 +1,15 @@
 """Random poses of a cell: uniform within its joint limits, arm and tool clear, approach point included.
 
-The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the
-same on every joint. From and to the home of the cell the straight ways are clear (`acquisition.transit`). Targets that
-declare a normal look at the instrument, at the pose. Angles deg.
+The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the same on
+every joint. The length of the last move is drawn too where a longest is given: moves of one length make a lag behind
+the move look like play. From and to the home of the cell the straight ways are clear (`acquisition.transit`). Targets
+that declare a normal look at the instrument, at the pose. Angles deg.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +22,14 @@ _BATCH, _LOOKED_AT = 500, 50
 _FRUITLESS = 200  # batches: give up after 100,000 random poses without a good one
 _MOST = 1000  # batches in all
 
-Pose = tuple[tuple[float, ...], tuple[int, ...]]
+
+class Pose(NamedTuple):
+    """Joint angles, deg, the side from which each joint arrives (+1 from below, -1 from above), and how far away the
+    last move starts on every joint, deg."""
+
+    joints_deg: tuple[float, ...]
+    sides: tuple[int, ...]
+    reach_deg: float
 
 
 def draw_poses(
@@ -30,16 +39,20 @@ def draw_poses(
     offset_deg: float,
     *,
     both: bool,
+    longest_deg: float | None = None,
     decimals: int = 4,
     targets: Sequence[str] | None = None,
 ) -> list[Pose]:
-    """`count` pairs of joint angles (deg) and sides of approach (+1 from below, -1 from above).
+    """`count` poses with their approach.
 
-    offset_deg: signed offset of the approach point; its sign is the side where not `both`. Pose and approach
-    point q - side x |offset| are within the limits and clear of table, boxes and fixtures; `targets` (None: all of
-    the cell) are seen at the pose. Raises ConfigError when the cell leaves hardly any such pose.
+    offset_deg: signed offset of the approach point; its sign is the side where not `both`. longest_deg: its length is
+    drawn for each pose between |offset_deg| and this, as far as the limits leave room; None: always |offset_deg|. Pose
+    and approach point q - side x length are within the limits and clear of table, boxes and fixtures; `targets` (None:
+    all of the cell) are seen at the pose. Raises ConfigError when the cell leaves hardly any such pose.
     """
-    found = draw_candidates(cell, count, rng, offset_deg, both=both, decimals=decimals, targets=targets)
+    found = draw_candidates(
+        cell, count, rng, offset_deg, both=both, longest_deg=longest_deg, decimals=decimals, targets=targets
+    )
     if len(found) < count:
         raise too_few(cell, len(found), count, targets)
     return found
@@ -52,6 +65,7 @@ def draw_candidates(
     offset_deg: float,
     *,
     both: bool,
+    longest_deg: float | None = None,
     decimals: int = 4,
     targets: Sequence[str] | None = None,
 ) -> list[Pose]:
@@ -63,6 +77,7 @@ def draw_candidates(
         raise ConfigError(
             f"joint {int(np.argmin(high - low)) + 1}: the limits leave no room for an approach of {reach:g} deg"
         )
+    longer = rng.spawn(1)[0]  # of its own: poses and sides are the same whether lengths vary or not
     found: list[Pose] = []
     for batch in range(_MOST):
         if len(found) == most or (batch == _FRUITLESS and not found):
@@ -72,19 +87,28 @@ def draw_candidates(
         # The approach point of a joint moves the range on that side only.
         least, most_deg = low + reach * (sides > 0), high - reach * (sides < 0)
         joints = np.round(rng.uniform(least, most_deg), decimals)
+        room = np.min(np.where(sides > 0, joints - low, high - joints), axis=1)
+        lengths = np.full(_BATCH, reach)
+        if longest_deg is not None:
+            drawn = np.minimum(longer.uniform(reach, longest_deg, _BATCH), room)
+            # Rounded down, so that the limits hold; the shortest is what it is.
+            lengths = np.maximum(np.floor(drawn * 10**decimals) / 10**decimals, reach)
+        before = joints - sides * lengths[:, None]
         seen = facing(cell, joints, targets)
-        joints, sides = joints[seen], sides[seen]
+        joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
         # Within the limits they were drawn; rounding may have left them.
-        clear = may_stand(cell, joints) & may_stand(cell, joints - sides * reach)
-        joints, sides = joints[clear], sides[clear]
+        clear = may_stand(cell, joints) & may_stand(cell, before)
+        joints, sides, lengths, before = joints[clear], sides[clear], lengths[clear], before[clear]
         # The ways cost most: only as many are looked at as are likely to be wanted.
         for i in range(0, len(joints), _LOOKED_AT):
             if len(found) < most:
                 some = slice(i, i + _LOOKED_AT)
-                good = may_visit(cell, joints[some], joints[some] - sides[some] * reach)
+                good = may_visit(cell, joints[some], before[some])
                 found += [
-                    (tuple(float(q) for q in pose), tuple(int(side) for side in way))
-                    for pose, way in zip(joints[some][good], sides[some][good], strict=True)
+                    Pose(tuple(float(q) for q in pose), tuple(int(side) for side in way), float(length))
+                    for pose, way, length in zip(
+                        joints[some][good], sides[some][good], lengths[some][good], strict=True
+                    )
                 ]
         found = found[:most]
     return found

@@ -88,7 +88,7 @@ def narrow_block(cell: Cell, seed: int, count: int) -> dict[str, Any]:
     robot = replace(cell.robot, limits_deg=limits, table_z_mm=cell.robot.table_z_mm + _ROOM_MM)
     rng = np.random.default_rng([seed, _NARROW_STREAM])
     drawn = draw_poses(replace(cell, robot=robot), count, rng, _APPROACH_DEG, both=False, decimals=DECIMALS)
-    poses = [list(joints) for joints, _ in drawn]
+    poses = [list(pose.joints_deg) for pose in drawn]
     return {"kind": "poses", "set": "calibration", "select": "list", "joints_deg": poses}
 
 

@@ -36,13 +36,19 @@ from mocks.world import (
     stream,
 )
 from mocks.world.dataset import csv_text, header_of, row_of, write_atomically
-from mocks.world.poses import approach_point, random_pose, random_sides
+from mocks.world.poses import (
+    APPROACH_DEG,
+    LONG_APPROACH_DEG,
+    approach_point,
+    random_pose,
+    random_sides,
+)
 from mocks.world.scaling import Reading
 from mocks.world.world import LABEL_STREAM, POSE_STREAM, REPEATABILITY_DEG, STATION_MM, Point
 
 DEFAULT_FIT = ["base", "geometry", "parallel_twist", "compliance"]
 GROSS_ERROR_MM = 2.0
-APPROACHES = ("offset", "direct")
+APPROACHES = ("offset", "varied", "direct")
 
 
 @dataclass
@@ -90,12 +96,12 @@ def make_campaign(
     `effects`: labels; [] hides nothing, None draws one label from the seed. Each is scaled so that the
     displacement it causes over all rows is `size` times the noise, both RMS per axis. `departure` replaces
     the textbook law of those labels that it applies to.
-    `both_sides`: approach sides random per joint, else +1 everywhere. `approach`: "offset" comes from
-    q - side x 5 deg, "direct" straight from the previous row's pose (the side is then the sign of the move).
-    `reference_every`: a reference row in one pose after every so many rows; 0 for none.
+    `both_sides`: approach sides random per joint, else +1 everywhere. `approach`: "offset" comes from q - side x 5
+    deg, "varied" from 5 to 15 deg, drawn for each pose, "direct" straight from the previous row's pose (the side is
+    then the sign of the move). `reference_every`: a reference row in one pose after every so many rows; 0 for none.
     `gross_rows`, `swapped_rows`: so many calibration rows get an error of 2 mm, or a wrong target name.
-    `noise_declared_factor`: declared noise over true noise. The tool's `targets` (mm, flange frame), mass
-    and centre, `noise`, `repeatability_deg` and `station_mm` are those of the World.
+    `noise_declared_factor`: declared noise over true noise. The tool's `targets` (mm, flange frame), mass and centre,
+    `noise`, `repeatability_deg` and `station_mm` are those of the World.
     """
     if approach not in APPROACHES:
         raise ValueError(f"approach {approach!r} is not one of {APPROACHES}")
@@ -159,7 +165,10 @@ def plan(
         target = names[int(rng.integers(len(names)))]
         if kind == "reference":
             joints, sides, target = reference, (1,) * len(joints), names[0]
-        start = approach_point(joints, sides)
+        length = APPROACH_DEG
+        if approach == "varied":
+            length = float(rng.uniform(APPROACH_DEG, LONG_APPROACH_DEG))
+        start = approach_point(joints, sides, length)
         if approach == "direct":
             start = previous
             sides = tuple(1 if q >= p else -1 for q, p in zip(joints, start, strict=True))

@@ -24,6 +24,10 @@ CHECKS = {
     "joint_offset": (
         "Bring joint {of} to its calibration mark and read the counter; master the axis anew if it is off."
     ),
+    "joint_step": (
+        "Bring joint {of} to its calibration mark and read the counter; look for a belt that jumped, a "
+        "clamp that slipped, a collision between the two readings."
+    ),
     "joint_compliance": (
         "Check the payload that the controller was told and, on joint {of}, the bolts of gear and "
         "motor; hang a known mass on the flange and watch a dial gauge."
@@ -31,6 +35,10 @@ CHECKS = {
     "backlash": (
         "Check the preload of the gear of joint {of}: with the brakes on, push the arm by hand both "
         "ways and read a dial gauge; compare with the limit in the maker's manual."
+    ),
+    "lost_motion": (
+        "Check the drive of joint {of} for friction and for play between motor and gear (belt, coupling, "
+        "key): move it to and fro by a tenth of a degree and watch when a dial gauge follows."
     ),
     "dead_zone": (
         "Check gear and brake of joint {of} for play with the load first on one side of the joint, "

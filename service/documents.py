@@ -98,10 +98,15 @@ def of_diagnosis(
         "structure": [
             {
                 "where": s.where,
+                "acts_on": s.acts_on,
                 "p_value": _number(s.p_value),
                 "explained_variance": _number(s.explained_variance),
             }
             for s in diagnosis.structure
+        ],
+        "power": [
+            {"label": v.label, "smallest": None if v.size is None else _number(v.size), "unit": v.unit}
+            for v in diagnosis.power
         ],
         "notes": list(diagnosis.notes),
         "data": data_of(diagnosis.dataset),

@@ -132,11 +132,13 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     effects = f"{counted(len(names), 'effect')} that the base model lacks"
     before, after = diagnosis.error_before, diagnosis.error_after
     lost = bool(names) and before is not None and after is not None and after.rms > before.rms
-    where = ", ".join(s.where for s in diagnosis.structure[:3])
+    where = "; ".join(f"{s.where}, acting on {s.acts_on}" for s in diagnosis.structure[:2])
     head = {
         "complete": "Nothing is missing: the base model explains these readings to the declared noise.",
-        "excess_noise": "No missing effect, but the readings scatter "
-        f"{diagnosis.final.noise_scale:.2f} times as much as declared, without structure.",
+        "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
+        + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
+        + ". No structure shows where it comes from: the noise is larger"
+        + " than declared, or a law outside the library is at work.",
         "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
         "ambiguous": f"Found {effects}: {listed}. These poses cannot tell "
         "at least one of them from its rivals, which are listed.",

@@ -1,8 +1,8 @@
 """What every block of a campaign has, whatever its kind: its set, targets, approach and settling, and its recipe.
 
-A recipe turns a block into stands of the robot for one cell. A stand is reached over its approach point
-q - side x |offset| (Nubiola, thesis 2.5), or over a point that the recipe names. Angles deg, rounded to what every
-controller takes; the rounded values are the record.
+A recipe turns a block into stands of the robot for one cell. A stand is reached over its approach point q - side x
+length (Nubiola, thesis 2.5), the length that of its block or drawn with the pose, or over a point that the recipe
+names. Angles deg, rounded to what every controller takes; the rounded values are the record.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from acquisition.toml_table import TomlTable
 from drivers.errors import ConfigError
 
 DECIMALS = 4  # a stock open_abb request carries four
+_LONGER, _LONGEST_DEG = 3.0, 30.0  # last moves of drawn poses: up to three times the shortest
 
 Joints = tuple[float, ...]
 Sides = Literal["one", "both"]
@@ -27,24 +28,34 @@ Sides = Literal["one", "both"]
 class Stream(IntEnum):
     """What is drawn from the seed of a campaign, each from a stream of its own."""
 
-    POSE, SIDE, ORDER, REFERENCE, POSTURE = range(5)
+    POSE, SIDE, ORDER, REFERENCE, POSTURE, REACH = range(6)
 
 
 @dataclass(frozen=True)
 class Approach:
-    """From where the last move starts: `offset_deg` on every joint; `both`: its sign drawn for each joint."""
+    """From where the last move starts: `offset_deg` on every joint; `both`: its sign drawn for each joint.
+
+    longest_deg: up to which its length is drawn for each pose; None: as the kind of block has it.
+    """
 
     offset_deg: float = -5.0
     sides: Sides = "one"
+    longest_deg: float | None = None
 
     @property
     def side(self) -> int:
         """+1 from below, -1 from above, where it is one and the same."""
         return 1 if self.offset_deg < 0 else -1
 
-    def point(self, joints_deg: Joints, sides: Iterable[int]) -> Joints:
-        """Where the last move starts, deg: from below (side +1) it lies below the pose."""
-        reach = abs(self.offset_deg)
+    @property
+    def usual_longest_deg(self) -> float:
+        """Up to which lengths are drawn beside poses that are drawn too."""
+        shortest = abs(self.offset_deg)
+        return self.longest_deg or min(_LONGER * shortest, max(_LONGEST_DEG, shortest))
+
+    def point(self, joints_deg: Joints, sides: Iterable[int], reach_deg: float | None = None) -> Joints:
+        """Where the last move starts, deg: from below (side +1) it lies below the pose. reach_deg: its own length."""
+        reach = abs(self.offset_deg) if reach_deg is None else reach_deg
         return rounded(q - side * reach for q, side in zip(joints_deg, sides, strict=True))
 
 
@@ -90,9 +101,10 @@ class Site:
         joints_deg: Joints,
         sides: tuple[int, ...],
         distances: Sequence[tuple[str, str]] = (),
+        reach_deg: float | None = None,
     ) -> Stand:
-        """A stand with the approach of its block."""
-        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides), distances)
+        """A stand with the approach of its block, or with a length of its own."""
+        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides, reach_deg), distances)
 
     def sides(self) -> tuple[int, ...]:
         """The usual side on every joint, or one drawn for each."""
@@ -147,14 +159,17 @@ def rounded(joints_deg: Iterable[float]) -> Joints:
 
 def read_approach(table: TomlTable, default: Approach) -> Approach:
     """The `approach` table of a campaign or a block. Raises ConfigError."""
-    table.only(("offset_deg", "sides"))
+    table.only(("offset_deg", "sides", "longest_deg"))
     offset = table.number("offset_deg", default.offset_deg, low=-30.0, high=30.0)
     if abs(offset) < 0.1:
         raise table.refuse(
             "offset_deg", f"is {offset:g}; without an approach, backlash spoils every reading."
         )
     both = table.text("sides", default.sides, ("one", "both")) == "both"
-    return Approach(offset, "both" if both else "one")
+    longest = None if "offset_deg" in table.values else default.longest_deg
+    if "longest_deg" in table.values:
+        longest = table.number("longest_deg", low=abs(offset), high=max(_LONGEST_DEG, abs(offset)))
+    return Approach(offset, "both" if both else "one", longest)
 
 
 def read_settle(table: TomlTable, default: Settle) -> Settle:

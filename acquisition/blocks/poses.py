@@ -30,10 +30,10 @@ class Source:
     count: int
     joints_deg: tuple[Joints, ...] = ()
 
-    def poses(self, site: Site) -> list[Pose]:
-        """Pairs of joint angles, deg, and sides. Raises ConfigError."""
+    def poses(self, site: Site, longest_deg: float | None) -> list[Pose]:
+        """The poses with their approach; longest_deg: as `acquisition.poses.draw_poses`. Raises ConfigError."""
         if self.select not in DRAWN:
-            return self._given(site)
+            return self._given(site, longest_deg)
         draw = draw_poses if self.select == "random" else select_poses
         approach = site.approach
         try:
@@ -43,33 +43,42 @@ class Source:
                 site.rng(Stream.POSE),
                 approach.offset_deg,
                 both=approach.sides == "both",
+                longest_deg=longest_deg,
                 decimals=DECIMALS,
                 targets=site.targets,
             )
         except DataError as error:
             raise ConfigError(f"block {site.number + 1}: {error}") from error
 
-    def _given(self, site: Site) -> list[Pose]:
+    def _given(self, site: Site, longest_deg: float | None) -> list[Pose]:
         poses = [site.posture(f"pose {i}", pose) for i, pose in enumerate(self.joints_deg, start=1)]
         shape = (len(poses), site.cell.robot.model.joints)
         sides = [(site.approach.side,) * shape[1]] * shape[0]
         if site.approach.sides == "both":
             drawn = site.rng(Stream.SIDE).choice((-1, 1), size=shape)
             sides = [tuple(int(side) for side in row) for row in drawn]
-        return list(zip(poses, sides, strict=True))
+        shortest = abs(site.approach.offset_deg)
+        lengths = [shortest] * len(poses)
+        if longest_deg is not None:
+            lengths = site.rng(Stream.REACH).uniform(shortest, longest_deg, len(poses)).tolist()
+        return [Pose(*each) for each in zip(poses, sides, lengths, strict=True)]
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Each pose once."""
+    """Each pose once. The last moves to poses that are drawn are of many lengths; to given poses, where it is asked."""
 
     source: Source
     ordered = False
     lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
-        poses = self.source.poses(site)
-        return [site.stand(f"pose {i}", pose, sides) for i, (pose, sides) in enumerate(poses, start=1)]
+        drawn = self.source.select in DRAWN
+        longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg
+        return [
+            site.stand(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
+            for i, pose in enumerate(self.source.poses(site, longest), start=1)
+        ]
 
 
 def read(table: TomlTable, folder: Path | None) -> Poses:

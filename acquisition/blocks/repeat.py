@@ -1,4 +1,4 @@
-"""`kind = "repeat"`: the same few poses visited again and again, each time over their approach point.
+"""`kind = "repeat"`: the same few poses visited again and again, each time over the same approach point.
 
 ISO 9283:1998 asks for 30 visits of five poses: accuracy and repeatability of each, and of the distances between them,
 for which the poses take turns. With `sides = "both"` the sides are drawn for each pose and stay; poses that two
@@ -29,14 +29,14 @@ class Repeat:
     lengths = False
 
     def stands(self, site: Site) -> list[Stand]:
-        found = list(enumerate(self.source.poses(site), start=1))
+        found = list(enumerate(self.source.poses(site, None), start=1))
         turns = range(1, self.visits + 1)
         order = (
             [(i, pose, k) for k in turns for i, pose in found]
             if self.interleaved
             else [(i, pose, k) for i, pose in found for k in turns]
         )
-        return [site.stand(f"visit {k} to pose {i}", joints, sides) for i, (joints, sides), k in order]
+        return [site.stand(f"visit {k} to pose {i}", pose.joints_deg, pose.sides) for i, pose, k in order]
 
 
 def read(table: TomlTable, folder: Path | None) -> Repeat:

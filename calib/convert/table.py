@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -15,6 +16,7 @@ from calib.files import replace_file
 
 Holdout = Literal["random", "block"]
 BLOCKS = 20
+_JOINT = re.compile(r"j\d+_deg")
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,10 @@ class Table:
         return len(next(iter(self.columns.values())))
 
     def hold_out(self, kind: Holdout, share: float, seed: int) -> Table:
-        """Mark a share of the rows as validation: drawn one by one, or whole blocks of consecutive rows.
+        """Mark a share of the rows as validation: whole poses drawn at random, or blocks of consecutive rows.
 
-        A random hold-out flatters: its neighbours took part in the fit. Raises DataError for a share outside (0, 1).
+        A random hold-out flatters: its neighbours took part in the fit. Readings of one pose are held out together, or
+        the fit would have seen what it is to predict. Raises DataError for a share outside (0, 1).
         """
         if not 0.0 < share < 1.0:
             raise DataError(
@@ -39,7 +42,9 @@ class Table:
         n, random = len(self), np.random.default_rng(seed)
         held = np.zeros(n, dtype=bool)
         if kind == "random":
-            held[random.choice(n, round(share * n), replace=False)] = True
+            pose = self._poses()
+            count = max(pose) + 1
+            held = np.isin(pose, random.choice(count, round(share * count), replace=False))
         else:
             block = np.arange(n) * BLOCKS // n
             held = np.isin(block, random.choice(BLOCKS, max(1, round(share * BLOCKS)), replace=False))
@@ -50,6 +55,13 @@ class Table:
                 columns["set"] = ["validation" if row else "calibration" for row in held]
         header = f'{self.header}\n[holdout]\nkind = "{kind}"\nshare = {share:g}\nseed = {seed}\n'
         return replace(self, columns=columns, header=header)
+
+    def _poses(self) -> list[int]:
+        """The pose of every row, numbered as they appear: rows whose commanded joints are written the same."""
+        joints = [cells for name, cells in self.columns.items() if _JOINT.fullmatch(name)]
+        seen: dict[tuple[str, ...], int] = {}
+        rows = zip(*joints, strict=True) if joints else ((str(i),) for i in range(len(self)))
+        return [seen.setdefault(row, len(seen)) for row in rows]
 
     def write(self, path: Path) -> None:
         """Write `path` and the `.toml` beside it; neither is left half-written."""

@@ -1,28 +1,31 @@
 """Equivalence classes: which other candidates explain the same as well, and with what weight.
 
 Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
-evidence belongs to its class, with weight odds x exp(-delta/2), normalised. A candidate with 95 % of the weight is a
-name; anything less is ambiguous. The odds are those before any reading: how often a mechanism is met where it would
-look the same as another. They only decide between explanations that the readings cannot tell apart.
+evidence belongs to its class, with weight exp(-delta/2), normalised. A candidate with 95 % of the weight is a
+name; anything less is ambiguous. A twin, whose columns on these readings hold all that the effect does, costs nothing:
+no reading speaks for either, whatever their labels and however many columns each has.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.diagnose.evidence import CLASS_WIDTH, p_value
+from calib.diagnose.null import Chance
 from calib.diagnose.refine import one_order
-from calib.diagnose.scan import HarmonicScores, Score, Scores
+from calib.diagnose.scan import HarmonicScores, Score, Scores, gain_of
 from calib.diagnose.select import candidates, leave_one_out
 from calib.diagnose.space import Space
 from calib.effects.effect import Effect
+from calib.kinematics import Array
 
 CERTAIN = 0.95
-_ODDS = {"settling": 1.0 / 30.0}
-"""A pause of seconds leaves little to settle; play is in every worn gear. Moves of one length show both the same."""
+_TWIN = (
+    1e-4  # share of what an effect does that a twin may fail to do: rounding of angles, no reading shows it
+)
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 
@@ -36,6 +39,11 @@ class Evidence:
     p_value: float
     explained_variance: float
 
+    def at_most_as_sure_as(self, chance: Chance) -> Evidence:
+        """The same with the p-value that the whole scan has by chance, where that is larger."""
+        log_p = math.log(max(self.p_value, 1e-300))
+        return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
+
     @property
     def certain(self) -> bool:
         """Whether one candidate holds nearly all the weight."""
@@ -47,16 +55,17 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
     without, gain, columns = leave_one_out(space, scores, effect)
     tries = scores.multiplicity_of(effect)
     own = without.own(effect, gain)
+    twins = _twins(without, effect)
     costs, effects = {effect.label: 0.0}, {effect.label: effect}
     others = tuple(other for other in chosen if other is not effect)
-    for score in (*candidates(without, others), *_whole_orders(without)):
+    for score in (*candidates(without, others), *_whole_orders(without), *twins):
         label = score.effect.label
         if score.freedom == 0 or label in {other.label for other in others}:
             continue
         # A rival that the linearised model prefers lost against the effect when both were refitted.
         cost = max(own - score.evidence, 0.0)
-        if score.freedom <= columns:
-            # No more complex, and it fits as well: what is usual must not decide alone.
+        if score.freedom <= columns or score in twins:
+            # No more complex, or a twin, and it fits as well: what is usual must not decide alone.
             fit = without.space.rows * math.log(
                 max(without.rss - score.gain, 1e-300) / max(without.rss - gain, 1e-300)
             )
@@ -65,10 +74,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
             costs[label] = min(cost, costs.get(label, math.inf))
             effects[label] = score.effect
     best = min(costs.values())
-    weights = {
-        label: _ODDS.get(label.partition(":")[0], 1.0) * math.exp(-0.5 * (cost - best))
-        for label, cost in costs.items()
-    }
+    weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
     total = sum(weights.values())
     ranked = sorted(weights, key=lambda label: -weights[label])
     return Evidence(
@@ -78,6 +84,26 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
         p_value=p_value(gain, columns, without.rss, without.freedom, tries),
         explained_variance=gain / without.rss,
     )
+
+
+def _twins(scores: Scores, effect: Effect) -> list[Score]:
+    """Candidates whose columns, by what the rest of the model leaves of them, hold all that the effect does here.
+
+    Harmonics are not looked at: every one has two columns, and its fit says it.
+    """
+    directions, coefficients = scores.space.own_direction(effect)
+    does: Array = directions @ (coefficients / np.linalg.norm(coefficients))
+    found = []
+    for index, family in enumerate(scores.families):
+        if isinstance(family, HarmonicScores):
+            continue
+        shared = family.shared(scores.space, does[:, None])[:, :, 0]
+        share, _ = gain_of(scores.a[index], shared, family.raw)
+        place = int(np.argmax(share))
+        gain, freedom = scores.gains(index)
+        if share[place] > 1.0 - _TWIN and freedom[place] > 0:
+            found.append(scores.at(index, place, float(gain[place]), int(freedom[place])))
+    return found
 
 
 def _whole_orders(scores: Scores) -> list[Score]:

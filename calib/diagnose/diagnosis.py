@@ -13,14 +13,16 @@ from typing import Literal
 import numpy as np
 
 from calib.dataset import Dataset
+from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.curves import with_curves
 from calib.diagnose.evidence import CLAIM, p_value
 from calib.diagnose.follow_up import FollowUp, Rival, follow_up
+from calib.diagnose.power import Visible, visible
 from calib.diagnose.scan import Scores
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.space import Space
-from calib.diagnose.structure import NOISY, Structure, left_over, p_lack_of_fit
+from calib.diagnose.structure import NOISY, Structure, left_over, p_beyond_repeats, p_lack_of_fit
 from calib.effects import Survey, offers
 from calib.effects.effect import Effect
 from calib.held_out import errors_on
@@ -67,6 +69,9 @@ class Diagnosis:
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
+    power: tuple[
+        Visible, ...
+    ]  # the smallest size of everything looked for that these readings would have shown
     seconds: float
 
     @property
@@ -98,7 +103,7 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         if unchanged:
             break
     progress("weighing rivals of every effect")
-    selection, space, named = _judged(dataset, selection)
+    selection, space, named, power = _judged(dataset, selection)
     final, found = selection.fitted, list(named)
     structure = left_over(space)
     curved = with_curves(dataset, selection, structure, progress=progress)
@@ -116,7 +121,7 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         nominal=nominal,
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
-        verdict=_verdict(found, structure, chance),
+        verdict=_verdict(found, structure, _fits(space, chance)),
         structure=tuple(structure),
         p_lack_of_fit=chance,
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
@@ -124,21 +129,33 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
         follow_up=_follow_up(dataset, selection.fitted, named),
+        power=power,
         seconds=time.perf_counter() - begin,
     )
 
 
-def _judged(dataset: Dataset, selection: Selection) -> tuple[Selection, Space, list[Found]]:
-    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first."""
+def _judged(
+    dataset: Dataset, selection: Selection
+) -> tuple[Selection, Space, list[Found], tuple[Visible, ...]]:
+    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first;
+    before them, one at a time, those that it left where physics forbids them."""
     while True:
         fitted = selection.fitted
         space = Space.of(fitted)
+        forbidden = [effect for effect in selection.effects if space.forbids(effect)]
+        if forbidden:
+            kept = tuple(e for e in selection.effects if e is not forbidden[0])
+            selection = Selection(refit(dataset, fitted, kept), kept)
+            continue
         scores = Scores(offers(Survey.of(fitted, dataset)), space)
+        chance = chance_by_pose(scores) if selection.effects else None
         found = [_found(dataset, space, scores, effect, selection.effects) for effect in selection.effects]
+        if chance is not None:
+            found = [replace(f, evidence=f.evidence.at_most_as_sure_as(chance)) for f in found]
         found.sort(key=lambda f: -f.evidence.explained_variance)
         weak = [f for f in found if f.evidence.p_value > CLAIM]
         if not weak:
-            return selection, space, found
+            return selection, space, found, visible(scores)
         gone = weak[len(weak) // 2 :]
         kept = tuple(e for e in selection.effects if all(e is not f.effect for f in gone))
         selection = Selection(refit(dataset, fitted, kept), kept)
@@ -211,14 +228,21 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
     return follow_up(final, rivals) if rivals else None
 
 
-def _verdict(found: list[Found], structure: list[Structure], chance: float) -> Verdict:
+def _fits(space: Space, chance: float) -> bool:
+    """Whether noise leaves so much: noise as declared or, where readings repeat, as they show it."""
+    repeats = p_beyond_repeats(space)
+    return chance >= NOISY or (repeats is not None and repeats >= NOISY)
+
+
+def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verdict:
+    """No cause is told for certain, and no class, where more is left than noise explains."""
     if structure:
         return "unexplained"
+    if not fits:
+        return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
-    if found:
-        return "attributed"
-    return "excess_noise" if chance < NOISY else "complete"
+    return "attributed" if found else "complete"
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:

@@ -217,7 +217,7 @@ def _advice(rival: Rival, found: Identification) -> list[str]:
     return out or ["no pose within the limits does; they are one effect for every use of the model."]
 
 
-_OF_SIDE = {"backlash", "settling", "dead_zone"}
+_OF_SIDE = {"backlash", "lost_motion", "settling", "dead_zone"}
 _OF_WARMTH = {"thermal_growth", "thermal_joint", "warm_up", "drift_translation", "drift_rotation"}
 _OF_DRIFT = {"drift_translation", "drift_rotation"}
 _OF_LOAD = {

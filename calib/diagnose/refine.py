@@ -8,14 +8,15 @@ what the readings can tell becomes whole. Time constants take such a step too, i
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from calib.diagnose.evidence import WHOLE_ORDER
 from calib.diagnose.scan import Scores
 from calib.diagnose.space import Space
-from calib.effects import Survey, periodic, shift, warm_up
-from calib.effects.effect import Effect
+from calib.effects import Survey, offers, periodic, shift, warm_up
+from calib.effects.effect import Effect, Steps
 from calib.kinematics import Array
 
 _LONGEST_STEP = 0.3  # cycles a turn
@@ -78,10 +79,13 @@ def refine_steps(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]
         if "rank" not in effect.shape:
             refined.append(effect)
             continue
-        ranks = shift.change_points(Survey(space.fitted.model.robot, space.fitted.readings.conditions))
+        survey = Survey(space.fitted.model.robot, space.fitted.readings.conditions)
+        ranks = shift.change_points(survey)
+        family = next(o for o in offers(survey) if isinstance(o, Steps) and o.label == effect.label)
         here = int(np.searchsorted(ranks, effect.shape["rank"]))
         reach = max(3, 2 * len(ranks) // shift.COARSE)
-        scores = Scores([shift.family(effect.label, ranks[max(0, here - reach) : here + reach + 1])], space)
+        near = ranks[max(0, here - reach) : here + reach + 1]
+        scores = Scores([replace(family, ranks=near)], space)
         scores.move(*space.own_direction(effect), enters=False)
         refined.append(scores.best_of(0).effect)
     return tuple(refined)

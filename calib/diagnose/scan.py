@@ -6,17 +6,20 @@ would bring is b' A^-1 b. Scanned families never form their columns: the sums th
     harmonics   sums over readings of u exp(i H theta), for all orders H at once by a Fourier transform;
     steps       sums over the readings from a rank on: one cumulative sum.
 
-Other shapes, such as time constants, are scanned at few places and by their columns.
+Other shapes, such as time constants, are scanned at few places and by their columns. A place at which physics forbids
+the estimate A^-1 b (`calib.diagnose.physics`) scores nothing.
 Adding or removing a direction q (unit vector) from the model updates A and b by what q shares with X.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.diagnose.evidence import WHOLE_ORDER, evidence_of
+from calib.diagnose.physics import bounds_of, impossible
 from calib.diagnose.space import Space
 from calib.diagnose.trigsums import TrigSums
 from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Shapes, Steps
@@ -24,7 +27,7 @@ from calib.kinematics import Array
 from calib.units import to_internal
 
 _LOW_ORDER = 6
-_ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
+ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
 
 
 class FixedScores:
@@ -35,6 +38,7 @@ class FixedScores:
         self.candidate = candidate
         self.columns = space.effect_columns(candidate.effect)
         self.raw = np.sum(self.columns**2, axis=0)[None, :]
+        self.bounds = bounds_of(candidate.effect)
 
     def shared(self, space: Space, vectors: Array) -> Array:
         """(1, p, c): X'v for c row vectors (rows, c)."""
@@ -63,6 +67,8 @@ class FixedScores:
 
 class HarmonicScores:
     """Scores of a family of harmonics over its orders."""
+
+    bounds = None
 
     def __init__(self, family: Harmonics, space: Space) -> None:
         self.label = family.label
@@ -119,6 +125,8 @@ class HarmonicScores:
 class StepScores:
     """Scores of a family of steps over its change points."""
 
+    bounds = None
+
     def __init__(self, family: Steps, space: Space) -> None:
         self.label = family.label
         self.family = family
@@ -174,6 +182,7 @@ class ShapeScores:
         self.effects = [family.at(float(value)) for value in family.values]
         self.columns = np.stack([space.effect_columns(effect).T for effect in self.effects])
         self.raw = np.sum(self.columns**2, axis=2)
+        self.bounds = bounds_of(self.effects[0])
 
     def shared(self, space: Space, vectors: Array) -> Array:
         """(places, p, c): X'v."""
@@ -215,7 +224,7 @@ class Score:
 class Scores:
     """A and b of every offer, kept up to date while directions enter or leave the model."""
 
-    def __init__(self, offers: list[Offer], space: Space) -> None:
+    def __init__(self, offers: Sequence[Offer], space: Space) -> None:
         self.space = space
         self.rss, self.freedom = space.rss, space.freedom
         self.families: list[FixedScores | HarmonicScores | StepScores | ShapeScores] = []
@@ -254,8 +263,14 @@ class Scores:
         self.freedom += int(sign) * len(coefficients)
 
     def gains(self, index: int) -> tuple[Array, Array]:
-        """(places,) gain and number of columns that count, of one family."""
-        return gain_of(self.a[index], self.b[index], self.families[index].raw)
+        """(places,) gain and number of columns that count, of one family; none where physics forbids the estimate."""
+        a, b, family = self.a[index], self.b[index], self.families[index]
+        gain, freedom = gain_of(a, b, family.raw)
+        if family.bounds is not None:
+            values, variance = estimate_of(a, b, family.raw)
+            allowed = ~impossible(family.bounds, values, np.sqrt(variance * self.noise))
+            gain, freedom = np.where(allowed, gain, 0.0), np.where(allowed, freedom, 0)
+        return gain, freedom
 
     @property
     def noise(self) -> float:
@@ -321,8 +336,18 @@ def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
         return _gain_of_two(a, b)
     values, vectors = np.linalg.eigh(a)
     along = np.einsum("cij,ci->cj", vectors, b)
-    counts = values > _ABSORBED
+    counts = values > ABSORBED
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)
+
+
+def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """A^-1 b (c, p) and its variance for unit noise (c, p), of the directions that `gain_of` counts; else 0."""
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
+    inverse = np.where(values > ABSORBED, 1.0 / np.maximum(values, ABSORBED), 0.0)
+    along = np.einsum("cij,ci->cj", vectors, b * scale)
+    estimate = np.einsum("cij,cj->ci", vectors, inverse * along)
+    return estimate * scale, np.einsum("cij,cj->ci", vectors**2, inverse) * scale**2
 
 
 def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
@@ -333,5 +358,5 @@ def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
     c, s = np.cos(angle), np.sin(angle)
     values = np.stack([middle + radius, middle - radius])
     along = np.stack([c * b[:, 0] + s * b[:, 1], c * b[:, 1] - s * b[:, 0]])
-    counts = values > _ABSORBED
+    counts = values > ABSORBED
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=0), counts.sum(axis=0)

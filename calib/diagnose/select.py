@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.dataset import Dataset
+from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.evidence import CLAIM, p_value
+from calib.diagnose.null import Chance
 from calib.diagnose.refine import one_order, refine_orders, refine_steps, refine_times
 from calib.diagnose.scan import Score, Scores
 from calib.diagnose.space import Space
@@ -56,11 +58,11 @@ def select(
         space = Space.of(fitted)
         scores = Scores(library, space)
         total = _total(space, scores, chosen)
-        if total < lowest:
+        if total < lowest and not any(space.forbids(effect) for effect in chosen):
             best, lowest, waited = Selection(fitted, chosen), total, 0
         else:
             waited += 1
-        proposal = _forward(scores, chosen, most, progress)
+        proposal = _forward(scores, chosen, most, progress, chance_by_pose(scores))
         if proposal == chosen:
             proposal = _swap(space, scores, _backward(space, scores, chosen))
         if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 1):
@@ -126,18 +128,24 @@ def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool
     return effect.label in labels(chosen) or any(one_order(scores.space, effect, other) for other in chosen)
 
 
-def _forward(scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress) -> tuple[Effect, ...]:
-    """Add effects one by one; half as many as there are, at least four, before everything is refitted."""
+def _forward(
+    scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress, chance: Chance | None
+) -> tuple[Effect, ...]:
+    """Add effects one by one; half as many as there are, at least four, before everything is refitted.
+
+    chance: what the scan makes of the residual as it is now. Later is too late: enough effects take up whatever the
+    poses have of their own, and leave a residual beside which all of them look sure.
+    """
     basis, wider = scores.space.basis, chosen
     while len(wider) < min(most, len(chosen) + max(4, len(chosen) // 2)):
         found = candidates(scores, wider)
         if not found:
             break
         best = max(found, key=lambda score: score.evidence)
-        if (
-            best.gain < _LEAST_SHARE * scores.rss
-            or p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity) > CLAIM
-        ):
+        p = p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity)
+        if chance is not None:
+            p = max(p, chance.p_value(math.log(max(p, 1e-300))))
+        if best.gain < _LEAST_SHARE * scores.rss or p > CLAIM:
             break
         wider = (*wider, best.effect)
         progress(f"effect {len(wider)}: {best.effect.label}")
@@ -168,9 +176,11 @@ def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores,
 
 
 def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Drop the weaker half of the effects that no longer pass by themselves (the others may pass without them)."""
+    """Drop what physics forbids, and the weaker half of the effects that no longer pass by themselves (the others may
+    pass without them)."""
     failing = []
-    for effect in chosen:
+    allowed = tuple(effect for effect in chosen if not space.forbids(effect))
+    for effect in allowed:
         _, coefficients = space.own_direction(effect)
         gain, columns = float(coefficients @ coefficients), len(coefficients)
         tries = scores.multiplicity_of(effect)
@@ -178,7 +188,7 @@ def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple
         if chance > CLAIM:
             failing.append((chance, -gain, effect.label))
     weaker = {label for _, _, label in sorted(failing, reverse=True)[: (len(failing) + 1) // 2]}
-    return tuple(effect for effect in chosen if effect.label not in weaker)
+    return tuple(effect for effect in allowed if effect.label not in weaker)
 
 
 def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:

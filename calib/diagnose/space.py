@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from calib.diagnose.physics import bounds_of, impossible
 from calib.effects.effect import Effect
 from calib.identification import Identification
 from calib.kinematics import Array, Frames
@@ -111,6 +112,16 @@ class Space:
         lower = np.linalg.cholesky(self.covariance[np.ix_(live, live)])
         direction = solve_triangular(lower, (self.columns @ self.covariance[:, live]).T, lower=True).T
         return direction, solve_triangular(lower, self.fitted.estimate[live], lower=True)
+
+    def forbids(self, effect: Effect) -> bool:
+        """Whether the estimate of an effect of the model lies beyond what physics allows by more than its noise."""
+        bounds = bounds_of(effect)
+        if bounds is None:
+            return False
+        at = self.fitted.model.positions(effect)
+        noise = max(self.rss / max(self.freedom, 1), 1.0)
+        errors = np.sqrt(np.diag(self.covariance)[at] * noise)
+        return bool(impossible(bounds, self.fitted.estimate[at], errors))
 
     def own_coordinates(self, effect: Effect) -> tuple[Array, Array]:
         """`own_direction` in coordinates of the basis, readings and priors together: t (a, p) with q = Q t, c (p,)."""

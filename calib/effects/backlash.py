@@ -1,6 +1,7 @@
 """Backlash: the joint stops half a gap short on the side from which it came, gap/2 x side of approach.
 
-Invisible, not absent, when every reading was approached from one side. Source: Nubiola 2.4.1 and 2.5.
+A gap is never less than nothing. Invisible, not absent, when every reading was approached from one side.
+Source: Nubiola 2.4.1 and 2.5.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ def backlash(joint: int) -> Effect:
         "transmission",
         "robot",
         f"Joint {joint} has play: it stops short on the side from which it arrives.",
-        {"gap": ("deg", 0.1, [(f"theta{joint}", Side(joint), 0.5)])},
+        {"gap": ("deg", 0.1, [(f"theta{joint}", Side(joint), 0.5)], (0.0, 1.0))},
     )
 
 
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint that was approached from both sides."""
     side = survey.conditions.side
-    return [Candidate(backlash(k)) for k in survey.joint_numbers if survey.varies(side[:, k - 1])]
+    return [Candidate(backlash(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

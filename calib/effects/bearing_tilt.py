@@ -24,7 +24,7 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
         "structure",
         "robot",
         f"The bearing of joint {joint} tilts under the weight it carries.",
-        {"c": (_UNIT, size, places)},
+        {"c": (_UNIT, size, places, (0.0, None))},
     )
 
 

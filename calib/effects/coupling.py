@@ -20,7 +20,7 @@ def coupling(first: int, second: int) -> Effect:
         "transmission",
         "robot",
         f"Joint {second} turns a little when joint {first} does: its drive runs through it.",
-        {"k": ("ppm", 1000.0, [(f"theta{second}", JointAngle(first))])},
+        {"k": ("ppm", 1000.0, [(f"theta{second}", JointAngle(first))], (-2e4, 2e4))},
     )
 
 

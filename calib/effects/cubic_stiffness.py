@@ -31,6 +31,6 @@ def offer(survey: Survey) -> list[Candidate]:
     torque = survey.conditions.torque
     return [
         Candidate(cubic_stiffness(k, survey.largest(torque[:, k - 1])))
-        for k in survey.joint_numbers
+        for k in survey.moving
         if survey.loaded(k)
     ]

@@ -1,7 +1,8 @@
 """Dead zone: the load rests on one flank of the teeth or the other, gap/2 x sign(tau), wherever the joint came from.
 
-The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque: gears have some drag. The width
-is a constant of the effect, so that it predicts the same at other torques. Source: contracts, table of labels.
+A gap is never less than nothing. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
+gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques. Source:
+contracts, table of labels.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ def dead_zone(joint: int, width: float) -> Effect:
         "transmission",
         "robot",
         f"Joint {joint} has play that gravity closes to the side to which it pulls.",
-        {"gap": ("deg", 0.1, [(f"theta{joint}", TorqueSign(joint, width), 0.5)])},
+        {"gap": ("deg", 0.1, [(f"theta{joint}", TorqueSign(joint, width), 0.5)], (0.0, 1.0))},
         {"width_nmm": width},
     )
 
@@ -31,7 +32,7 @@ def dead_zone(joint: int, width: float) -> Effect:
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint whose load comes near zero or changes its side: far from it the gap is an offset."""
     candidates = []
-    for joint in survey.joint_numbers:
+    for joint in survey.moving:
         torque = survey.conditions.torque[:, joint - 1]
         width = SMOOTHED * survey.largest(torque)
         if survey.loaded(joint) and np.ptp(np.tanh(torque / width)) > _LEAST_CHANGE:

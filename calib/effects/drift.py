@@ -12,7 +12,7 @@ from calib.regressors import Time
 
 def drift_translation() -> Effect:
     """The instrument's frame shifts; parameters x, y, z, mm/h."""
-    acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time())]) for axis in "xyz"}
+    acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time())], (-20.0, 20.0)) for axis in "xyz"}
     return effect(
         "drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts
     )
@@ -20,7 +20,7 @@ def drift_translation() -> Effect:
 
 def drift_rotation() -> Effect:
     """The instrument's frame turns about the station; parameters rx, ry, rz, deg/h."""
-    acts = {axis: ("deg/h", 0.02, [(f"frame.{axis}", Time())]) for axis in ("rx", "ry", "rz")}
+    acts = {axis: ("deg/h", 0.02, [(f"frame.{axis}", Time())], (-2.0, 2.0)) for axis in ("rx", "ry", "rz")}
     return effect(
         "drift_rotation",
         "instrument",

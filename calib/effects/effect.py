@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from calib import regressors
 from calib.kinematics import Array
 from calib.regressors import Regressor
-from calib.units import FACTORS, to_display
+from calib.units import FACTORS, to_display, to_internal
 
 Owner = Literal["robot", "mounting", "instrument"]
 Group = Literal[
@@ -33,17 +33,27 @@ class Parameter:
     """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
 
     A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
-    deviation); without one it is free.
+    deviation); without one it is free. low, high: between which physics allows it, in that unit; None: no bound.
+    Bounds never hold a fit back: an estimate beyond them says that the effect is not what is there.
     """
 
     name: str
     unit: str
     size: float | None = None
+    low: float | None = None
+    high: float | None = None
 
     @property
     def short(self) -> str:
         """Name without the label in front: 'gap' of 'backlash:j4.gap'."""
         return self.name.rpartition(".")[2]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """What physics allows, internal units; infinite where there is no bound."""
+        low = -math.inf if self.low is None else to_internal(self.low, self.unit)
+        high = math.inf if self.high is None else to_internal(self.high, self.unit)
+        return low, high
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ class Effect:
             "owner": self.owner,
             "meaning": self.meaning,
             "shape": dict(self.shape),
-            "parameters": [{"name": p.name, "unit": p.unit, "size": p.size} for p in self.parameters],
+            "parameters": [asdict(parameter) for parameter in self.parameters],
             "terms": [
                 {
                     "parameter": t.parameter,
@@ -117,7 +127,10 @@ class Effect:
             owner=table["owner"],
             meaning=table["meaning"],
             shape=dict(table["shape"]),
-            parameters=tuple(Parameter(p["name"], p["unit"], p["size"]) for p in table["parameters"]),
+            parameters=tuple(
+                Parameter(p["name"], p["unit"], p["size"], p.get("low"), p.get("high"))
+                for p in table["parameters"]
+            ),
             terms=tuple(
                 Term(t["parameter"], t["slot"], t["weight"], regressors.from_json(t["regressor"]))
                 for t in table["terms"]
@@ -126,6 +139,8 @@ class Effect:
 
 
 Acts = tuple[str, Regressor] | tuple[str, Regressor, float]
+Bounds = tuple[float | None, float | None]
+Written = tuple[str, float | None, Sequence[Acts]] | tuple[str, float | None, Sequence[Acts], Bounds]
 
 
 def effect(
@@ -133,21 +148,22 @@ def effect(
     group: Group,
     owner: Owner,
     meaning: str,
-    acts: Mapping[str, tuple[str, float | None, Sequence[Acts]]],
+    acts: Mapping[str, Written],
     shape: Mapping[str, float] | None = None,
 ) -> Effect:
     """Write an effect down briefly.
 
-    acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...]).
+    acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...][, (lowest,
+    highest) that physics allows, in that unit]).
     Parameters are kept in internal units whatever the unit they are shown in. Outside the base model their
     names start with the label. Raises KeyError for a unit that `units.FACTORS` does not hold.
     """
     prefix = "" if group == "base model" else f"{label}."
     parameters, terms = [], []
-    for name, (unit, size, places) in acts.items():
+    for name, (unit, size, places, *bounds) in acts.items():
         if unit not in FACTORS:
             raise KeyError(unit)
-        parameters.append(Parameter(prefix + name, unit, size))
+        parameters.append(Parameter(prefix + name, unit, size, *(bounds[0] if bounds else ())))
         for slot, regressor, *weight in places:
             terms.append(Term(prefix + name, slot, float(weight[0]) if weight else 1.0, regressor))
     return Effect(label, group, owner, meaning, tuple(parameters), tuple(terms), dict(shape or {}))

@@ -1,4 +1,7 @@
-"""Encoder scale: the joint turns by (1 + k) times what it counts, k theta. Source: level-1 models, Nubiola ch. 1."""
+"""Encoder scale: the joint turns by (1 + k) times what it counts, k theta. Source: level-1 models, Nubiola ch. 1.
+
+Gear ratios are whole numbers and encoders have whole counts: what is left is a belt's pitch, per mille at most.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ def encoder_scale(joint: int) -> Effect:
         "transmission",
         "robot",
         f"Joint {joint} turns by more or less than it counts, in proportion to its angle.",
-        {"scale": ("ppm", 1000.0, [(f"theta{joint}", JointAngle(joint))])},
+        {"scale": ("ppm", 1000.0, [(f"theta{joint}", JointAngle(joint))], (-1500.0, 1500.0))},
     )
 
 

@@ -1,4 +1,5 @@
-"""Joint compliance: the gear of a joint yields to gravity, c tau. Source: level-3 models, Nubiola, Annex I."""
+"""Joint compliance: the gear of a joint yields to gravity, never against it, c tau. Source: Nubiola, Annex I (level
+3)."""
 
 from __future__ import annotations
 
@@ -14,10 +15,10 @@ def joint_compliance(joint: int) -> Effect:
         "transmission",
         "robot",
         f"The gear of joint {joint} yields to gravity.",
-        {"c": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{joint}", Torque(joint))])},
+        {"c": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{joint}", Torque(joint))], (0.0, None))},
     )
 
 
 def offer(survey: Survey) -> list[Candidate]:
     """One a joint that gravity loads, but for those whose compliance the base model finds."""
-    return [Candidate(joint_compliance(k)) for k in survey.joint_numbers if survey.loaded(k)]
+    return [Candidate(joint_compliance(k)) for k in survey.moving if survey.loaded(k)]

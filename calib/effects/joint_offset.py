@@ -22,5 +22,5 @@ def joint_offset(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint from 2 on, but for those whose zero the base model finds."""
-    return [Candidate(joint_offset(k)) for k in survey.joint_numbers[1:]]
+    """One a joint that moved, from 2 on, but for those whose zero the base model finds."""
+    return [Candidate(joint_offset(k)) for k in survey.moving if k > 1]

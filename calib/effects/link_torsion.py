@@ -31,7 +31,7 @@ def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
         "structure",
         "robot",
         f"Link {link} twists about its length under the weight it carries.",
-        {"c": (_UNIT, size, [(f"alpha{link}", about_alpha(robot, link))])},
+        {"c": (_UNIT, size, [(f"alpha{link}", about_alpha(robot, link))], (0.0, None))},
     )
 
 

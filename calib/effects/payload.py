@@ -18,14 +18,20 @@ Compliance = Mapping[int, float]
 """Joint -> rad/(N.mm)."""
 
 
-def payload_mass(centre: tuple[float, float, float], compliance: Compliance) -> Effect:
-    """More mass on the last link, with its `centre` (mm, that link's frame); parameter mass, kg."""
+def payload_mass(
+    centre: tuple[float, float, float], compliance: Compliance, declared_kg: float = 0.0
+) -> Effect:
+    """More mass on the last link, with its `centre` (mm, that link's frame); parameter mass, kg.
+
+    With the mass that was declared there the whole is never less than nothing.
+    """
+    joints = [(f"theta{k}", LoadTorque(k, 1.0, *centre), c) for k, c in compliance.items()]
     return effect(
         "payload_mass",
         "frames and tool",
         "mounting",
         "The load on the last link is heavier or lighter than declared.",
-        {"mass": ("kg", 0.5, [(f"theta{k}", LoadTorque(k, 1.0, *centre), c) for k, c in compliance.items()])},
+        {"mass": ("kg", 0.5, joints, (-declared_kg, None))},
     )
 
 
@@ -39,7 +45,12 @@ def payload_cog(load: Load, compliance: Compliance) -> Effect:
         "mounting",
         "The centre of the load on the last link lies elsewhere than declared.",
         {
-            axis: ("mm", 30.0, [(f"theta{k}", LoadTorque(k, 0.0, *kg_mm), c) for k, c in compliance.items()])
+            axis: (
+                "mm",
+                30.0,
+                [(f"theta{k}", LoadTorque(k, 0.0, *kg_mm), c) for k, c in compliance.items()],
+                (-500.0, 500.0),
+            )
             for axis, kg_mm in along.items()
         },
     )
@@ -53,4 +64,5 @@ def offer(survey: Survey) -> list[Candidate]:
     load = survey.payload
     if load is None:
         return [Candidate(payload_mass((0.0, 0.0, 0.0), compliance))]
-    return [Candidate(payload_mass(load.cog_mm, compliance)), Candidate(payload_cog(load, compliance))]
+    mass = payload_mass(load.cog_mm, compliance, load.mass_kg)
+    return [Candidate(mass), Candidate(payload_cog(load, compliance))]

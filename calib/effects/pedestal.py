@@ -25,8 +25,8 @@ def pedestal(robot: Robot) -> Effect:
         "mounting",
         "The pedestal leans to where the arm reaches out.",
         {
-            "x": ("1e-6 rad/(N.m)", 5.0, [place for place in places_x if place[2] != 0.0]),
-            "y": ("1e-6 rad/(N.m)", 5.0, [place for place in places_y if place[2] != 0.0]),
+            "x": ("1e-6 rad/(N.m)", 5.0, [place for place in places_x if place[2] != 0.0], (0.0, None)),
+            "y": ("1e-6 rad/(N.m)", 5.0, [place for place in places_y if place[2] != 0.0], (0.0, None)),
         },
     )
 

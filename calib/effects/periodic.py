@@ -34,8 +34,8 @@ def periodic(joint: int, order: float) -> Effect:
         "robot",
         f"The gear of joint {joint} runs ahead and behind {order:g} times a turn.",
         {
-            "cos": ("deg", 0.1, [(slot, Cosine(joint, order))]),
-            "sin": ("deg", 0.1, [(slot, Sine(joint, order))]),
+            "cos": ("deg", 0.1, [(slot, Cosine(joint, order))], (-1.0, 1.0)),
+            "sin": ("deg", 0.1, [(slot, Sine(joint, order))], (-1.0, 1.0)),
         },
         {"order": order},
     )

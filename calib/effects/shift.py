@@ -42,7 +42,7 @@ def tool_shift(rank: float) -> Effect:
 MAKERS = {"base_shift": base_shift, "tool_shift": tool_shift}
 
 
-def family(label: str, ranks: Array) -> Steps:
+def _family(label: str, ranks: Array) -> Steps:
     """The scan of one kind of step over some change points."""
     slots = tuple(f"{label.removesuffix('_shift')}.{axis}" for axis in _AXES)
     return Steps(label, slots, ranks, MAKERS[label])
@@ -53,10 +53,14 @@ def change_points(survey: Survey) -> Array:
     return np.sort(survey.conditions.order)[_FEWEST:-_FEWEST]
 
 
+def coarse(ranks: Array) -> Array:
+    """Evenly spread change points, few enough to scan; the diagnosis refines the one it chooses."""
+    return ranks[:: max(1, len(ranks) // COARSE)]
+
+
 def offer(survey: Survey) -> list[Steps]:
     """Both kinds, at evenly spread change points; the diagnosis refines the one it chooses."""
     ranks = change_points(survey)
     if not len(ranks):
         return []
-    ranks = ranks[:: max(1, len(ranks) // COARSE)]
-    return [family(label, ranks) for label in MAKERS]
+    return [_family(label, coarse(ranks)) for label in MAKERS]

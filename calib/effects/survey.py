@@ -89,6 +89,11 @@ class Survey:
         """1..N."""
         return range(1, self.robot.joints + 1)
 
+    @property
+    def moving(self) -> list[int]:
+        """The joints that moved: of one that never did, no reading shows what its gear does."""
+        return [k for k in self.joint_numbers if self.varies(self.conditions.joints[:, k - 1])]
+
     def turns(self, joint: int) -> float:
         """How much of a turn the readings span on a joint."""
         angles = self.conditions.joints[:, joint - 1]

@@ -30,7 +30,7 @@ def thermal_growth(robot: Robot, reference_c: float) -> Effect:
         "thermal",
         "robot",
         "The arm grows and shrinks with the air temperature.",
-        {"expansion": ("1e-6/K", 50.0, places)},
+        {"expansion": ("1e-6/K", 50.0, places, (0.0, 500.0))},
         {"reference_c": reference_c},
     )
 

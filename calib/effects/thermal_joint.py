@@ -16,7 +16,7 @@ def thermal_joint(joint: int, reference_c: float) -> Effect:
         "thermal",
         "robot",
         f"The zero of joint {joint} moves with the air temperature.",
-        {"k": ("deg/K", 0.05, [(f"theta{joint}", Temperature(reference_c))])},
+        {"k": ("deg/K", 0.05, [(f"theta{joint}", Temperature(reference_c))], (-0.5, 0.5))},
         {"reference_c": reference_c},
     )
 
@@ -26,4 +26,4 @@ def offer(survey: Survey) -> list[Candidate]:
     temperature = survey.conditions.temperature
     if not (survey.recorded("temperature") and survey.varies(temperature)):
         return []
-    return [Candidate(thermal_joint(k, float(np.mean(temperature)))) for k in survey.joint_numbers]
+    return [Candidate(thermal_joint(k, float(np.mean(temperature)))) for k in survey.moving]

@@ -1,8 +1,8 @@
 """Tracker scale: the instrument's millimetre is too long or too short, s (p - station) added to every point.
 
-A wrong refractive index does that: 1e-6 a kelvin of air. The instrument's frame is shifted in proportion, so a
-distance from another meter stays as it is. The link lengths absorb most of it (0.97). Source: contracts, table of
-labels; Edlen 1966 (index of air).
+A wrong refractive index does that: 1e-6 a kelvin of air, 270e-6 where nobody entered any. The instrument's frame is
+shifted in proportion, so a distance from another meter stays as it is. The link lengths absorb most of it (0.97).
+Source: contracts, table of labels; Edlen 1966 (index of air).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
         "instrument",
         "instrument",
         "The instrument measures every length too long or too short.",
-        {"scale": ("ppm", 50.0, places)},
+        {"scale": ("ppm", 50.0, places, (-500.0, 500.0))},
     )
 
 

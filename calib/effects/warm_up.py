@@ -18,6 +18,7 @@ from calib.robot import Robot
 TIME_CONSTANT = "time_constant_s"
 SHORTEST, LONGEST = 300.0, 18000.0  # s
 _PLACES = 15
+_MOST = 1500.0  # ppm: aluminium by 60 K; negative where an arm cools down
 
 
 def warm_up(robot: Robot, time_constant_s: float) -> Effect:
@@ -29,7 +30,7 @@ def warm_up(robot: Robot, time_constant_s: float) -> Effect:
         "thermal",
         "robot",
         "The arm grows while it warms up from a cold start.",
-        {"expansion": ("ppm", 300.0, places)},
+        {"expansion": ("ppm", 300.0, places, (-_MOST, _MOST))},
         {TIME_CONSTANT: time_constant_s},
     )
 

@@ -14,7 +14,7 @@ from mocks.world.robots import Robot
 from mocks.world.transforms import place
 
 TABLE_Z_MM = 20.0
-APPROACH_DEG = 5.0
+APPROACH_DEG, LONG_APPROACH_DEG = 5.0, 15.0
 
 
 def above_table(robot: Robot, joints_deg: Sequence[float], targets: Mapping[str, Sequence[float]]) -> bool:
@@ -40,9 +40,11 @@ def random_sides(n_joints: int, rng: np.random.Generator) -> tuple[int, ...]:
     return tuple(int(s) for s in rng.choice((-1, 1), size=n_joints))
 
 
-def approach_point(joints_deg: Sequence[float], sides: Sequence[int]) -> tuple[float, ...]:
-    """Where the last move starts, deg: q - side x 5 deg on every joint (thesis, section 2.5)."""
-    return tuple(round(q - s * APPROACH_DEG, 3) for q, s in zip(joints_deg, sides, strict=True))
+def approach_point(
+    joints_deg: Sequence[float], sides: Sequence[int], length_deg: float = APPROACH_DEG
+) -> tuple[float, ...]:
+    """Where the last move starts, deg: q - side x its length, 5 deg, on every joint (thesis, section 2.5)."""
+    return tuple(round(q - s * length_deg, 3) for q, s in zip(joints_deg, sides, strict=True))
 
 
 def random_state(

@@ -37,7 +37,7 @@ def link_torsion(m: Material) -> Effect:
         x = arm.nominal_chain[frame][:3, 0]
         arm.geometry.alpha[joint - 1] += p["c"] * float(x @ arm.moments[joint - 1])
 
-    return Effect(m.label, "arm", act, {"c": 1e-8 * m.sign()}, SOFT)
+    return Effect(m.label, "arm", act, {"c": 1e-8}, SOFT)
 
 
 def bearing_tilt(m: Material) -> Effect:
@@ -52,7 +52,7 @@ def bearing_tilt(m: Material) -> Effect:
         moment = frame[:3, :3].T @ arm.moments[joint - 1]
         arm.tilts[joint] = p["c"] * np.array([moment[0], moment[1], 0.0])
 
-    return Effect(m.label, "arm", act, {"c": 1e-8 * m.sign()}, SOFT)
+    return Effect(m.label, "arm", act, {"c": 1e-8}, SOFT)
 
 
 def pedestal(m: Material) -> Effect:
@@ -61,4 +61,4 @@ def pedestal(m: Material) -> Effect:
     def act(arm: Arm, p: Values) -> None:
         arm.lean = p["c"] * arm.overturning
 
-    return Effect(m.label, "arm", act, {"c": 1e-9 * m.sign()}, SOFT)
+    return Effect(m.label, "arm", act, {"c": 1e-9}, SOFT)

@@ -31,7 +31,7 @@ def thermal_growth(m: Material) -> Effect:
     def act(arm: Arm, p: Values) -> None:
         stretch(arm, p["alpha"] * (arm.state.t_air_c - arm.t_mean_c))
 
-    return Effect(m.label, "arm", act, {"alpha": 2e-5 * m.sign()}, {"alpha": "1/K"})
+    return Effect(m.label, "arm", act, {"alpha": 2e-5}, {"alpha": "1/K"})
 
 
 def lagged_growth(m: Material) -> Effect:
@@ -43,7 +43,7 @@ def lagged_growth(m: Material) -> Effect:
 
     lag_s = m.session.duration_s * float(m.rng.uniform(0.05, 0.10))
     units = {"alpha": "1/K", "lag": "s"}
-    return Effect(m.label, "arm", act, {"alpha": 2e-5 * m.sign()}, units, {"lag": lag_s}, "lagged_growth")
+    return Effect(m.label, "arm", act, {"alpha": 2e-5}, units, {"lag": lag_s}, "lagged_growth")
 
 
 def warm_up(m: Material) -> Effect:

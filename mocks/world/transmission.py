@@ -1,7 +1,8 @@
 """Hidden effects of gears, encoders and bearings: angles added to the joint angle of the model.
 
 theta is the commanded joint angle, tau the gravity torque about the joint's axis. Group: transmission;
-settling is of group procedure (the pause before the reading was too short).
+settling is of group procedure (the pause before the reading was too short). What physics forbids is not drawn: gaps,
+compliances and lags are never negative.
 """
 
 from __future__ import annotations
@@ -51,6 +52,20 @@ def joint_offset(m: Material) -> Effect:
     return Effect(m.label, "arm", act, {"offset": 0.01 * m.sign()}, {"offset": "deg"})
 
 
+def joint_step(m: Material) -> Effect:
+    """The zero of a joint jumps at one reading, label joint_step:jK; step in deg."""
+    i = joint_number(m.arguments[0]) - 1
+
+    def act(arm: Arm, p: Values) -> None:
+        if arm.state.reading >= p["at_reading"]:
+            arm.extra_angle[i] += DEG * p["step"]
+
+    units = {"step": "deg", "at_reading": "reading (0-based)"}
+    return Effect(
+        m.label, "arm", act, {"step": 0.02 * m.sign()}, units, {"at_reading": float(m.step_reading())}
+    )
+
+
 def joint_compliance(m: Material) -> Effect:
     """c tau beyond the compliance the true robot has anyway, label joint_compliance:jK; c in rad/(N.mm)."""
     i = joint_number(m.arguments[0]) - 1
@@ -58,7 +73,7 @@ def joint_compliance(m: Material) -> Effect:
     def act(arm: Arm, p: Values) -> None:
         arm.extra_angle[i] += p["c"] * arm.torques[i]
 
-    return Effect(m.label, "arm", act, {"c": 1e-8 * m.sign()}, {"c": "rad/(N.mm)"})
+    return Effect(m.label, "arm", act, {"c": 1e-8}, {"c": "rad/(N.mm)"})
 
 
 def backlash(m: Material) -> Effect:
@@ -68,7 +83,17 @@ def backlash(m: Material) -> Effect:
     def act(arm: Arm, p: Values) -> None:
         arm.extra_angle[i] += DEG * p["gap"] / 2.0 * arm.state.sides[i]
 
-    return Effect(m.label, "arm", act, {"gap": 0.01 * m.sign()}, {"gap": "deg"})
+    return Effect(m.label, "arm", act, {"gap": 0.01}, {"gap": "deg"})
+
+
+def lost_motion(m: Material) -> Effect:
+    """-width/2 x side of approach: the joint stops short from either side, label lost_motion:jK; width in deg."""
+    i = joint_number(m.arguments[0]) - 1
+
+    def act(arm: Arm, p: Values) -> None:
+        arm.extra_angle[i] -= DEG * p["width"] / 2.0 * arm.state.sides[i]
+
+    return Effect(m.label, "arm", act, {"width": 0.01}, {"width": "deg"})
 
 
 def gravity_closed_backlash(m: Material) -> Effect:
@@ -85,7 +110,7 @@ def gravity_closed_backlash(m: Material) -> Effect:
     constants = {"tau_0": max(0.5 * m.torque_range(i + 1), 1.0)}  # an unloaded joint keeps its gap
     units = {"gap": "deg", "tau_0": "N.mm"}
     name = "gravity_closed_backlash"
-    return Effect(m.label, "arm", act, {"gap": 0.01 * m.sign()}, units, constants, name)
+    return Effect(m.label, "arm", act, {"gap": 0.01}, units, constants, name)
 
 
 def dead_zone(m: Material, share: float = 0.05, shape: str = "textbook") -> Effect:
@@ -102,7 +127,7 @@ def dead_zone(m: Material, share: float = 0.05, shape: str = "textbook") -> Effe
         arm.extra_angle[i] += DEG * p["gap"] / 2.0 * math.tanh(arm.torques[i] / p["width"])
 
     units = {"gap": "deg", "width": "N.mm"}
-    return Effect(m.label, "arm", act, {"gap": 0.01 * m.sign()}, units, {"width": width}, shape)
+    return Effect(m.label, "arm", act, {"gap": 0.01}, units, {"width": width}, shape)
 
 
 def smoothed_dead_zone(m: Material) -> Effect:
@@ -128,7 +153,7 @@ def settling(m: Material) -> Effect:
     def act(arm: Arm, p: Values) -> None:
         arm.extra_angle[i] -= p["k"] * (arm.angles[i] - arm.previous[i])
 
-    return Effect(m.label, "arm", act, {"k": 1e-4 * m.sign()}, {"k": "1"})
+    return Effect(m.label, "arm", act, {"k": 1e-4}, {"k": "1"})
 
 
 def coupling(m: Material) -> Effect:

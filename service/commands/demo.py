@@ -212,7 +212,8 @@ def _in_memory(
 
 def _simulate(seed: int, out: Path, effect: str | None) -> None:
     """Run the simulated campaign. Raises DataError when it cannot write, typer.Exit when it fails."""
-    command = [sys.executable, "-m", "mocks.campaign", "--seed", str(seed), "--out", str(out)]
+    command = [sys.executable, "-m", "mocks.campaign", "--seed", str(seed), "--approach", "varied"]
+    command += ["--out", str(out)]
     if effect is not None:
         command += ["--effect", effect]
     done = subprocess.run(command, capture_output=True, text=True, timeout=SIMULATION_TIMEOUT_S, check=False)

@@ -82,7 +82,7 @@ def select(
         if len(drawn) < count:
             raise too_few(the_cell, len(drawn), count, names)
         terminal.say(f"selecting {count} of {len(drawn)}")
-        found = candidates_of(setup, the_cell.robot.model_angles([joints for joints, _ in drawn]))
+        found = candidates_of(setup, the_cell.robot.model_angles([pose.joints_deg for pose in drawn]))
         choice = choose(setup, found, count, share=share, seed=seed)
         terminal.say("predicting the uncertainty")
         curve = curve_of(found, choice.selection)
@@ -119,10 +119,11 @@ def _names(targets: str | None, cell: Cell) -> list[str]:
 
 
 def _csv(poses: Sequence[Pose]) -> str:
-    joints = len(poses[0][0])
+    joints = len(poses[0].joints_deg)
     lines = [",".join(["target_id", *(f"j{k + 1}_deg" for k in range(joints))])]
     lines += [
-        ",".join([str(i), *(f"{q:.{DECIMALS}f}" for q in pose)]) for i, (pose, _) in enumerate(poses, start=1)
+        ",".join([str(i), *(f"{q:.{DECIMALS}f}" for q in pose.joints_deg)])
+        for i, pose in enumerate(poses, start=1)
     ]
     return "\n".join(lines) + "\n"
 
@@ -149,7 +150,7 @@ def _document(
             "groups": [name.strip() for name in groups.split(",")],
             "seed": seed,
             "candidates": len(candidates.joints),
-            "poses_deg": [list(joints) for joints, _ in poses],
+            "poses_deg": [list(pose.joints_deg) for pose in poses],
             "filling": [index[i] for i in choice.filling],
             "observability": {"O1": o.o1, "O2": o.o2, "O3": o.o3, "O4": o.o4, "O5": o.o5},
             "efficiency": choice.efficiency,

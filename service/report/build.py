@@ -33,7 +33,7 @@ from service.report import (
     trust,
     verification,
 )
-from service.report.findings import DRAWN, effect_of, structure_of
+from service.report.findings import DRAWN, effect_of, power_of, structure_of
 from service.report.residuals import Sample
 
 
@@ -110,6 +110,7 @@ def diagnosis_report(
         middle=follow_up.middle_step_of(followed_up, diagnosis),
         patch=None if patched is None else _patch(patched),
         structure=[structure_of(s, i, dataset, sample) for i, s in enumerate(diagnosis.structure)],
+        power=power_of(diagnosis.power),
         p_lack_of_fit=wording.chance(diagnosis.p_lack_of_fit),
         notes=diagnosis.notes,
         verification=verification.section_of(diagnosis, verified),
@@ -160,6 +161,7 @@ def identification_report(
         middle=None,
         patch=None,
         structure=[],
+        power=[],
         p_lack_of_fit=None,
         notes=(),
         verification=None,

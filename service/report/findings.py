@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from markupsafe import Markup
 
 from calib.dataset import Dataset
 from calib.diagnose.diagnosis import Found
+from calib.diagnose.power import Visible
 from calib.diagnose.structure import Structure
 from calib.units import to_display
 from service import wording
@@ -23,10 +25,23 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
     picture = structure.picture_of(left.where, number + 1, dataset, sample) if number < DRAWN else None
     return {
         "where": left.where,
+        "acts_on": left.acts_on,
         "share": left.explained_variance,
         "p_value": left.p_value,
         "picture": None if picture is None else Markup(picture),
     }
+
+
+def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
+    """By kind of effect, the smallest size that would have shown, from the joint that shows it best to the worst."""
+    kinds: dict[tuple[str, str], list[float]] = {}
+    for each in power:
+        if each.size is not None:
+            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append(each.size)
+    return [
+        {"kind": kind, "unit": unit, "least": min(sizes), "most": max(sizes), "count": len(sizes)}
+        for (kind, unit), sizes in kinds.items()
+    ]
 
 
 def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> dict[str, Any]:

@@ -33,10 +33,18 @@ def picture_of(where: str, number: int, dataset: Dataset, sample: Sample) -> str
     if not pointed.any():
         return None
     name, left, held = f"left{number}", left[pointed], sample.held[pointed]
-    if where.startswith("joint "):
+    if where.endswith(" angle"):
         joint = int(where.split()[1])
         angle = sample.angle(joint)[pointed] / DEG
         return _over(angle, f"θ{joint}, deg", left, held, name, where)
+    if where.startswith(("torque about joint ", "last move of joint ")):
+        joint = int(where.split()[-1]) - 1
+        if where.startswith("torque"):
+            return _over(
+                sample.column("torque")[pointed, joint] / 1000.0, "torque, N.m", left, held, name, where
+            )
+        moved = (sample.column("joints") - sample.column("previous"))[pointed, joint] / DEG
+        return _over(moved, "last move, deg", left, held, name, where)
     if where == "time":
         time = sample.column("time")[pointed] / 3600.0
         return _over(time, "time, h", left, held, name, where)

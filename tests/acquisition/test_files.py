@@ -75,6 +75,8 @@ BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
     [
         ({"format": "x"}, "format"),
         ({"approach": {"offset_deg": 0.0}}, "approach.offset_deg"),
+        ({"approach": {"longest_deg": 4.0}}, "approach.longest_deg"),
+        ({"approach": {"offset_deg": 6.0, "longest_deg": 31.0}}, "approach.longest_deg"),
         ({"approach": {"sides": "left"}}, "approach.sides"),
         ({"settle_s": -1}, "settle_s"),
         ({"samples": 0}, "samples"),

@@ -72,7 +72,7 @@ NORMALS = {"T2": [0.0, 0.0, 1.0], "T3": [0.0, 0.0, 2.0]}
 def test_targets_with_a_normal_look_at_the_instrument(driver: str, cone: float) -> None:
     cell = a_cell(tool__normals=NORMALS, instrument__driver=driver)
     drawn = draw_poses(cell, 50, np.random.default_rng(1), -5.0, both=True)
-    poses = forward(cell.robot.model, np.array([joints for joints, _ in drawn]) * DEG)
+    poses = forward(cell.robot.model, np.array([pose.joints_deg for pose in drawn]) * DEG)
     station = np.array([2400.0, -900.0, 350.0])
     largest = 0.0
     for target in ("T2", "T3"):

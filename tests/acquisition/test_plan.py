@@ -32,7 +32,49 @@ def test_nests_come_first_and_the_plan_is_checked() -> None:
             assert np.all((np.array(joints) >= low) & (np.array(joints) <= high))
             assert targets_at(cell, np.array([joints]))[..., 2].min() > 20.0
         away = np.array(visit.joints_deg) - np.array(visit.approach_deg)
-        assert away == pytest.approx(5.0 * np.array(visit.sides), abs=1e-9)
+        assert 5.0 <= abs(away[0]) <= 15.0
+        assert away == pytest.approx(abs(away[0]) * np.array(visit.sides), abs=1e-9)
+
+
+def lengths_of(**settings: Any) -> list[float]:
+    """How far away the last move of every pose starts, deg."""
+    visits = poses_of(make_plan(a_cell(), a_campaign(**settings)))
+    return [round(abs(v.joints_deg[0] - v.approach_deg[0]), 4) for v in visits]
+
+
+@pytest.mark.parametrize("select", ["random", "observability"])
+def test_last_moves_to_drawn_poses_are_of_many_lengths(select: str) -> None:
+    """Moves of one length make settling and lost motion the same column."""
+    block = [{"count": 30, "select": select, "targets": ["T2"]}]
+    lengths = lengths_of(approach={"offset_deg": -5.0}, block=block)
+    assert min(lengths) >= 5.0
+    assert max(lengths) <= 15.0
+    assert np.std(lengths) > 1.5
+    assert len(set(lengths)) > 25
+    stated = lengths_of(approach={"offset_deg": 4.0, "longest_deg": 6.0}, block=block)
+    assert 4.0 <= min(stated) < max(stated) <= 6.0
+    assert set(lengths_of(approach={"offset_deg": -5.0, "longest_deg": 5.0}, block=block)) == {5.0}
+
+
+def test_lengths_leave_poses_and_sides_as_they_are() -> None:
+    """A longer way may rule a pose out, no more: what is drawn stays drawn."""
+    block = [{"count": 200}]
+    varied, fixed = (
+        {v.joints_deg: v.sides for v in poses_of(make_plan(a_cell(), a_campaign(approach=a, block=block)))}
+        for a in ({"sides": "both"}, {"sides": "both", "longest_deg": 5.0})
+    )
+    both = varied.keys() & fixed.keys()
+    assert len(both) > 150
+    assert all(varied[pose] == fixed[pose] for pose in both)
+
+
+def test_given_poses_and_repeated_ones_keep_the_length_they_have() -> None:
+    given = {"select": "list", "joints_deg": [[0, 50, 0, 0, 40, 0], [10, 40, 10, 20, 30, 40]]}
+    assert set(lengths_of(approach={"offset_deg": -5.0}, block=[given])) == {5.0}
+    asked = lengths_of(approach={"offset_deg": -5.0, "longest_deg": 9.0}, block=[given])
+    assert 5.0 < min(asked) < max(asked) <= 9.0
+    repeat = {"kind": "repeat", "count": 2, "visits": 3, "targets": ["T2"]}
+    assert set(lengths_of(approach={"offset_deg": -5.0}, block=[repeat])) == {5.0}
 
 
 def test_both_sides_are_drawn_for_every_joint_and_one_side_is_from_below() -> None:

@@ -53,9 +53,10 @@ ALONE = (
     "drift_rotation",
     "tracker_scale",
 )
-NAMES = ("periodic", "periodic", "periodic", *PER_JOINT, "settling", "coupling", "target_offset", *ALONE)
-"""Every name of the library that the default base model does not hold already; settling only after moves of many
-lengths, since after moves of one length it is backlash."""
+OF_LENGTHS = ("settling", "lost_motion")
+NAMES = ("periodic", "periodic", "periodic", *PER_JOINT, *OF_LENGTHS, "coupling", "target_offset", *ALONE)
+"""Every name of the library that the default base model does not hold already; settling and lost motion only after
+moves of many lengths, since after moves of one length they are the same."""
 GEAR = (50, 51, 80, 81, 100, 101, 120, 121, 160, 200, 242, 320)
 
 
@@ -111,12 +112,12 @@ def a_label(name: str, rng: np.random.Generator) -> str:
         return f"coupling:j{a}-j{b}"
     if name == "target_offset":
         return f"target_offset:T{rng.integers(1, 4)}"
-    return f"{name}:j{joint}" if name in (*PER_JOINT, "settling") else name
+    return f"{name}:j{joint}" if name in (*PER_JOINT, *OF_LENGTHS) else name
 
 
 def some_labels(count: int, rng: np.random.Generator, approach: str) -> tuple[str, ...]:
     """So many different labels."""
-    names = [name for name in NAMES if name != "settling" or approach == "direct"]
+    names = [name for name in NAMES if name not in OF_LENGTHS or approach != "offset"]
     chosen: list[str] = []
     while len(chosen) < count:
         label = a_label(names[int(rng.integers(len(names)))], rng)
@@ -127,7 +128,7 @@ def some_labels(count: int, rng: np.random.Generator, approach: str) -> tuple[st
 
 def _draw(kind: str, seed: int, labels: Callable[[np.random.Generator, str], tuple[str, ...]]) -> Draw:
     rng = np.random.default_rng(seed)
-    approach = "direct" if rng.random() < 0.25 else "offset"
+    approach = ("direct", "varied", "offset", "offset")[int(4.0 * rng.random())]
     return Draw(
         kind=kind,
         robot=str(rng.choice(ROBOTS)),

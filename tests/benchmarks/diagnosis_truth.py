@@ -32,9 +32,6 @@ from calib.model import Design
 from mocks.campaign import Campaign
 from mocks.world import Effect, World, displacement
 
-TWINS = {"backlash": "settling"}
-"""Settling of one approach distance moves exactly as backlash does; play is what every worn gear has."""
-
 
 @dataclass(frozen=True)
 class Shown:
@@ -126,15 +123,13 @@ def _shown(space: Space, library: list[Offer], label: str, displaced: Array, oth
 
 def _rivals(family: object, label: str) -> NDArray[np.bool_]:
     """Which places of a family are rivals of the effect `label`."""
-    name, _, joint = label.partition(":")
     if isinstance(family, HarmonicScores):
         orders = family.family.orders
         whole = np.abs(orders - np.round(orders)) < 1e-9
         if label.startswith(family.label + ":"):
             return whole & (np.abs(orders - float(label.rpartition(":n")[2])) > 0.5)
         return whole
-    own = family.label in (label, f"{TWINS.get(name)}:{joint}")  # type: ignore[attr-defined]
-    return np.full(len(family.raw), not own)  # type: ignore[attr-defined]
+    return np.full(len(family.raw), family.label != label)  # type: ignore[attr-defined]
 
 
 def _wider(basis: Array, others: list[Array]) -> Array:

@@ -67,9 +67,9 @@ def library(robot: Robot, conditions: Conditions) -> list[Effect]:
 
 OWNERS = {
     "robot": {
-        "periodic", "backlash", "settling", "encoder_scale", "coupling", "joint_offset", "joint_compliance",
-        "dead_zone", "cubic_stiffness", "parallel_twist", "link_torsion", "bearing_tilt", "thermal_growth",
-        "thermal_joint", "warm_up",
+        "periodic", "backlash", "lost_motion", "settling", "encoder_scale", "coupling", "joint_offset", "joint_step",
+        "joint_compliance", "dead_zone", "cubic_stiffness", "parallel_twist", "link_torsion", "bearing_tilt",
+        "thermal_growth", "thermal_joint", "warm_up",
     },
     "mounting": {
         "pedestal", "payload_mass", "payload_cog", "tool_offset", "tool_tilt", "target_offset", "base_shift",

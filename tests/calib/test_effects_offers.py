@@ -34,6 +34,8 @@ def test_every_joint_and_target_has_its_offers(name: str) -> None:
         (
             "periodic",
             "backlash",
+            "lost_motion",
+            "joint_step",
             "settling",
             "encoder_scale",
             "coupling",
@@ -72,10 +74,12 @@ def test_an_offer_needs_what_it_is_driven_by() -> None:
     assert complete - names(temperature=np.full(n, 21.3)) == of_temperature
     one = conditions.side.copy()
     one[:, 3] = 1.0
-    assert complete - names(side=one) == {"backlash:j4"}
+    assert complete - names(side=one) == {"backlash:j4", "lost_motion:j4"}
     still = conditions.joints.copy()
     still[:, 1] = 0.7
-    assert complete - names(joints=still) == {"encoder_scale:j2", "periodic:j2", "coupling:j2-j3"}
+    of_motion = ("encoder_scale", "periodic", "backlash", "lost_motion", "settling", "joint_step", "joint_offset",
+                 "joint_compliance", "dead_zone", "cubic_stiffness", "thermal_joint")  # fmt: skip
+    assert complete - names(joints=still) == {"coupling:j2-j3", *(f"{name}:j2" for name in of_motion)}
     assert complete - names(previous=conditions.joints) == {f"settling:j{k}" for k in range(1, 7)}
     torque = conditions.torque.copy()
     torque[:, 4] *= 10.0 / np.abs(torque[:, 4]).max()

@@ -22,7 +22,9 @@ from calib.effects.drift import drift_rotation, drift_translation
 from calib.effects.encoder_scale import encoder_scale
 from calib.effects.joint_compliance import joint_compliance
 from calib.effects.joint_offset import joint_offset
+from calib.effects.joint_step import joint_step
 from calib.effects.link_torsion import link_torsion
+from calib.effects.lost_motion import lost_motion
 from calib.effects.parallel_twist import parallel_twist
 from calib.effects.payload import payload_cog, payload_mass
 from calib.effects.pedestal import pedestal
@@ -70,6 +72,8 @@ def of_joint(k: int) -> dict[str, Translation]:
         f"joint_offset:j{k}": lambda c, m, p: (joint_offset(k), {"offset": p["offset"] * DEG}),
         f"joint_compliance:j{k}": lambda c, m, p: (joint_compliance(k), {"c": p["c"]}),
         f"backlash:j{k}": lambda c, m, p: (backlash(k), {"gap": p["gap"] * DEG}),
+        f"joint_step:j{k}": lambda c, m, p: (joint_step(k, p["at_reading"]), {"step": p["step"] * DEG}),
+        f"lost_motion:j{k}": lambda c, m, p: (lost_motion(k), {"width": p["width"] * DEG}),
         f"dead_zone:j{k}": lambda c, m, p: (dead_zone(k, p["width"]), {"gap": p["gap"] * DEG}),
         f"cubic_stiffness:j{k}": lambda c, m, p: (cubic_stiffness(k, 1e4), {"c": p["c"]}),
         f"settling:j{k}": lambda c, m, p: (settling(k), {"k": p["k"]}),

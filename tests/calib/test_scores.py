@@ -110,7 +110,7 @@ def complete(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Identif
     """
     _, data = simulate(
         tmp_path_factory.mktemp("scores"),
-        seed=6,
+        seed=8,
         n=50,
         n_validation=0,
         effects=["backlash:j3", "periodic:j2:n7", "tool_shift"],

@@ -33,8 +33,10 @@ LABELS = [
     "periodic:j5:n100.25",
     "encoder_scale:j6",
     "joint_offset:j3",
+    "joint_step:j3",
     "joint_compliance:j3",
     "backlash:j4",
+    "lost_motion:j4",
     "dead_zone:j4",
     "cubic_stiffness:j2",
     "settling:j5",
@@ -132,8 +134,17 @@ def test_non_integer_gear_says_so_in_its_label() -> None:
 
 
 def test_signs_are_random() -> None:
-    signs = {World(seed=s).draw_effect("backlash:j4").amplitudes["gap"] > 0.0 for s in range(12)}
+    signs = {World(seed=s).draw_effect("encoder_scale:j4").amplitudes["k"] > 0.0 for s in range(12)}
     assert signs == {True, False}
+
+
+@pytest.mark.parametrize(
+    "label", ["backlash:j4", "lost_motion:j4", "dead_zone:j4", "settling:j4", "link_torsion:j4", "bearing_tilt:j4",
+              "joint_compliance:j4", "pedestal", "thermal_growth"]
+)  # fmt: skip
+def test_what_physics_forbids_is_not_drawn(label: str) -> None:
+    drawn = [World(seed=s).draw_effect(label).amplitudes for s in range(6)]
+    assert all(value > 0.0 for amplitudes in drawn for value in amplitudes.values())
 
 
 @pytest.mark.parametrize("robot", sorted(ROBOTS))

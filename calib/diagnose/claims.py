@@ -1,0 +1,64 @@
+"""How sure a claim is where rows are not independent, or few: the whole scan, repeated on what chance makes of it.
+
+Where poses repeat, or several targets are read in one, the rows of a pose share its repeatability; where poses are few,
+the tails of the residual count. Then the largest of all candidates at all places of their scans is taken on each of
+the drawn residuals (`calib.diagnose.null`), and a claim must exceed those, not only its F test.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from calib.diagnose.null import Chance, draws, poses_of
+from calib.diagnose.scan import ABSORBED, Scores
+from calib.kinematics import Array
+
+_FEW = 150  # poses below which rows alone do not say how sure a claim is
+
+
+def chance_by_pose(scores: Scores) -> Chance | None:
+    """What the scan finds where there is nothing; None where poses are many, each with one reading."""
+    space = scores.space
+    pose = poses_of(space.fitted.readings.conditions)
+    count = int(pose.max()) + 1
+    if count >= _FEW and count == len(pose):
+        return None
+    drawn = draws(space)[:, 1:]
+    square = np.sum(drawn**2, axis=0)
+    log_p = []
+    for index, family in enumerate(scores.families):
+        gain, columns = _gains(scores.a[index], family.shared(space, drawn), family.raw)
+        tries = np.array([scores.multiplicity(index, place) for place in range(len(gain))])
+        for alike in np.unique(tries):
+            of = tries == alike
+            best = np.argmax(gain[of], axis=0)
+            log_p.append(
+                _log_p(
+                    np.take_along_axis(gain[of], best[None], axis=0)[0],
+                    columns[of][best],
+                    square,
+                    scores.freedom,
+                )
+                + math.log(alike)
+            )
+    return Chance.of(np.array(log_p))
+
+
+def _gains(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """(places, B) gains b'A^-1 b for A (places, p, p) and b (places, p, B), and (places,) columns that count."""
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
+    counts = values > ABSORBED
+    weights = np.where(counts, 1.0 / np.sqrt(np.where(counts, values, 1.0)), 0.0)
+    along = (vectors * weights[:, None, :]).transpose(0, 2, 1) @ (b * scale[:, :, None])
+    return np.sum(along**2, axis=1), counts.sum(axis=1)
+
+
+def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
+    """log of the F test's p for gains (B,) with so many columns (B,), of residual squares (B,)."""
+    left = np.maximum(freedom - columns, 1)
+    ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
+    return np.where(columns > 0, stats.f.logsf(ratio, np.maximum(columns, 1), left), 0.0)

@@ -1,0 +1,63 @@
+"""What the readings would have shown: the smallest size of every effect that a claim would have found, 95 times in 100.
+
+With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of amplitudes b
+raises the fall of the residual squares by lambda = b'A b / s^2, and a claim needs a fall that chance reaches once in
+500 sets, all tries counted. The size is that of the direction of b which shows least. Source: noncentral chi-square,
+Johnson, Kotz and Balakrishnan ch. 29.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import stats
+from scipy.special import chndtrinc
+
+from calib.diagnose.evidence import CLAIM
+from calib.diagnose.scan import ABSORBED, Scores
+from calib.kinematics import Array
+from calib.units import to_display
+
+POWER = 0.95
+
+
+@dataclass(frozen=True)
+class Visible:
+    """Smallest size of one effect that would have shown, in `unit`; None where these readings show none of it."""
+
+    label: str
+    size: float | None
+    unit: str
+
+
+def visible(scores: Scores) -> tuple[Visible, ...]:
+    """The smallest size of everything that was looked for. Of a scan, the median over its places."""
+    found = []
+    for index, family in enumerate(scores.families):
+        places = len(family.raw)
+        effect = family.effect(places // 2)
+        units = [parameter.unit for parameter in effect.parameters]
+        first = [i for i, unit in enumerate(units) if unit == units[0]]
+        least = _least(scores.a[index][:, first][:, :, first], family.raw[:, first])
+        needed = _needed(len(units), scores.freedom, scores.multiplicity(index, places // 2))
+        typical = float(np.median(least))
+        size = np.sqrt(needed * scores.noise / typical) if typical > 0.0 else None
+        shown = None if size is None else to_display(float(size), units[0])
+        found.append(Visible(family.label, shown, units[0]))
+    return tuple(found)
+
+
+def _least(a: Array, raw: Array) -> Array:
+    """(places,) smallest eigenvalue of A (places, p, p) over directions that the model does not absorb; 0: all are."""
+    values = np.linalg.eigvalsh(a)
+    counts = values > ABSORBED * np.max(raw, axis=1, keepdims=True)
+    return np.where(counts.any(axis=1), np.min(np.where(counts, values, np.inf), axis=1), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _needed(columns: int, freedom: int, tries: int) -> float:
+    """lambda at which so many columns are claimed with the power wanted."""
+    limit = columns * float(stats.f.isf(CLAIM / tries, columns, max(freedom - columns, 1)))
+    return float(chndtrinc(limit, columns, 1.0 - POWER))

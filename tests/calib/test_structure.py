@@ -1,0 +1,247 @@
+"""What is left after the diagnosis, and how sure a claim may be. These would catch: a certainty beside a fit that noise
+does not explain, structure that is found where none is or told at the wrong place, readings of one pose that count as
+independent, a hold-out that splits a pose, and a promise of power that the diagnosis does not keep.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.convert.table import Table
+from calib.diagnose.claims import chance_by_pose
+from calib.diagnose.diagnosis import diagnose
+from calib.diagnose.null import Chance, draws, poses_of
+from calib.diagnose.power import visible
+from calib.diagnose.scan import Scores
+from calib.diagnose.space import Space
+from calib.diagnose.structure import left_over, p_beyond_repeats
+from calib.effects import Survey, offers
+from calib.identify import identify
+from calib.kinematics import Array
+from mocks.world import ArmState, Effect, Session, World
+from mocks.world.arm import Arm
+from mocks.world.effect import Values
+from mocks.world.poses import approach_point, random_pose, random_sides
+from tests.benchmarks.diagnosis_sets import load, measured
+from tests.calib.campaigns import simulate
+
+
+def a_space(folder: Path, n: int, seed: int = 1) -> Space:
+    _, data = simulate(folder, seed=seed, n=n, n_validation=0, effects=[], approach="varied")
+    return Space.of(identify(data))
+
+
+def with_residual(space: Space, errors: Array) -> Space:
+    """The space as if the readings had these errors (k, n), whitened, in place of their own."""
+    basis = space.basis_of_readings
+    left = errors.ravel() - basis @ (basis.T @ errors.ravel())
+    held = np.concatenate([left, np.zeros(len(space.held) - space.size)])
+    return replace(space, residual=left.reshape(errors.shape), held=held)
+
+
+@pytest.fixture(scope="module")
+def space(tmp_path_factory: pytest.TempPathFactory) -> Space:
+    return a_space(tmp_path_factory.mktemp("structure"), 150)
+
+
+def test_noise_raises_no_alarm(space: Space) -> None:
+    rng = np.random.default_rng(4)
+    found = [left_over(with_residual(space, rng.normal(size=space.residual.shape))) for _ in range(10)]
+    assert sum(bool(f) for f in found) <= 1
+    tails = rng.standard_t(3.0, size=space.residual.shape)
+    assert left_over(with_residual(space, tails)) == []
+
+
+@pytest.mark.parametrize(
+    "where", ["torque about joint 5", "joint 4 and joint 6 angles", "side of approach of joint 5"]
+)
+def test_structure_is_found_where_it_is(space: Space, where: str) -> None:
+    c = space.fitted.readings.conditions
+    joint, drive = {
+        "torque about joint 5": (5, np.abs(c.torque[:, 4]) / np.abs(c.torque[:, 4]).max()),
+        "joint 4 and joint 6 angles": (5, np.sin(c.joints[:, 3] + c.joints[:, 5])),
+        "side of approach of joint 5": (
+            5,
+            c.side[:, 4] * np.abs(c.torque[:, 4]) / np.abs(c.torque[:, 4]).max(),
+        ),
+    }[where]
+    column = space.slot(f"theta{joint}") * drive
+    rng = np.random.default_rng(2)
+    errors = rng.normal(size=column.shape) + 2.0 * column / np.sqrt(np.mean(column**2))
+    found = left_over(with_residual(space, errors))
+    assert found[0].p_value < 1e-6
+    there = next(s for s in found[:4] if s.where == where)
+    assert there.acts_on in (f"joint {joint}", "the tool point", "the tool point, along the tool's axes")
+    assert 0.1 < found[0].explained_variance < 1.0
+
+
+def hose(arm: Arm, p: Values) -> None:
+    """A hose pulls joint 5 by what joints 4 and 6 wind up between them: no law of the library."""
+    arm.extra_angle[4] += p["pull"] * math.sin(arm.angles[3] + arm.angles[5])
+
+
+def test_no_certainty_where_noise_does_not_explain_what_is_left(tmp_path: Path) -> None:
+    campaign, _ = simulate(tmp_path, seed=4, n=150, n_validation=0, effects=[], approach="varied")
+    campaign.world.effects = [Effect("outside", "arm", hose, {"pull": 0.0008}, {"pull": "rad"})]
+    result = diagnose(load(measured(campaign.world, campaign.readings)))
+    assert result.p_lack_of_fit < 1e-3
+    assert result.verdict == "unexplained"
+    assert "joint 4 and joint 6 angles" in [s.where for s in result.structure[:2]]
+
+
+def test_effects_stay_named_where_noise_is_larger_than_declared(tmp_path: Path) -> None:
+    _, data = simulate(
+        tmp_path, seed=6, n=150, n_validation=0, effects=["backlash:j4"], size=6.0, noise_declared_factor=0.5
+    )
+    result = diagnose(data)
+    assert [f.effect.label for f in result.effects] == ["backlash:j4"]
+    assert result.structure == ()
+    assert result.verdict == "excess_noise"
+
+
+def repeated(poses: int, visits: int, targets: int, seed: int, repeatability_deg: float) -> Space:
+    """The base model fitted to random poses, each visited so often, so many targets read in each visit."""
+    world = World(
+        "abb-irb120", seed, [], session=Session(poses * visits), repeatability_deg=repeatability_deg
+    )
+    rng = np.random.default_rng(seed)
+    drawn = [random_pose(world.robot, world.targets, rng) for _ in range(poses)]
+    readings = []
+    sides_of = [random_sides(6, rng) for _ in drawn]
+    for i in np.tile(np.arange(poses), visits).tolist():
+        sides = sides_of[i]
+        start = approach_point(drawn[i], sides)
+        for target in list(world.targets)[-targets:]:
+            k = len(readings)
+            readings.append((ArmState(drawn[i], start, sides, 20.0 * (k + 1), 20.0, k), target))
+    return Space.of(identify(load(measured(world, readings))))
+
+
+def test_readings_of_a_pose_are_not_independent() -> None:
+    """What depends on the pose alone, and no law describes, is no cause: its rows count once a pose."""
+    space = repeated(40, 5, 1, 3, 0.0008)
+    pose = poses_of(space.fitted.readings.conditions)
+    assert len(np.unique(pose)) == 40
+    rng = np.random.default_rng(1)
+    k, n = space.residual.shape
+    shared = 3.0 * rng.normal(size=(k, 40))[:, pose] + rng.normal(size=(k, n))
+    left = with_residual(space, shared)
+    scores = Scores(offers(Survey(space.fitted.model.robot, space.fitted.readings.conditions)), left)
+    chance = chance_by_pose(scores)
+    assert chance is not None
+    independent = chance_by_pose(
+        Scores(
+            offers(Survey(space.fitted.model.robot, space.fitted.readings.conditions)),
+            with_residual(space, rng.normal(size=(k, n))),
+        )
+    )
+    assert independent is not None
+    assert chance.p_value(-15.0) > 20.0 * independent.p_value(-15.0)
+    assert left_over(left) == [], "no driver is behind it"
+
+
+def test_what_every_pose_has_of_its_own_is_no_effect() -> None:
+    """Six times the noise, shared by the visits of a pose: rows that count by themselves give it names."""
+    world = World("abb-irb120", 3, [], session=Session(200))
+    rng = np.random.default_rng(3)
+    drawn = [random_pose(world.robot, world.targets, rng) for _ in range(40)]
+    own = {pose: 0.0012 * rng.normal(size=2) for pose in drawn}
+
+    def act(arm: Arm, p: Values) -> None:
+        arm.extra_angle[1] += p["size"] * own[arm.state.joints_deg][0]
+        arm.extra_angle[3] += p["size"] * own[arm.state.joints_deg][1]
+
+    world.effects = [Effect("outside", "arm", act, {"size": 1.0}, {"size": ""})]
+    readings = []
+    for k in range(200):
+        pose, sides = drawn[k % 40], random_sides(6, rng)
+        state = ArmState(pose, approach_point(pose, sides), sides, 20.0 * (k + 1), 20.0, k)
+        readings.append((state, list(world.targets)[(k % 40) % 3]))
+    result = diagnose(load(measured(world, readings)))
+    assert [f.effect.label for f in result.effects] == []
+    assert result.verdict in ("excess_noise", "unexplained")
+
+
+def test_many_poses_with_one_reading_each_need_no_draws(space: Space) -> None:
+    survey = Survey(space.fitted.model.robot, space.fitted.readings.conditions)
+    assert chance_by_pose(Scores(offers(survey), space)) is None
+
+
+def test_draws_are_orthogonal_to_the_model_and_as_large_as_the_residual(space: Space) -> None:
+    rng = np.random.default_rng(3)
+    left = with_residual(space, rng.normal(size=space.residual.shape))
+    drawn = draws(left)
+    assert np.abs(left.basis_of_readings.T @ drawn).max() < 0.01, "up to what priors hold"
+    assert np.mean(np.sum(drawn**2, axis=0)) == pytest.approx(np.sum(left.residual**2), rel=0.06)
+
+
+def test_chance_is_the_share_of_draws_and_goes_on_beyond_them() -> None:
+    largest = np.random.default_rng(1).exponential(size=2000)
+    chance = Chance.of(-largest[None])
+    for p in (0.5, 0.05, 1e-3, 1e-6):
+        assert np.log(chance.p_value(np.log(p))) == pytest.approx(np.log(p), rel=0.15)
+
+
+def test_repeats_say_how_large_the_noise_is() -> None:
+    """Noise larger than declared is no lack of fit where repeats show the same; an error of each pose is."""
+    space = repeated(40, 4, 1, 5, 0.0008)
+    rng = np.random.default_rng(2)
+    shape = space.residual.shape
+    noisy = p_beyond_repeats(with_residual(space, 3.0 * rng.normal(size=shape)))
+    pose = poses_of(space.fitted.readings.conditions)
+    lacking = rng.normal(size=shape) + 2.0 * rng.normal(size=(shape[0], 40))[:, pose]
+    lack = p_beyond_repeats(with_residual(space, lacking))
+    assert noisy is not None
+    assert lack is not None
+    assert noisy > 1e-3
+    assert lack < 1e-6
+
+
+def test_a_random_hold_out_keeps_the_readings_of_a_pose_together() -> None:
+    pose = [i // 4 for i in range(200)]
+    columns = {
+        "reading_id": [str(i) for i in range(200)],
+        "j1_deg": [f"{p}.0" for p in pose],
+        "x_mm": ["1"] * 200,
+    }
+    held = Table(columns, "").hold_out("random", 0.2, 3).columns["set"]
+    by_pose = {p: {s for s, q in zip(held, pose, strict=True) if q == p} for p in set(pose)}
+    assert all(len(sets) == 1 for sets in by_pose.values())
+    assert held.count("validation") == 40
+
+
+def test_what_would_have_shown_does_show(tmp_path: Path) -> None:
+    campaign, data = simulate(tmp_path, seed=3, n=150, n_validation=0, effects=[], approach="varied")
+    nothing = diagnose(data)
+    assert nothing.verdict == "complete"
+    smallest = {v.label: v.size for v in nothing.power}
+    size = smallest["backlash:j4"]
+    assert size is not None
+    world = campaign.world
+    for times, seen in ((1.3, True), (0.2, False)):
+        world.effects = [world.draw_effect("backlash:j4").with_values(gap=times * size)]
+        found = diagnose(load(measured(world, campaign.readings)))
+        assert [f.effect.label for f in found.effects] == ["backlash:j4"] * seen
+
+
+def test_what_cannot_show_has_no_size(space: Space) -> None:
+    survey = Survey(space.fitted.model.robot, space.fitted.readings.conditions)
+    scores = Scores(offers(survey), space)
+    scores.a = [0.0 * a for a in scores.a]
+    assert {v.size for v in visible(scores)} == {None}
+
+
+def test_the_step_of_a_joint_is_told_from_those_of_base_and_tool(tmp_path: Path) -> None:
+    campaign, data = simulate(
+        tmp_path, seed=9, n=150, n_validation=0, effects=["joint_step:j3"], approach="varied"
+    )
+    (found,) = diagnose(data).effects
+    truth = campaign.truth["effects"][0]["parameters"]
+    assert found.evidence.candidates == {"joint_step:j3": 1.0}
+    assert abs(int(found.index or -1) - truth["at_reading"]["value"]) <= 1
+    assert np.degrees(found.values[0]) == pytest.approx(truth["step"]["value"], abs=0.003)
