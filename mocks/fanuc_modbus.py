@@ -82,15 +82,8 @@ class HmiImage(_Program):
         state = 2 if facility == 0 else 1
         if state == 1:  # the operator resets by starting the program again: it forgets its command
             self._kept[self._GO] = 0
-        shown = {
-            63: int(self.busy),
-            64: self.done,
-            65: self.status,
-            70: self.version,
-            80: facility,
-            81: number,
-            109: state,
-        }
+        shown = {63: int(self.busy), 64: self.done, 65: self.status, 70: self.version}
+        shown |= {80: facility, 81: number, 109: state}
         return (self._kept | shown).get(address, 0)
 
     def write(self, address: int, word: int) -> None:
@@ -102,12 +95,7 @@ class HmiImage(_Program):
         self.controller.last_word = time.monotonic()
         if address == self._STOP and word and self.busy:
             self.controller.stop()
-        if (
-            word == self._kept[self._NUMBER] + 1000
-            and address == self._GO
-            and not self.busy
-            and self.controller.fit
-        ):
+        if address == self._GO and word and not self.busy and self.controller.fit:
             self._go()
 
     def _go(self) -> None:

@@ -46,3 +46,5 @@ RIGS: dict[str, Callable[[ExitStack], Rig]] = {
     **UR_RIGS,
     **INSTRUMENT_RIGS,
 }
+# Where the robot moves on one request, which nobody confirms: a damaged one may send it elsewhere.
+MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "ur-realtime"}

@@ -52,7 +52,8 @@ CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {
     "clock_step": (ProtocolError, NoisyMeasurement),
 }
 LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage", "reboot"}
-UNDETECTABLE = {("leica-emscon", "flip")}  # no checksum, and a point cannot be measured twice the same
+# No checksum, and a point cannot be measured twice the same; a beam that is sent elsewhere finds what is there.
+UNDETECTABLE = {("leica-emscon", fault) for fault in ("flip", "request_flip", "request_digit")}
 BRIDGED = {"faro-mbp1", "leica-mbp1", "ctrack-mbp1", "qc20w-mbp1", "qc20w-serial"}
 CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime"}  # what they answer carries the clock of the device
 # A stream may lack a package, and half of two is one; on 30003 it goes on behind the answer, unread.
