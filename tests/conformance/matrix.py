@@ -1,6 +1,7 @@
 """Every rig under every fault: how many answers were right, failed loudly, were wrong, and how long the slowest took.
 
-Of damaged requests also how often the robot was sent where nobody asked it to go. A flipped bit (`flip`) cannot be seen where a protocol has no checksum and is read once: bracketed, and not counted.
+Of damaged requests also how often the robot was sent where nobody asked it to go. A flipped bit (`flip`) cannot be seen
+where a protocol has no checksum and is read once: bracketed, and not counted.
 """
 
 from __future__ import annotations
