@@ -86,7 +86,12 @@ class Cell:
             | self.ctrack.orders()
             | self.qc20w.orders()
             | self.leica.orders()
-            | {"reboot": self._reboot, "clock_step": self._clock_step, "stream": self._careless_stream},
+            | {
+                "reboot": self._reboot,
+                "clock_step": self._clock_step,
+                "stream": self._careless_stream,
+                "sums": self._sums,
+            },
         )
         self.devices = devices
         self._servers = Servers()
@@ -115,6 +120,11 @@ class Cell:
         fields = {key: str(value) for key, value in order.items()}
         for bridge in self._bridges:
             bridge.stream(fields if order["rate"] else None, careless=True)
+
+    def _sums(self, order: dict[str, Any]) -> None:
+        """Every bridge sends its lines with a checksum, or without."""
+        for bridge in self._bridges:
+            bridge.sums = bool(order["on"])
 
     # -- serving ------------------------------------------------------------------------------------------
 

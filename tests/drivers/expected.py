@@ -164,7 +164,7 @@ CALSRV_REFUSALS: list[Pair] = [
 
 MBP_MEASURE: list[Pair] = [
     (
-        b"1 HELLO proto=1 client=truepose*31F1\n",
+        b"1 HELLO proto=1 client=truepose crc=1*05B0\n",
         b"1 OK proto=1 kind=TRACKER vendor=FARO model=ION serial=X01000500000 fw=4.1 bridge=1.0 crc=1 "
         b"units=mm,deg,C,hPa sim=1*8E53\n",
     ),

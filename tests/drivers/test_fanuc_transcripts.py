@@ -278,3 +278,65 @@ def test_modbus_simulator_refuses_what_it_does_not_know() -> None:
     ]
     with CellThread(FAST, devices=("fanuc",)) as cell:
         converse(cell.port("fanuc-modbus-hmi"), pairs)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(b"j=     90.000000,k=674", b"j=     91.000000,k=675"), (b"v=0002", b"v=0012")]
+)
+def test_nothing_goes_when_our_server_shows_another_target(old: bytes, new: bytes) -> None:
+    shown = SHOWN.replace(old, new)
+    if b"v=0012" in new:
+        shown = shown.replace(b"k=674", b"k=675")
+    assert shown != SHOWN
+    front = GREETED + 2 * HERE + 2 * HERE + asked(SET, shown)
+    with ExpectedDevice(front) as main, ExpectedDevice(MAPPDK_OUR_LOGGER[:-2]) as logger:
+        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+        arm.connect()
+        arm.arm()
+        with pytest.raises(ProtocolError, match="understood another request; nothing moved"):
+            arm.move_to(TARGET)
+        arm.disconnect()
+
+
+def test_our_simulator_goes_by_the_sum_of_its_target_once() -> None:
+    pairs = [
+        *GREETED,
+        (b"movej:0025:0100:050:1" + MOVE[21:], b"1:wrong-command"),  # nothing moves on one request
+        (b"calgo:0001:506\n", b"0:c=0001,r=5,k=731;"),  # no target was shown
+        (SET, SHOWN),
+        (b"calgo:0002:507\n", b"0:c=0002,r=5,k=732;"),  # not its sum
+        (b"calgo:0003:506\n", b"0:c=0003,r=5,k=733;"),  # it was given up with that
+        (SET, SHOWN),
+        (b"calgo:0005:506\n", b"0:c=0005,r=0,k=730;"),
+        (b"calgo:0006:506\n", b"0:c=0006,r=5,k=736;"),
+    ]
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc"), pairs)
+
+
+@pytest.mark.parametrize(("word", "bad"), [(1, "0003"), (3, "9a29"), (15, "0000")])
+def test_signals_that_do_not_sum_up_move_nothing(word: int, bad: str) -> None:
+    """Speed, joint and sum, each as one damaged write leaves it behind."""
+    frames = Frames()
+    frames.poke("0003", f"{TARGET_IO} {SUM_IO}")
+    frames.poke("0001", "0002")
+    frames.poke(f"{word:04x}", bad)
+    frames.poke("0000", "0101")
+    frames.read("0064", "012c 0005")
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc-modbus-io"), frames.pairs)
+        assert cell.cell is not None
+        assert cell.cell.arm.sent_to == []
+
+
+def test_registers_go_by_the_number_of_the_command() -> None:
+    frames = Frames()
+    frames.poke("0014", TARGET_HMI)
+    frames.poke("003c", "0002 0001")
+    for go in ("0001", "0002", "03ea"):
+        frames.poke("003e", go)
+    frames.read("0040", "0001 0005")
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc-modbus-hmi"), frames.pairs)
+        assert cell.cell is not None
+        assert cell.cell.arm.sent_to == []

@@ -11,7 +11,7 @@ import struct
 
 import pytest
 
-from drivers import UrArm
+from drivers import ProtocolError, UrArm
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.expected import ExpectedDevice, Pair, converse
@@ -208,16 +208,17 @@ def test_simulator_refuses_what_the_guide_refuses() -> None:
 def test_simulator_runs_the_drivers_program_and_stops() -> None:
     with CellThread(FAST, devices=("ur",)) as cell:
         assert cell.cell is not None
+        controller = cell.cell.ur
         with socket.create_connection(("127.0.0.1", cell.port("ur-realtime")), timeout=PATIENCE_S) as client:
             shown = client.recv(1140, socket.MSG_WAITALL)
             golden = packet(1, HOME)
             for first, last in ((0, 4), (12, 108), (252, 348), (756, 764), (812, 820), (1052, 1060)):
                 assert shown[first:last] == golden[first:last]
             client.sendall(PROGRAM)
-            until(lambda: cell.cell.ur.registers.get(46) == 6)
-            assert [cell.cell.ur.doubles[i] for i in (24, 29, 30, 31)] == [0.5, -0.25, 1.047198, 0.349066]
+            until(lambda: controller.registers.get(46) == 6)
+            assert [controller.doubles[i] for i in (24, 29, 30, 31)] == [0.5, -0.25, 1.047198, 0.349066]
             assert cell.do("state")["joints_deg"] == (0.0,) * 6  # it waits for its number
-            with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=5) as rtde:
+            with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=PATIENCE_S) as rtde:
                 for request, _ in (OPENING[0], CLAIM):
                     rtde.sendall(request)
                     read_package(rtde)
@@ -240,3 +241,20 @@ def test_simulator_dashboard() -> None:
                 (b"dance\n", b"could not understand: 'dance'\n"),
             ],
         )
+
+
+@pytest.mark.parametrize("place", range(10))
+def test_nothing_goes_when_the_program_tells_something_else(place: int) -> None:
+    """One of its numbers is another: target, acceleration, speed, the zeros, or the watchdog."""
+    other = TOLD[: 8 * place] + struct.pack(">d", 1.25) + TOLD[8 * place + 8 :]
+    begun = [data(second, HOME, HOME, 2, 6, other) for second in (3, 4)]
+    rtde = [*OPENING, *LOOK, CLAIM, *LOOK, (START[0], START[1] + AT_HOME), (BEAT, b"".join(begun)), PAUSE]
+    script: list[Pair] = [(b"", packet(1, HOME)), (PROGRAM, b"")]
+    stop: list[Pair] = [(b"", packet(1, HOME)), (b"stopj(4)\n", packet(2, HOME) + packet(3, HOME))]
+    with ExpectedDevice(rtde) as device, ExpectedDevice(script, stop) as realtime:
+        arm = UrArm(f"tcp://127.0.0.1:{device.port}?realtime={realtime.port}", clock=lambda: 0.0)
+        arm.connect()
+        arm.arm()
+        with pytest.raises(ProtocolError, match="another program arrived"):
+            arm.move_to((28.64788975654116, 0, 0, 0, 0, -14.32394487827058))
+        arm.disconnect()
