@@ -62,7 +62,6 @@ class BackDoor:
         what = order["do"]
         table: dict[str, Order] = {
             "state": self._state,
-            "restart": lambda _: self.abb.restart(),
             "truth": lambda _: {"effects": self.faro.tracker.world.truth},
             "estop": lambda _: self.abb.arm.press_emergency_stop(),
             "supervise": lambda _: self.abb.arm.supervise(),

@@ -87,6 +87,7 @@ class Cell:
             | self.qc20w.orders()
             | self.leica.orders()
             | {
+                "restart": self._restart,
                 "reboot": self._reboot,
                 "clock_step": self._clock_step,
                 "stream": self._careless_stream,
@@ -108,6 +109,11 @@ class Cell:
         for each in (self.faro, self.leica, self.ctrack, self.qc20w):
             each.reboot()
         self.ur_clock.restart()
+        await self._restart(order)
+
+    async def _restart(self, order: dict[str, Any]) -> None:
+        """A person puts the robot in order, and starts the programs of its controller again."""
+        self.abb_simple.restart()
         await self.abb.restart()
 
     def _clock_step(self, order: dict[str, Any]) -> None:

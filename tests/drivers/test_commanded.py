@@ -142,14 +142,6 @@ def test_calsrv_shows_other_conditions(old: bytes, new: bytes) -> None:
         arm.disconnect()
 
 
-def test_an_older_calsrv_is_refused_by_its_version() -> None:
-    with ExpectedDevice([(b"0 #", b"0 1 "), (b"200 #", b"200 1 CAL 1 5 #\n")]) as main:
-        arm = AbbArm(f"tcp://127.0.0.1:{main.port}")
-        with pytest.raises(ProtocolError, match="program version 1, needed 2") as refused:
-            arm.connect()
-    assert "Load CALSRV.mod" in refused.value.what_to_do
-
-
 @pytest.mark.parametrize("profile", ["hmi", "io"])
 @pytest.mark.parametrize("version", [0, 1, 3])
 def test_another_modbus_program_is_refused_by_its_version(profile: str, version: int) -> None:
