@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -154,4 +155,20 @@ def test_another_modbus_program_is_refused_by_its_version(profile: str, version:
         arm.connect()
         with pytest.raises(LinkError, match=f"program version {version}, needed 2"):
             arm.arm()
+        arm.disconnect()
+
+
+@pytest.mark.parametrize("feed", ["rtde", "realtime"])
+def test_a_ur_that_does_not_hold_its_target_is_not_there(feed: str) -> None:
+    """The controller's own target is right; a joint is 0.02 deg away from it."""
+    with CellThread(CellFile(robot="ur5", time_scale=10_000.0, effects=("none",)), devices=("ur",)) as cell:
+        assert cell.cell is not None
+        servo = cell.cell.ur.servo
+        held = servo.actual
+        servo.actual = lambda: (held()[0] + math.radians(0.02), *held()[1:])
+        arm = ur(cell, feed)
+        arm.connect()
+        arm.arm()
+        with pytest.raises(NotReached, match="deg from where it was sent"):
+            arm.move_to(TARGET)
         arm.disconnect()
