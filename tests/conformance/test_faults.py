@@ -27,7 +27,7 @@ from drivers import (
 )
 from mocks.faultproxy import FAULTS
 from tests.conformance.rig import SLACK_S, Rig
-from tests.conformance.rigs import RIGS
+from tests.conformance.rigs import REQUESTS_ONLY, RIGS
 from tests.drivers.waiting import until
 
 # What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
@@ -60,7 +60,7 @@ CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime"}  # what they answer carries the c
 QUIET = {("ur-rtde", "half"), ("abb-simple-state", "half"), *(("ur-realtime", fault) for fault in LOUD)}
 
 
-@pytest.fixture(scope="module", params=sorted(RIGS))
+@pytest.fixture(scope="module", params=sorted(set(RIGS) - REQUESTS_ONLY))
 def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
     with ExitStack() as stack:
         yield request.param, RIGS[request.param](stack)
