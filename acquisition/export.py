@@ -4,8 +4,9 @@ Points and turns in the world frame of the nests, or distances to the balls on t
 approach point before them and the side of approach; the controller's read-back beside them. Readings that were given
 up stay in the file as `rejected:REASON` without a point, those that were measured again with theirs. `station` counts
 the places of the instrument, where it had several. `[[device]]` in the header names robot and instrument; where there
-were several of either, each pair is a series of its own. A record in which a row no longer agrees with its checksum is
-refused. `export_events` writes what happened as JSON lines.
+were several of either, each pair is a series of its own. What their wires could not see stands there as `unprotected`.
+A record in which a row no longer agrees with its checksum is refused. `export_events` writes what happened as JSON
+lines.
 """
 
 from __future__ import annotations
@@ -33,6 +34,12 @@ FROM attempt JOIN pose ON pose.id = attempt.pose LEFT JOIN attempt AS arrival ON
 WHERE pose.kind = 'pose' AND (attempt.status = 'good' OR (pose.status = 'skipped' AND attempt.id = (
       SELECT max(id) FROM attempt AS last WHERE last.pose = pose.id)))
 ORDER BY attempt.id
+"""
+
+
+_WEAKNESSES = """
+SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
+WHERE kind = 'connected' AND weakness <> '' GROUP BY role, weakness ORDER BY min(id)
 """
 
 
@@ -64,6 +71,7 @@ def export(record_dir: Path, out: Path) -> Path:
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
         world = store.world
         individuals = Individuals(store).all()
+        unprotected = "; ".join(f"{role}: {weakness}" for role, weakness in store.database.query(_WEAKNESSES))
     placed = cell.instrument.measures_lengths or world is not None
     if not placed or not any(_counts(row) for row in rows):
         raise RecordError(
@@ -73,7 +81,7 @@ def export(record_dir: Path, out: Path) -> Path:
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
     of_rows, devices = _series(rows, individuals)
-    header = tomli_w.dumps(_header(cell, station) | {"device": devices})
+    header = tomli_w.dumps(_header(cell, station, unprotected) | {"device": devices})
     Table(_columns(rows, of_rows, cell.robot.model.joints), header).write(out)
     return out
 
@@ -158,7 +166,7 @@ def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+def _header(cell: Cell, station_mm: tuple[float, ...], unprotected: str) -> dict[str, Any]:
     balls = {"base_targets": {name: list(point) for name, point in cell.nests.items()}}
     return {
         "format": "truepose-dataset/1",
@@ -168,6 +176,7 @@ def _header(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
         "joint_coupling": cell.robot.coupling,
         "gravity_base": [0.0, 0.0, -9.81],
         "model": {"fit": list(DEFAULT_GROUPS)},
+        **({"unprotected": unprotected} if unprotected else {}),
         "noise": _noise(cell, station_mm),
         "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
         **(balls if cell.instrument.measures_lengths else {}),

@@ -25,6 +25,7 @@ from drivers.interfaces import (
     PointMeter,
     PointReading,
     RobotArm,
+    weakness_of,
 )
 
 PRESS = "Press the emergency stop: the program does not reach the robot, which may still be moving."
@@ -32,12 +33,16 @@ PRESS = "Press the emergency stop: the program does not reach the robot, which m
 
 @dataclass(frozen=True)
 class Met:
-    """A device that has just been connected. `read_deg`: where the robot stands; None for the instrument."""
+    """A device that has just been connected. `read_deg`: where the robot stands; None for the instrument.
+
+    `weakness`: what its wire cannot see (`drivers.interfaces.Candid`).
+    """
 
     role: str
     who: Identity
     can_stop: bool
     read_deg: tuple[float, ...] | None
+    weakness: str
 
 
 class Rig:
@@ -69,7 +74,7 @@ class Rig:
                     if role == "robot":
                         self._can_stop = self._devices.robot.can_stop
                         stands = self._devices.robot.position().joints_deg
-                    self._met(Met(role, device.identify(), self._can_stop, stands))
+                    self._met(Met(role, device.identify(), self._can_stop, stands, weakness_of(device)))
                     self._connected.add(role)  # who it is is known: only then
                     self._seen.add(role)
                     self._lost.discard(role)

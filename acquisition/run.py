@@ -253,7 +253,12 @@ class Run:
         record, RobotInUse.
         """
         self._store.tell(
-            "connected", role=met.role, **asdict(met.who), can_stop=met.can_stop, read_deg=met.read_deg
+            "connected",
+            role=met.role,
+            **asdict(met.who),
+            can_stop=met.can_stop,
+            read_deg=met.read_deg,
+            weakness=met.weakness,
         )
         check_identity(self.cell, met.role, met.who)
         Individuals(self._store).met(met.role, met.who, self._accepted)

@@ -33,13 +33,15 @@ from acquisition.expected import Expectation
 from acquisition.gates import Gates
 from acquisition.hands import Hands
 from acquisition.nests import Nests
+from acquisition.plan import Visit
 from acquisition.rig import Rig
 from acquisition.second_stage import SecondStage
 from acquisition.settling import until_still
 from acquisition.store import Planned, Store
 from acquisition.transit import Transit
-from drivers.errors import AcquisitionError, LinkError, OutOfRange, Refused, Unmeasurable
-from drivers.interfaces import Answer, PointReading, Reading
+from drivers.errors import AcquisitionError, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
+from drivers.interfaces import Answer, JointReading, PointReading, Reading
+from drivers.read_back import apart_deg
 
 DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
 LINK_TRIES = 5
@@ -204,6 +206,7 @@ class Sequencer:
             self._control.settle(settle.seconds)
             if settle.check:
                 reached = until_still(self._rig.position, self._control.settle)
+            self._refuse_elsewhere(visit, reached)
         except AcquisitionError as error:
             self._attempts.failed(arrival, error)
             raise
@@ -213,10 +216,23 @@ class Sequencer:
             attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
             return _Arrival(visit.number, arrival, reached.joints_deg), attempt
 
+    def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
+        """No reading is filed under angles that the robot does not read back, whatever its driver believes.
+
+        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say.
+        """
+        off = apart_deg(reached.joints_deg, visit.joints_deg)
+        if off > DISPLACED_DEG:
+            raise NotReached(
+                f"a joint is read back {off:.3f} deg from where visit {visit.number} sends it",
+                device="robot",
+                command="arrive",
+                raw=reached.raw,
+            )
+
     def _stands_still(self, arrival: _Arrival) -> None:
         """After people had their hands on the robot. Raises Displaced."""
-        now = self._rig.position().joints_deg
-        off = max(abs(a - b) for a, b in zip(now, arrival.read_deg, strict=True))
+        off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
         if off > DISPLACED_DEG:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 

@@ -34,7 +34,7 @@ _KEYS = {
         "noise",
         "tool_targets",
     ),
-    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits", "device"),
+    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits", "device", "unprotected"),
 }
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
 _NOISE_KEYS = {
@@ -72,6 +72,7 @@ class Header:
     )  # parameter or group -> std in the parameter's unit
     beyond_limits: bool = False  # whether joints may stand beyond the limits of the robot file
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
+    unprotected: str = ""  # what the wires of robot and instrument could not see while this was measured
     unknown_keys: tuple[str, ...] = ()
     text: str = field(default="", repr=False)  # as it stands in the file, for the hash of the data
 
@@ -187,6 +188,7 @@ def read_header(path: Path) -> Header:
         priors=_priors(table.table("model").table("priors")),
         beyond_limits=table.flag("beyond_limits"),
         devices=_devices(table),
+        unprotected=table.text("unprotected", default=""),
         unknown_keys=_unknown(table),
         text=text,
     )

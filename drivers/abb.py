@@ -2,13 +2,14 @@
 
 open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
 `<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and
-cannot be stopped: `can_stop` is False, the commanded joints are the record, the read-back only a check.
-Its answers carry no number, so every question is followed by a ping: whatever a late or doubled answer left
-on the wire then meets the wrong code and closes the link.
+cannot be stopped: `can_stop` is False. Its answers carry no number, so every question is followed by a ping: whatever
+a late or doubled answer left on the wire then meets the wrong code and closes the link. A damaged target moves the
+robot, and only the read-back shows it: `weakness` says so.
 
-`robot_side/abb/CALSRV.mod` adds codes 200-208, detected by asking 200: replies end with ` #` LF, echo a
-sequence number, give five decimals; a second task on the next port (5001) answers while the robot moves or
-stands in an emergency stop, and stops it (207). Nothing here was tried on a controller yet.
+`robot_side/abb/CALSRV.mod` is our own program, detected by asking 200 (`drivers.abb_calsrv`): replies end with ` #` LF,
+echo a sequence number, give five decimals; a target is shown back before it moves the robot; a second task on the next
+port (5001) answers while the robot moves or stands in an emergency stop, and stops it. Nothing here was tried on a
+controller yet.
 """
 
 from __future__ import annotations
@@ -18,19 +19,15 @@ import math
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-from drivers.abb_conversation import AbbConversation, AbbDeadlines, Numbered
+from drivers.abb_calsrv import CalSrv
+from drivers.abb_conversation import DECIMALS, AbbConversation, AbbDeadlines
 from drivers.errors import (
-    AcquisitionError,
     CannotStop,
-    CommandRefused,
     ConfigError,
-    EmergencyStop,
-    EnableLost,
-    JointLimit,
     LinkError,
     LinkTimeout,
     MotionStopped,
@@ -38,11 +35,11 @@ from drivers.errors import (
     NotReached,
     ProtectiveStop,
     ProtocolError,
-    WrongMode,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.joint_limits import JointLimits
 from drivers.link import TcpLink, WireSink, parse_url
+from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
 _JOINTS = 6
@@ -51,20 +48,17 @@ _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the ans
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
 _MOST_LOOKS = 3  # beyond the first
 _STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([rb"-?\d{1,3}\.\d{2}"] * _JOINTS) + rb"))")
-_CAL_JOINT = re.compile(rb"-?\d{1,3}\.\d{5}")
-_MODES = {1: "auto", 2: "manual", 3: "manual"}
-_REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
-    1: (CommandRefused, "bad parameters"),
-    2: (JointLimit, "out of range"),
-    3: (ProtectiveStop, "motion stopped by the controller"),
-    4: (WrongMode, "not in automatic mode, or motors off"),
-    5: (MotionStopped, "motion interrupted"),
-    9: (CommandRefused, "unknown code"),
-}
+_WEAKNESS = (
+    "open_abb moves on a request at once and has no checksum: a target that is damaged on its way moves the robot "
+    f"there, and is seen only afterwards, from {10.0**-_STOCK_DECIMALS:g} deg on"
+)
 
 
 class AbbArm:
-    """One ABB robot. Verbs block; `stop` and `status` use the background connection where there is one."""
+    """One ABB robot. Verbs block; `stop` and `status` use the background connection where there is one.
+
+    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    """
 
     unverified_on_hardware = True
 
@@ -76,7 +70,7 @@ class AbbArm:
         speed_mm_s: float = 500.0,
         speed_deg_s: float = 20.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
-        tolerance_deg: float = 0.05,
+        hold_deg: float = 0.002,
         watchdog_s: float = 2.0,
         deadlines: AbbDeadlines | None = None,
         wire: WireSink | None = None,
@@ -95,13 +89,14 @@ class AbbArm:
         self._deadlines = deadlines or AbbDeadlines()
         self._speed = (speed_mm_s, speed_deg_s)
         self._limits = limits
-        self._tolerance_deg = tolerance_deg
+        self._hold_deg = hold_deg
         self._watchdog_ms = round(watchdog_s * 1000)
         behind = replace(address, port=int(background))
         self._main = AbbConversation(TcpLink(address, name, wire=wire, clock=clock), self._deadlines)
         self._back = AbbConversation(
             TcpLink(behind, f"{name}-background", wire=wire, clock=clock), self._deadlines
         )
+        self._calsrv = CalSrv(self._main, self._back, name)
         self._superset = False
         self._armed = False
         self._stopped = threading.Event()
@@ -123,8 +118,13 @@ class AbbArm:
 
     @property
     def can_stop(self) -> bool:
-        """True only after the superset was found; a stock open_abb cannot be stopped by network."""
+        """True only after CALSRV was found; a stock open_abb cannot be stopped by network."""
         return self._superset
+
+    @property
+    def weakness(self) -> str:
+        """What this dialect cannot see; empty for CALSRV. Valid once connected."""
+        return "" if self._superset else _WEAKNESS
 
     @property
     def dialect(self) -> str:
@@ -132,9 +132,9 @@ class AbbArm:
         return "calsrv" if self._superset else "open_abb"
 
     def connect(self) -> None:
-        """Open, ping, probe for the superset, read the joints. Nothing moves. Raises LinkError."""
-        if not self._warned:
-            self._warned = True
+        """Open, ping, probe for CALSRV, read the joints. Nothing moves. Raises LinkError."""
+        first, self._warned = not self._warned, True
+        if first:
             _LOG.warning("%s: this ABB driver is unverified on hardware", self.name)
         with self._main.lock:
             self.disconnect()
@@ -145,11 +145,15 @@ class AbbArm:
                     with self._back.lock:
                         self._back.link.open(connect_s=self.deadlines.connect_s)
                         if not self._back.probe():
-                            raise ProtocolError("background port speaks no superset", device=self.name)
+                            raise ProtocolError(
+                                "CALBACK does not run on the background port", device=self.name
+                            )
                 self._where = self.position().joints_deg
             except BaseException:
                 self.disconnect()
                 raise
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self.name, self.weakness)
 
     def disconnect(self) -> None:
         """Close both connections and disarm; never raises."""
@@ -179,7 +183,7 @@ class AbbArm:
         with self._back.lock, suppress(LinkError):
             self._back.link.open(connect_s=self.deadlines.ping_s)
             if self._back.probe():
-                self._raise_if_unfit(self._numbered_status(), "connect")
+                self._calsrv.raise_if_unfit(self._calsrv.status(), "connect")
 
     def identify(self) -> Identity:
         """Serial number, RobotWare and type. Raises LinkError, CommandRefused."""
@@ -196,11 +200,11 @@ class AbbArm:
         """
         with self._main.lock:
             if self._superset:
-                self._raise_if_unfit(self.status(), "arm")
-            self._main.ask(8, self._speed)
-            self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
-            if self._superset:
-                self._ask(self._main, 208, (self._watchdog_ms,))
+                self._calsrv.raise_if_unfit(self.status(), "arm")
+                self._calsrv.set_conditions(self._watchdog_ms, self._speed)
+            else:
+                self._main.ask(8, self._speed)
+                self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
             self._where = self.position().joints_deg
             self._stopped.clear()
             self._armed = True
@@ -226,15 +230,17 @@ class AbbArm:
             self._next_look = self._clock() + 2 * self._main.link.poll_s
             try:
                 if self._superset:
-                    self._ask(self._main, 201, target, "move_s", seconds, meanwhile=self._look)
+                    proof = self._calsrv.show(target)
+                    if self._stopped.is_set():
+                        raise MotionStopped("stopped before it began", device=self.name, command="move_to")
+                    self._calsrv.go(proof, seconds, self._look)
                 else:
                     self._stock_move(target, seconds)
-                reached = self.position()
+                reached = self._settled(target)
             except BaseException:
                 self._armed = False  # wherever the robot is now, somebody has to look first
                 raise
             self._where = reached.joints_deg
-        self._check_reached(target, reached)
         return reached
 
     def _stock_move(self, target: tuple[float, ...], seconds: float) -> None:
@@ -247,7 +253,7 @@ class AbbArm:
                 self._back.link.open(connect_s=self.deadlines.ping_s)
                 joints = self._back.log_joints()
             self._back.link.close()
-            if joints is None or max(abs(a - b) for a, b in zip(joints, target, strict=True)) < 0.1:
+            if joints is None or apart_deg(joints, target) < 0.1:
                 raise
             raise ProtectiveStop(
                 "controller lives, its program stopped on the way (emergency stop, supervision, limit)",
@@ -273,10 +279,8 @@ class AbbArm:
             return JointReading(
                 self._joints(found[1].split(b" "), found[0]), 10.0**-_STOCK_DECIMALS, found[0]
             )
-        answer = self._ask(self._main, 202)
-        if len(answer.fields) != _JOINTS or not all(_CAL_JOINT.fullmatch(each) for each in answer.fields):
-            raise self._damaged("not six joints of five decimals", "202", answer.raw)
-        return JointReading(self._joints(answer.fields, answer.raw), 1e-5, answer.raw)
+        joints, raw = self._calsrv.joints()
+        return JointReading(joints, 10.0**-DECIMALS, raw)
 
     def stop(self) -> None:
         """Halt the robot now and disarm. From any thread. Raises CannotStop (stock dialect), LinkError."""
@@ -284,44 +288,32 @@ class AbbArm:
         self._stopped.set()
         if not self._superset:
             raise CannotStop("stock open_abb has no stop", device=self.name, command="stop")
-        with self._back.lock:
-            try:
-                self._ask(self._back, 207, (), "stop_s", self.deadlines.stop_s)
-            except LinkError:  # a stop is worth a second try on a fresh connection
-                self._back.link.open(connect_s=self.deadlines.stop_s)
-                self._ask(self._back, 207, (), "stop_s", self.deadlines.stop_s)
+        self._calsrv.stop()
 
     def status(self) -> RobotStatus:
         """State of the controller; in the stock dialect only that it answers. Raises LinkError."""
         if not self._superset:
             self._main.ping()
             return RobotStatus("unknown", None, None, None)
-        return self._numbered_status()
-
-    def _numbered_status(self) -> RobotStatus:
-        answer = self._ask(self._back, 205, (), "stop_s", self.deadlines.stop_s)
-        fields, raw = answer.fields, answer.raw
-        if len(fields) != 6 or not all(re.fullmatch(rb"\d{1,5}", field) for field in fields):
-            raise self._damaged("not six whole numbers", "205", raw)
-        mode, run, motors, estop, moving, number = (int(field) for field in fields)
-        if mode > 3 or run > 9 or max(motors, estop, moving) > 1:
-            raise self._damaged("state out of range", "205", raw)
-        return RobotStatus(
-            _MODES.get(mode, "unknown"), bool(motors), bool(estop), bool(moving), number or None, raw
-        )
+        return self._calsrv.status()
 
     # -- checks -------------------------------------------------------------------------------------------
 
-    def _check_reached(self, target: tuple[float, ...], reached: JointReading) -> None:
-        worst = max(abs(a - b) for a, b in zip(target, reached.joints_deg, strict=True))
-        if worst > self._tolerance_deg + reached.resolution_deg / 2:
-            self._armed = False
-            raise NotReached(
-                f"stands {worst:.3f} deg from where it was sent",
-                device=self.name,
-                command="move_to",
-                raw=reached.raw,
-            )
+    def _settled(self, target: tuple[float, ...]) -> JointReading:
+        """The reading of a robot that stands at the target. Raises NotReached, MotionStopped, LinkError."""
+        end = self._clock() + self.deadlines.settle_s
+        while not is_there(reached := self.position(), target, self._hold_deg):
+            if self._clock() >= end:
+                off = apart_deg(reached.joints_deg, target)
+                raise NotReached(
+                    f"stands {off:.3f} deg from where it was sent",
+                    device=self.name,
+                    command="move_to",
+                    raw=reached.raw,
+                )
+            if self._stopped.wait(self.deadlines.gap_s):
+                raise MotionStopped("stopped, or asked to stop", device=self.name, command="move_to")
+        return reached
 
     def _move_seconds(self, target: tuple[float, ...]) -> float:
         where = self._where or (0.0,) * _JOINTS
@@ -336,18 +328,7 @@ class AbbArm:
         if self._stopped.is_set():  # the stop may have overtaken the move: say it again
             self.stop()
         else:
-            self._raise_if_unfit(self.status(), "move_to")
-
-    def _raise_if_unfit(self, status: RobotStatus, command: str) -> None:
-        if status.emergency_stop:
-            raise EmergencyStop("emergency stop pressed", device=self.name, command=command, raw=status.raw)
-        if status.mode != "auto":
-            raise WrongMode(
-                f"controller in mode {status.mode}", device=self.name, command=command, raw=status.raw
-            )
-        if not status.motors_on:
-            kind = EnableLost if command == "move_to" else WrongMode
-            raise kind("motors off", device=self.name, command=command, raw=status.raw)
+            self._calsrv.raise_if_unfit(self.status(), "move_to")
 
     def _joints(self, fields: Sequence[bytes], raw: bytes) -> tuple[float, ...]:
         joints = tuple(float(field) for field in fields)
@@ -358,29 +339,3 @@ class AbbArm:
     def _damaged(self, message: str, command: str, raw: bytes) -> ProtocolError:
         self.disconnect()
         return ProtocolError(message, device=self.name, command=command, raw=raw)
-
-    # -- asking -------------------------------------------------------------------------------------------
-
-    def _ask(
-        self,
-        talk: AbbConversation,
-        code: int,
-        values: Sequence[float] = (),
-        deadline: str = "reply_s",
-        seconds: float | None = None,
-        meanwhile: Callable[[], None] | None = None,
-    ) -> Numbered:
-        """A numbered question; a refusal is raised as what it means."""
-        answer = talk.ask_numbered(code, values, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
-        if answer.errno:
-            raise self._refusal(answer, str(code))
-        return answer
-
-    def _refusal(self, answer: Numbered, command: str) -> AcquisitionError:
-        if answer.errno == 3:  # T_ROB1 only knows that it was stopped; the background task may know why
-            try:
-                self._raise_if_unfit(self.status(), "move_to")
-            except (EmergencyStop, EnableLost, WrongMode) as error:
-                return error
-        kind, text = _REFUSALS.get(answer.errno, (CommandRefused, f"error {answer.errno}"))
-        return kind(text, device=self.name, command=command, raw=answer.raw)

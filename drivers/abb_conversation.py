@@ -4,7 +4,7 @@ open_abb: request `<code> <p1> ... <pn> #`, answer `<code> <ok> <data>` without 
 complete when it has exactly its form. Every question is followed by a ping: whatever a late or doubled answer
 left on the wire then meets the wrong code and closes the link.
 
-CALSRV superset, codes 200-208: `<code> 1 <seq> <data> #` LF, or `<code> 0 <errno> <seq> #` LF when refused.
+CALSRV, codes from 200 on: `<code> 1 <seq> <data> #` LF, or `<code> 0 <errno> <seq> #` LF when refused.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import itertools
 import re
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.errors import CommandRefused, LinkTimeout, ProtocolError
 from drivers.link import TcpLink
@@ -23,12 +23,19 @@ _LOG_RECORDS = 8  # they alternate between pose and joints
 _LOG_JOINTS = re.compile(rb" 1 \S+ \S+ \S+((?: -?\d{1,3}\.\d{1,2}){6}) ?")
 _PING = re.compile(rb"0 1 ")
 _PROBE = re.compile(rb"200 (?:0 |1 CAL (\d) (\d) #\n)")
+VERSION, DECIMALS = 2, 5  # of CALSRV, and of the joint angles in its answers
+_OTHER_VERSION = (
+    "Load CALSRV.mod and CALBACK.mod of this program (drivers/robot_side/abb) into the controller."
+)
 _NUMBERED = re.compile(rb"(\d{3}) ([01])((?: -?\d+(?:\.\d+)?)+)")
 
 
 @dataclass(frozen=True, slots=True)
 class AbbDeadlines:
-    """Named waits in seconds. A move may take `move_factor` x its predicted time + `move_margin_s`."""
+    """Named waits in seconds. A move may take `move_factor` x its predicted time + `move_margin_s`.
+
+    `settle_s`: from the reported end of a move to a read-back at its target, looked at every `gap_s`.
+    """
 
     connect_s: float = 3.0
     send_s: float = 1.0
@@ -38,15 +45,18 @@ class AbbDeadlines:
     stop_s: float = 1.0
     move_factor: float = 2.0
     move_margin_s: float = 10.0
+    settle_s: float = 1.0
+    gap_s: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Numbered:
-    """An answer of the superset: `errno` 0 and data fields, or the number of a refusal."""
+    """An answer of CALSRV to `request`: `errno` 0 and data fields, or the number of a refusal."""
 
     errno: int
     fields: tuple[bytes, ...]
     raw: bytes
+    request: bytes = b""
 
 
 def parse_numbered(raw: bytes, code: int, number: int) -> Numbered:
@@ -85,14 +95,18 @@ class AbbConversation:
                 self._exchange(*ask)
 
     def probe(self) -> bool:
-        """Whether the superset answers here. Raises LinkError; ProtocolError for another version of it."""
+        """Whether CALSRV answers here. Raises LinkError; ProtocolError for another version of it."""
         with self.lock, self.link.question("200"):
             found = self._exchange(b"200 #", b"200 ", _PROBE, "ping_s", self.deadlines.ping_s)
             if found[1] is None:
                 return False
-            if (found[1], found[2]) != (b"1", b"5"):
+            if (int(found[1]), int(found[2])) != (VERSION, DECIMALS):
                 raise ProtocolError(
-                    "superset of another version", device=self.link.device, command="200", raw=found[0]
+                    f"CALSRV on the controller is program version {int(found[1])}, needed {VERSION}",
+                    device=self.link.device,
+                    command="200",
+                    raw=found[0],
+                    what_to_do=_OTHER_VERSION,
                 )
             return True
 
@@ -133,12 +147,12 @@ class AbbConversation:
         seconds: float | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> Numbered:
-        """One question of the superset; a refusal is an answer as well. Raises LinkError."""
+        """One question to CALSRV; a refusal is an answer as well. Raises LinkError."""
         limit = self.deadlines.reply_s if seconds is None else seconds
         command = str(code)
         with self.lock:
             number = next(self._numbers)
-            texts = (str(v) if isinstance(v, int) else f"{v:.5f}" for v in values)
+            texts = (str(v) if isinstance(v, int) else f"{v:.{DECIMALS}f}" for v in values)
             request = " ".join([command, str(number), *texts, "#"]).encode()
             with self.link.question(command):
                 self.link.send(request, command=command, send_s=self.deadlines.send_s)
@@ -146,7 +160,7 @@ class AbbConversation:
                     b" #\n", command=command, deadline=deadline, seconds=limit, limit=80, meanwhile=meanwhile
                 )
                 try:
-                    return parse_numbered(raw, code, number)
+                    return replace(parse_numbered(raw, code, number), request=request)
                 except ProtocolError as error:
                     error.device, error.command = self.link.device, command
                     raise

@@ -12,7 +12,8 @@ The state port is two above that of the address, or `tcp://192.168.125.1:11000?s
   point is sent on a connection before a stop was answered on it, which moves nothing and is sent by `connect`.
 - The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
   is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
-- Nothing has a checksum: one state alone is never believed.
+- Nothing has a checksum: one state alone is never believed, and a point that is damaged on its way moves the robot,
+  which only the read-back shows. `weakness` says so.
 
 Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
 """
@@ -42,6 +43,7 @@ from drivers.errors import (
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.joint_limits import JointLimits
 from drivers.link import WireSink, parse_url
+from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 1000.0
@@ -49,11 +51,18 @@ _WIDEST_DEG = 1000.0
 _LEVER_MM = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
 _RAMP_S = 0.5  # added to every duration: the caps hold while the robot speeds up and slows down
 _AGREE_DEG, _AGREE_M = 0.002, 1e-4  # two states of a standing robot and of its external axes
+_WEAKNESS = (
+    "simple_message has no checksum and moves on a trajectory at once: a point that is damaged on its way moves the "
+    "robot there, and is seen only afterwards, from 0.002 deg on"
+)
 _SILENT = "Check that all three ROS programs run on the controller and that no other program is connected to the robot."
 
 
 class AbbSimpleArm:
-    """One ABB robot under abb_driver. Verbs block; `stop` and `status` may be called from any thread."""
+    """One ABB robot under abb_driver. Verbs block; `stop` and `status` may be called from any thread.
+
+    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    """
 
     unverified_on_hardware = True
 
@@ -65,7 +74,7 @@ class AbbSimpleArm:
         speed_mm_s: float = 500.0,
         speed_deg_s: float = 20.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
-        tolerance_deg: float = 0.05,
+        hold_deg: float = 0.002,
         deadlines: AbbSimpleDeadlines | None = None,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -83,7 +92,7 @@ class AbbSimpleArm:
         self._deadlines = deadlines or AbbSimpleDeadlines()
         self._speed = (speed_mm_s, speed_deg_s)
         self._limits = limits
-        self._tolerance_deg = tolerance_deg
+        self._hold_deg = hold_deg
         self._clock = clock
         self._motion = MotionServer(address, name, self._deadlines, wire, clock)
         behind = replace(address, port=int(state))
@@ -108,6 +117,11 @@ class AbbSimpleArm:
         """The motion server reads a stop while another task moves the robot."""
         return True
 
+    @property
+    def weakness(self) -> str:
+        """What this protocol cannot see."""
+        return _WEAKNESS
+
     def connect(self) -> None:
         """Open both ports, see a state, have a stop answered. Nothing moves. Raises LinkError.
 
@@ -118,6 +132,7 @@ class AbbSimpleArm:
             _LOG.warning(
                 "%s: this ABB driver is unverified on hardware; no watchdog guards a move", self.name
             )
+            _LOG.warning("%s: %s", self.name, self.weakness)
         with self._lock:
             self.disconnect()
             try:
@@ -189,10 +204,10 @@ class AbbSimpleArm:
     def _arrival(self, here: State, target: Sequence[float], seconds: float) -> State:
         """The state of a robot that stands at the target, confirmed by the state before.
 
-        Of a move within the tolerance the states before it look like its end: it is given its time.
+        Of a move shorter than what a servo may be off the states before it look like its end: it is given its time.
         """
         begin = self._clock()
-        credible = begin + seconds if _off(here.joints_deg, target) <= self._tolerance_deg else begin
+        credible = begin + seconds if is_there(_reading(here), target, self._hold_deg) else begin
         end = begin + self.deadlines.move_factor * seconds + self.deadlines.move_margin_s
         rest_since = math.inf
         number, before = self._stream.following(self._stream.count, "move_to")
@@ -200,12 +215,12 @@ class AbbSimpleArm:
             number, now = self._stream.following(number, "move_to")
             if self._motion.stopped.is_set():
                 raise MotionStopped("stopped on its way", device=self.name, command="move_to", raw=now.raw)
-            off = _off(now.joints_deg, target)
+            off = apart_deg(now.joints_deg, target)
             if now.flags == before.flags:
                 raise_if_unfit(now, self.name, "move_to")
                 if _stand(before, now):
                     rest_since = min(rest_since, self._clock())
-                    if off <= self._tolerance_deg and self._clock() >= credible:
+                    if is_there(_reading(now), target, self._hold_deg) and self._clock() >= credible:
                         return now
                 else:
                     rest_since = math.inf
@@ -267,16 +282,12 @@ class AbbSimpleArm:
         return max(max(far) / self._speed[1], path_mm / self._speed[0]) + _RAMP_S
 
 
-def _off(joints_deg: Sequence[float], target: Sequence[float]) -> float:
-    return max(abs(a - b) for a, b in zip(joints_deg, target, strict=True))
-
-
 def _stand(before: State, now: State) -> bool:
     """Whether two states in a row are those of a robot that does not move."""
     external = zip(before.external, now.external, strict=True)
     return (
         now.flags.moving is False
-        and _off(before.joints_deg, now.joints_deg) <= _AGREE_DEG
+        and apart_deg(before.joints_deg, now.joints_deg) <= _AGREE_DEG
         and all(math.isclose(a, b, rel_tol=1e-6, abs_tol=_AGREE_M) for a, b in external)
     )
 

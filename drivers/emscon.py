@@ -39,6 +39,7 @@ _STATES = {0: "OFF", 1: "BUSY", 2: "READY", 3: "READY"}  # 3: only the 6D of a p
 _FARTHEST_MM = 100_000.0
 _SHORTEST_MS, _LONGEST_MS = 500, 100_000
 # Codes of unsolicited changes.
+_WEAKNESS = "emScon has no checksum: an answer of which one bit is damaged on its way is taken for measured"
 _LOST = 25  # measurement status not ready
 _GONE = (851, 997, 998)  # sensor disconnected, server closing
 _MEDDLED = (6, 7, 11, 12, 15, 16, 17, 18)  # units, reflector, compensation, coordinates, station, mode
@@ -120,6 +121,11 @@ class EmsconTracker:
         """Close and disarm; never raises."""
         self._armed = False
         self._link.close()
+
+    @property
+    def weakness(self) -> str:
+        """What this protocol cannot see."""
+        return _WEAKNESS
 
     def identify(self) -> Identity:
         """Serial number and version of the server. Raises LinkError."""

@@ -34,6 +34,7 @@ from drivers.fanuc_modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.joint_limits import JointLimits
 from drivers.link import WireSink, parse_url
+from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
 _MAX_DEG_S = (350.0, 350.0, 400.0, 450.0, 450.0, 720.0)  # LR Mate 200iC, data sheet; `?max_deg_s=` for others
@@ -49,7 +50,10 @@ _AGREE_DEG = 0.002  # two readings of a standing robot: twice the resolution of 
 
 
 class FanucArm:
-    """One Fanuc robot. Verbs block; `stop` and `status` answer while another thread waits for a move."""
+    """One Fanuc robot. Verbs block; `stop` and `status` answer while another thread waits for a move.
+
+    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    """
 
     unverified_on_hardware = True
 
@@ -61,7 +65,7 @@ class FanucArm:
         speed_mm_s: float = 500.0,
         speed_deg_s: float = 20.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
-        tolerance_deg: float = 0.02,
+        hold_deg: float = 0.003,
         deadlines: FanucDeadlines | None = None,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -84,7 +88,7 @@ class FanucArm:
         self._max_deg_s = _speeds(address.options.get("max_deg_s"), url)
         self._speed = (speed_mm_s, speed_deg_s)
         self._limits = limits
-        self._tolerance_deg = tolerance_deg
+        self._hold_deg = hold_deg
         self._clock = clock
         self._controller = kinds[kind](address, name, deadlines or FanucDeadlines(), wire=wire, clock=clock)
         self._lock = threading.RLock()
@@ -114,10 +118,15 @@ class FanucArm:
         """`mappdk`, `mappdk-cal`, `modbus-hmi` or `modbus-io`, as found by the last connect."""
         return self._controller.dialect
 
+    @property
+    def weakness(self) -> str:
+        """What this dialect cannot see; empty where a target is confirmed before it moves the robot."""
+        return self._controller.weakness
+
     def connect(self) -> None:
         """Open, find the dialect, read the joints. Nothing moves. Raises LinkError, Busy."""
-        if not self._warned:
-            self._warned = True
+        first, self._warned = not self._warned, True
+        if first:
             _LOG.warning("%s: this Fanuc driver is unverified on hardware", self.name)
         with self._lock:
             self.disconnect()
@@ -127,6 +136,8 @@ class FanucArm:
             except BaseException:
                 self.disconnect()
                 raise
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self.name, self.weakness)
 
     def disconnect(self) -> None:
         """Close every connection and disarm; never raises."""
@@ -216,13 +227,12 @@ class FanucArm:
             if self._stopped.wait(self.deadlines.gap_s):
                 raise MotionStopped("stopped, or asked to stop", device=self.name, command="move_to")
             now = self._controller.joints()
-            off = max(abs(a - b) for a, b in zip(now.joints_deg, target, strict=True))
-            if off <= self._tolerance_deg and _apart(before, now) <= _AGREE_DEG:
+            if is_there(now, target, self._hold_deg) and _apart(before, now) <= _AGREE_DEG:
                 return now
             if self._clock() >= end:
                 raise NotReached(
-                    f"{off:.3f} deg from where it was sent, settle_s = {self.deadlines.settle_s:g} s after the "
-                    "reported end",
+                    f"{apart_deg(now.joints_deg, target):.3f} deg from where it was sent, "
+                    f"settle_s = {self.deadlines.settle_s:g} s after the reported end",
                     device=self.name,
                     command="move_to",
                     raw=now.raw,
@@ -247,7 +257,7 @@ class FanucArm:
 
 
 def _apart(one: JointReading, two: JointReading) -> float:
-    return max(abs(a - b) for a, b in zip(one.joints_deg, two.joints_deg, strict=True))
+    return apart_deg(one.joints_deg, two.joints_deg)
 
 
 def _speeds(text: str | None, url: str) -> tuple[float, ...]:

@@ -19,6 +19,7 @@ from drivers.errors import (
     MotionStopped,
     NotReady,
     ProtectiveStop,
+    ProtocolError,
     WrongMode,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
@@ -71,6 +72,8 @@ class FanucController(Protocol):
     def dialect(self) -> str: ...
     @property
     def can_stop(self) -> bool: ...
+    @property
+    def weakness(self) -> str: ...
     def open(self) -> None: ...
     def close(self) -> None: ...
     def identity(self) -> Identity: ...
@@ -98,14 +101,30 @@ def alarm(facility: int, number: int) -> tuple[type[AcquisitionError], str]:
     return _ALARMS.get((facility, number), (ProtectiveStop, f"alarm {facility}-{number:03d}"))
 
 
+VERSION = 2  # of the robot-side programs
+
 # Status that the robot-side programs give a move that did not end at its target.
-STOPPED_BY_CLIENT, OUT_OF_RANGE, SILENCE, UNFIT = 1, 2, 3, 4
+STOPPED_BY_CLIENT, OUT_OF_RANGE, SILENCE, UNFIT, OTHER_TARGET = 1, 2, 3, 4, 5
 _ENDS: dict[int, tuple[type[AcquisitionError], str]] = {
     STOPPED_BY_CLIENT: (MotionStopped, "stopped by a client"),
     OUT_OF_RANGE: (JointLimit, "outside the joint limits of the controller"),
     SILENCE: (ProtectiveStop, "stopped by the watchdog: no word from this program"),
     UNFIT: (NotReady, "controller not ready to move"),
+    OTHER_TARGET: (
+        ProtocolError,
+        "the target that arrived there is not the one that was sent; nothing moved",
+    ),
 }
+
+
+def other_version(program: str, version: int, device: str) -> ProtocolError:
+    """The robot's program is not the one that this driver speaks to."""
+    return ProtocolError(
+        f"{program} on the controller is program version {version}, needed {VERSION}",
+        device=device,
+        command="connect",
+        what_to_do="Load the programs of this release (drivers/robot_side/fanuc) into the controller.",
+    )
 
 
 def ended(status: int) -> tuple[type[AcquisitionError], str]:

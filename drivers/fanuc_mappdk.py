@@ -1,13 +1,15 @@
 """MAPPDK text dialect of a Fanuc (torayeff/fanucpy, KAREL server on TCP 18735, the same again on 18736).
 
-Request: one line, LF. Answer: `0:<data>` or `1:<error>` without end mark, complete when it has exactly its form.
-The server greets with `0:success`. A move is answered after the robot's motion program, which a stock server ends
-in CNT, and cannot be stopped; meanwhile the second port goes on answering. Answers carry no number, so every
-question is followed by `curpos`, whose answer no other question has: whatever a late or doubled answer left on the
-wire then meets the wrong form and closes the link.
+Request: one line, LF. Answer: `0:<data>` or `1:<error>` without end mark (`drivers.fanuc_mappdk_link`). The server
+greets with `0:success`. A stock move begins on one request, is answered after the robot's motion program, which ends in
+CNT, and cannot be stopped; meanwhile the second port goes on answering. A target that is damaged on its way moves the
+robot, and only the read-back shows it: `weakness` says so.
 
-Our own server (`robot_side/fanuc`: CALSRV.kl, CALLOG.kl) adds numbered questions on the second port, detected by
-asking `calname`: state, stop, watchdog; their answers carry a sum. Its moves end FINE and say why they ended elsewhere.
+Our own server (`robot_side/fanuc`: CALSRV.kl, CALLOG.kl) answers numbered questions with a sum, detected by asking
+`calname`: state, stop, watchdog, and a move in two steps that ends FINE and says why it ended elsewhere:
+
+    calset:NNNN:VVVV:<six joints>     0:c=NNNN,v=VVVV,j=...,k=SSS;   the target as understood there; nothing moves
+    calgo:NNNN:SSS                    0:c=NNNN,r=R,k=SSS;            the sum of that request lets the robot go
 """
 
 from __future__ import annotations
@@ -15,161 +17,56 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from drivers.errors import (
     AcquisitionError,
     CommandRefused,
     ConfigError,
-    JointLimit,
     LinkError,
-    LinkTimeout,
-    NotReady,
+    MotionStopped,
     ProtectiveStop,
     ProtocolError,
 )
 from drivers.fanuc_controller import (
     JOINTS,
-    OUT_OF_RANGE,
-    SILENCE,
-    STOPPED_BY_CLIENT,
     UNFIT,
+    VERSION,
     WIDEST_DEG,
     FanucDeadlines,
     Looker,
     Move,
     ended,
+    other_version,
     raise_if_unfit,
+)
+from drivers.fanuc_mappdk_link import (
+    BEAT,
+    DONE,
+    ENDED,
+    MOVED,
+    NAME,
+    SEEN,
+    SHOWN,
+    STATE,
+    Form,
+    MappdkLink,
+    sealed,
+    sum_of,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import Address, TcpLink, WireSink
+from drivers.read_back import apart_deg
 
-_LONGEST = 254  # KAREL STRING[254]
 _WATCHDOG_MS = 2000
 _MOVED_DEG = 0.01  # between two looks; less is standing
-_FIXED = rb" *-?\d{0,4}\.\d{3}"  # CNV_REAL_STR(x, 8, 3): padded with blanks
-_REFUSALS: dict[bytes, tuple[type[AcquisitionError], str]] = {
-    b"1:position-is-not-reachable": (JointLimit, "position not reachable"),
-    b"1:error-in-joint-values": (JointLimit, "error in the joint values"),
-    b"1:motion-stopped": ended(STOPPED_BY_CLIENT),
-    b"1:out-of-range": ended(OUT_OF_RANGE),
-    b"1:watchdog": ended(SILENCE),
-    b"1:not-ready": ended(UNFIT),
-    **{
-        b"1:" + text: (CommandRefused, text.decode())
-        for text in (
-            b"wrong-command",
-            b"R[81]-was-not-set",
-            b"R[82]-was-not-set",
-            b"R[83]-was-not-set",
-            b"PR[81]-was-not-set",
-            b"cannot-convert-joint-vals",
-            b"motion-failed",
-        )
-    },
-}
-
-
-class Form(NamedTuple):
-    """What may answer a question: its first bytes, and the whole."""
-
-    heads: tuple[bytes, ...]
-    whole: re.Pattern[bytes]
-
-
-def _form(head: bytes, rest: bytes = b"", *, refusable: bool = True) -> Form:
-    heads = (head, *_REFUSALS) if refusable else (head,)
-    return Form(heads, re.compile(b"|".join([re.escape(head) + rest, *map(re.escape, heads[1:])])))
-
-
-def _fields(names: Iterable[bytes], forms: Iterable[bytes]) -> bytes:
-    return b",".join(name + b"=(" + form + b")" for name, form in zip(names, forms, strict=True))
-
-
-_GREETING = _form(b"0:success", refusable=False)
-_MOVED = _form(b"0:success")
-_JOINTS = _form(b"0:j", _fields([b"", *[b"j"] * 8], [_FIXED] * JOINTS + [_FIXED + b"|none"] * 3))
-_POSE = _form(b"0:x", _fields([b"", b"y", b"z", b"w", b"p", b"r"], [_FIXED] * 6), refusable=False)
-_NAME = _form(b"0:c=", rb"(\d{4}),v=(\d+),([^,;]*),([^,;]*),k=\d{3};")
-_DONE = _form(b"0:c=", rb"(\d{4}),k=\d{3};")
-_STATE = _form(b"0:c=", rb"(\d{4}),a=([01]),p=([01]),e=([01]),m=([01]),n=(\d{1,5}),k=\d{3};")
-
-
-def sealed(answer: bytes) -> bool:
-    """Whether `<text>,k=NNN;` carries the sum of the codes of its text, modulo 1000."""
-    text, _, sum_of = answer.rpartition(b",k=")
-    return sum_of == b"%03d;" % (sum(text) % 1000)
-
-
-class MappdkLink:
-    """One connection; one question at a time, from any thread."""
-
-    def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
-        self.link = link
-        self.deadlines = deadlines
-        self._lock = threading.RLock()
-
-    def open(self) -> None:
-        """Connect and be greeted. Raises LinkError."""
-        with self._lock:
-            self.link.open(connect_s=self.deadlines.connect_s)
-            try:
-                with self.link.question("connect", unread_allowed=True):  # the greeting may be there already
-                    self._read("connect", _GREETING, "connect_s", self.deadlines.connect_s)
-            except LinkTimeout as error:
-                error.what_to_do = (
-                    "Check that the KAREL programs run and that no other program is connected to the robot."
-                )
-                raise
-
-    def ask(
-        self,
-        request: bytes,
-        form: Form,
-        *,
-        deadline: str = "reply_s",
-        seconds: float | None = None,
-        meanwhile: Callable[[], None] | None = None,
-    ) -> re.Match[bytes]:
-        """One question and the `curpos` behind it. Raises LinkError, and what a refusal means."""
-        limit = self.deadlines.reply_s if seconds is None else seconds
-        command = request.split(b":")[0].decode()
-        with self._lock:
-            with self.link.question(command):
-                self.link.send(request + b"\n", command=command, send_s=self.deadlines.send_s)
-                found = self._read(command, form, deadline, limit, meanwhile)
-            with self.link.question("curpos"):
-                self.link.send(b"curpos\n", command="curpos", send_s=self.deadlines.send_s)
-                self._read("curpos", _POSE, "reply_s", self.deadlines.reply_s)
-        if found[0] in _REFUSALS:
-            kind, text = _REFUSALS[found[0]]
-            raise kind(text, device=self.link.device, command=command, raw=found[0])
-        return found
-
-    def _read(
-        self,
-        command: str,
-        form: Form,
-        deadline: str,
-        seconds: float,
-        meanwhile: Callable[[], None] | None = None,
-    ) -> re.Match[bytes]:
-        def possible(received: bytes) -> bool:
-            begins_well = any(received.startswith(head) or head.startswith(received) for head in form.heads)
-            return begins_well and len(received) <= _LONGEST and not form.whole.match(received)
-
-        return self.link.read_reply(
-            form.whole,
-            command=command,
-            deadline=deadline,
-            seconds=seconds,
-            possible=possible,
-            meanwhile=meanwhile,
-        )
+_ECHO_DEG = 4e-5  # a KAREL REAL has single precision: 3e-5 at 360 deg
+_WEAKNESS = (
+    "a stock MAPPDK server moves on a request at once and has no checksum: a target that is damaged on its way moves "
+    "the robot there, and is seen only afterwards, from 0.003 deg on"
+)
 
 
 class MappdkController:
@@ -211,19 +108,21 @@ class MappdkController:
     def dialect(self) -> str:
         return "mappdk" if self._ours is None else "mappdk-cal"
 
+    @property
+    def weakness(self) -> str:
+        return _WEAKNESS if self._ours is None else ""
+
     def open(self) -> None:
         """Both connections; is it our server? Raises LinkError."""
         self._ours = None
         self._main.open()
         self._logger.open()
         try:
-            found = self._numbered(b"calname", _NAME)
+            found = self._numbered(self._logger, self._request(b"calname"), NAME)
         except CommandRefused:
             return
-        if found[2] != b"1":
-            raise ProtocolError(
-                "CALLOG of another version", device=self.name, command="calname", raw=found[0]
-            )
+        if int(found[2]) != VERSION:
+            raise other_version("CALLOG", int(found[2]), self.name)
         model, version = (part.decode("latin-1").strip() for part in found.groups()[2:4])
         self._ours = Identity("Fanuc", model, "", version, "mappdk-cal")
 
@@ -239,13 +138,14 @@ class MappdkController:
     def prepare(self) -> None:
         """Our server gets its watchdog; a stock one has nothing to prepare."""
         if self._ours is not None:
-            self._numbered(b"calbeat", _DONE, b":%05d" % _WATCHDOG_MS)
+            found = self._numbered(self._logger, self._request(b"calbeat", b"%05d" % _WATCHDOG_MS), BEAT)
+            self._compare((int(found[2]),), (_WATCHDOG_MS,), found[0])
 
     def joints(self) -> JointReading:
         return self._joints(self._main)
 
     def _joints(self, talk: MappdkLink) -> JointReading:
-        found = talk.ask(b"curjpos", _JOINTS)
+        found = talk.ask(b"curjpos", SEEN)
         joints = tuple(float(field) for field in found.groups()[:JOINTS])
         if not all(math.isfinite(q) and abs(q) < WIDEST_DEG for q in joints):
             talk.link.close()
@@ -255,18 +155,46 @@ class MappdkController:
         return JointReading(joints, 1e-3, found[0])
 
     def move(self, move: Move) -> None:
-        """CNT 0: as near to a stop point as a stock server comes."""
-        joints = b"".join(b":%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
-        request = b"movej:%04d:0100:000:0:%d%s" % (move.percent, JOINTS, joints)
+        """A stock server moves at once, CNT 0: as near to a stop point as it comes."""
+        joints = b":".join(b"%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
         look = Looker(self._look_for(move), self._clock)
-        try:
-            self._main.ask(request, _MOVED, deadline="move_s", seconds=move.seconds, meanwhile=look)
-        except NotReady as error:  # our motion program knows that it cannot move; the state knows why
+        if self._ours is not None:
+            self._confirmed_move(move, joints, look)
+        else:
+            request = b"movej:%04d:0100:000:0:%d:%s" % (move.percent, JOINTS, joints)
+            self._main.ask(request, MOVED, deadline="move_s", seconds=move.seconds, meanwhile=look)
+
+    def _confirmed_move(self, move: Move, joints: bytes, look: Callable[[], None]) -> None:
+        request = self._request(b"calset", b"%04d:%s" % (move.percent, joints))
+        found = self._numbered(self._main, request, SHOWN)
+        shown = [float(field) for field in found.groups()[1 : 2 + JOINTS]]
+        self._compare(shown, (move.percent, *move.target), found[0])
+        if move.stopped.is_set():
+            raise MotionStopped("stopped before it began", device=self.name, command="move_to")
+        go = self._request(b"calgo", b"%03d" % sum_of(request))
+        found = self._numbered(self._main, go, ENDED, deadline="move_s", seconds=move.seconds, meanwhile=look)
+        status = int(found[2])
+        if status == UNFIT:  # our motion program knows that it cannot move; the state knows why
             raise_if_unfit(self.status(), self.name, "move_to")
-            error.what_to_do = (
-                "Clear the alarm on the pendant, start the robot's programs again, then confirm."
+        if status:
+            raise self._failed(status, found[0])
+
+    def _failed(self, status: int, raw: bytes) -> AcquisitionError:
+        kind, text = ended(status)
+        todo = "Clear the alarm on the pendant, start the robot's programs again, then confirm."
+        return kind(
+            text, device=self.name, command="move_to", raw=raw, what_to_do=todo if status == UNFIT else None
+        )
+
+    def _compare(self, shown: Sequence[float], wanted: Sequence[float], raw: bytes) -> None:
+        if apart_deg(shown, wanted) > _ECHO_DEG:
+            self.close()
+            raise ProtocolError(
+                "the controller understood another request; nothing moved",
+                device=self.name,
+                command="calset",
+                raw=raw,
             )
-            raise
 
     def _look_for(self, move: Move) -> Callable[[], None]:
         """What is looked at while the answer to a move is outstanding.
@@ -285,9 +213,9 @@ class MappdkController:
         def at_joints() -> None:
             nonlocal since, last
             now = self._joints(self._logger).joints_deg
-            if last is None or max(abs(a - b) for a, b in zip(now, last, strict=True)) > _MOVED_DEG:
+            if last is None or apart_deg(now, last) > _MOVED_DEG:
                 since, last = self._clock(), now
-            away = max(abs(a - b) for a, b in zip(now, move.target, strict=True))
+            away = apart_deg(now, move.target)
             if away > _MOVED_DEG and self._clock() - since > self.deadlines.still_s:
                 raise ProtectiveStop(
                     f"stands {away:.3f} deg from its target for still_s = {self.deadlines.still_s:g} s "
@@ -301,30 +229,43 @@ class MappdkController:
     def halt(self) -> None:
         """Raises LinkError."""
         try:
-            self._numbered(b"calstop", _DONE)
+            self._numbered(self._logger, self._request(b"calstop"), DONE)
         except LinkError:  # a stop is worth a second try on a fresh connection
             self._logger.open()
-            self._numbered(b"calstop", _DONE)
+            self._numbered(self._logger, self._request(b"calstop"), DONE)
 
     def status(self) -> RobotStatus:
         """Stock: only that the second port answers. Raises LinkError."""
         if self._ours is None:
             raw = self._joints(self._logger).raw
             return RobotStatus("unknown", None, None, None, raw=raw)
-        found = self._numbered(b"calstat", _STATE)
+        found = self._numbered(self._logger, self._request(b"calstat"), STATE)
         auto, power, stop, moving, number = (int(field) for field in found.groups()[1:6])
         mode = "auto" if auto else "manual"
         return RobotStatus(mode, bool(power), bool(stop), bool(moving), number or None, found[0])
 
-    def _numbered(self, what: bytes, form: Form, rest: bytes = b"") -> re.Match[bytes]:
-        """A question of our server on the second port. Raises LinkError, CommandRefused."""
-        number = b"%04d" % next(self._numbers)
-        found = self._logger.ask(what + b":" + number + rest, form)
+    def _request(self, what: bytes, *rest: bytes) -> bytes:
+        """A question of our server, with the next number."""
+        return b":".join((what, b"%04d" % next(self._numbers), *rest))
+
+    def _numbered(
+        self,
+        talk: MappdkLink,
+        request: bytes,
+        form: Form,
+        *,
+        deadline: str = "reply_s",
+        seconds: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> re.Match[bytes]:
+        """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
+        found = talk.ask(request, form, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        what, number, *_ = request.split(b":")
         if found[1] != number or not sealed(found[0]):
-            self._logger.link.close()
+            talk.link.close()
             raise ProtocolError(
                 f"answer does not carry number {number.decode()}, or a wrong sum",
-                device=self._logger.link.device,
+                device=talk.link.device,
                 command=what.decode(),
                 raw=found[0],
             )

@@ -3,7 +3,8 @@
 pymodbus by itself connects again unasked, passes over frames of other transactions and waits for the rest of
 damaged ones. Here its transport is replaced by `TcpLink`, with the one rule of all drivers: what is not exactly the
 answer to this request (same transaction, unit, function and size; a write with the same address) closes the link.
-Modbus TCP has no checksum: writes are read back, positions are read twice (`drivers.fanuc`).
+Modbus TCP has no checksum: a target is read back before the robot is told to go, positions are read twice
+(`drivers.fanuc`), and the robot's program goes on nothing that one damaged write can leave (`drivers.fanuc_registers`).
 
 A move: target, speed and a fresh number are written, then `go`; it has ended when the robot's program gives this very
 number back as done. Unused addresses of a Fanuc read 0 and swallow writes without an error, which the reading back
@@ -22,7 +23,7 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from drivers.errors import Busy, CommandRefused, LinkError, LinkTimeout, NotReady, ProtocolError
-from drivers.fanuc_controller import WIDEST_DEG, FanucDeadlines, Looker, Move
+from drivers.fanuc_controller import VERSION, WIDEST_DEG, FanucDeadlines, Looker, Move, other_version
 from drivers.fanuc_registers import HmiProfile, IoProfile, Profile, Progress
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import Address, TcpLink, WireSink
@@ -187,6 +188,10 @@ class ModbusController:
     def dialect(self) -> str:
         return self._profile.dialect
 
+    @property
+    def weakness(self) -> str:
+        return ""
+
     def open(self) -> None:
         """Raises LinkError."""
         self._registers.open()
@@ -208,6 +213,8 @@ class ModbusController:
         if seen.trouble is not None:
             kind, text = seen.trouble
             raise kind(text, device=self.name, command="arm")
+        if seen.version != VERSION:
+            raise other_version(self._profile.program, seen.version, self.name)
         if not seen.ready:
             raise Busy("a move is under way", device=self.name, command="arm")
         self._number = seen.taken

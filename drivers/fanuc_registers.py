@@ -5,7 +5,9 @@
 1e-4 deg, low first; where the option puts them is not published, so both base addresses are in the address:
 `?modbus=io&inputs=0&outputs=100&table=holding`. Addresses here count from 0.
 
-The robot-side program echoes the number of a command when it is done, so that an older "done" is never believed.
+The robot-side program echoes the number of a command when it is done, so that an older "done" is never believed. It
+shows its version, and it starts on nothing that one damaged write can leave behind: in `hmi` the go word is the number
+plus 1000, written after everything else was read back; in `io` a sum over number, speed and joints must agree.
 """
 
 from __future__ import annotations
@@ -41,10 +43,12 @@ class Registers(Protocol):
 class Progress:
     """What the robot's program says of moves.
 
-    `taken`: number of the command it last took up or was given; `done`: number it last finished; `refusal`: why that
-    one did not end at its target; `trouble`: why nothing moves on; `ready`: the program waits for a command.
+    `version`: of the program, 0 while it has not run; `taken`: number of the command it last took up or was given;
+    `done`: number it last finished; `refusal`: why that one did not end at its target; `trouble`: why nothing moves on;
+    `ready`: the program waits for a command.
     """
 
+    version: int
     taken: int
     done: int
     busy: bool
@@ -57,6 +61,7 @@ class Profile(Protocol):
     """One layout."""
 
     dialect: str
+    program: str
     resolution_deg: float
     last_number: int
 
@@ -78,19 +83,34 @@ def _unpack(words: Sequence[int], kind: ModbusClientMixin.DATATYPE) -> list[floa
     return [float(value) for value in values if isinstance(value, int | float)]
 
 
+def sum_of(words: Sequence[int]) -> int:
+    """The sum that goes with a command, below 65521 and never that of words that are all zero."""
+    total = 7919
+    for word in words:
+        total = (31 * total + word) % 65521
+    return total
+
+
 def _raw(words: Sequence[int]) -> bytes:
     return b"".join(word.to_bytes(2, "big") for word in words)
 
 
 class HmiProfile:
-    """R[81] speed %, R[82] number, R[83] go, R[84] busy, R[85] done number, R[86] status, R[87] stop, R[88] beat."""
+    """R[81] speed %, R[82] number, R[83] go, R[84] busy, R[85] done number, R[86] status, R[87] stop, R[88] beat,
+    R[91] version.
+    """
 
     dialect = "modbus-hmi"
+    program = "CALHMI"
     resolution_deg = 2e-5  # of a 32-bit float at 180 deg
     last_number = 32767
     _HERE, _TARGET, _R81, _R83, _R87, _R88 = 0, 20, 60, 62, 66, 67
     _VIEW, _ALARM, _STATE = (60, 58), 20, 49  # one reading of R[81..88], ALM[1] and PRG[1]; offsets in it
     _ABORTED, _PAUSED = 0, 1
+    _VERSION_AT, _GO_FROM = (
+        10,
+        1000,
+    )  # offset of R[91]; go is beyond any speed, so that neither is taken for the other
 
     def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]:
         words = registers.read("holding", self._HERE, 19)
@@ -101,7 +121,7 @@ class HmiProfile:
         registers.write(self._TARGET, [*_pack((*target, 0.0, 0.0, 0.0), _FLOAT), 1])
         registers.write(self._R87, [0])
         registers.write(self._R81, [percent, number])
-        registers.poke(self._R83, [1])
+        registers.poke(self._R83, [self._GO_FROM + number])
 
     def progress(self, registers: Registers) -> Progress:
         words = registers.read("holding", *self._VIEW)
@@ -113,6 +133,7 @@ class HmiProfile:
         elif state == self._ABORTED:
             trouble = ended(UNFIT)[0], "the program CALHMI does not run"
         return Progress(
+            version=words[self._VERSION_AT],
             taken=number,
             done=done,
             busy=bool(busy or go),
@@ -138,18 +159,20 @@ class HmiProfile:
 
 
 class IoProfile:
-    """Inputs of the robot: command, speed %, beat, joints. Outputs: status, alarm, speed %, joints.
+    """Inputs of the robot: command, speed %, beat, joints, sum. Outputs: status, alarm, speed %, joints, version.
 
     Command word: bit 0 go, bit 1 stop, bits 8-15 number. Status word: bit 0 busy, 1 done, 2 error, 3 ready (servo on,
     pendant off), 4 emergency stop, 5 program running, bits 8-15 number. Alarm word: with bit 2 the status of a move.
     """
 
     dialect = "modbus-io"
+    program = "CALIO"
     resolution_deg = 1e-4
     last_number = 255
     _GO, _STOP = 1, 2
     _BUSY, _DONE, _ERROR, _FIT, _ESTOP, _RUNS = (1 << bit for bit in range(6))
-    _JOINTS_AT, _WORDS = 3, 3 + 2 * JOINTS
+    _JOINTS_AT, _VERSION_AT = 3, 3 + 2 * JOINTS
+    _WORDS = _VERSION_AT + 1
 
     def __init__(self, inputs: int, outputs: int, table: str) -> None:
         self._inputs = inputs
@@ -177,18 +200,21 @@ class IoProfile:
 
     def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]:
         words = self._view(registers)
-        return tuple(q * 1e-4 for q in _unpack(words[self._JOINTS_AT :], _INT)), _raw(words)
+        joints = _unpack(words[self._JOINTS_AT : self._VERSION_AT], _INT)
+        return tuple(q * 1e-4 for q in joints), _raw(words)
 
     def command(self, registers: Registers, target: Sequence[float], percent: int, number: int) -> None:
         self._number = number
         registers.write(self._inputs, [number << 8])
         registers.write(self._inputs + 1, [percent])
-        registers.write(self._inputs + self._JOINTS_AT, _pack([round(q * 1e4) for q in target], _INT))
+        joints = _pack([round(q * 1e4) for q in target], _INT)
+        proof = sum_of((number, percent, *joints))
+        registers.write(self._inputs + self._JOINTS_AT, [*joints, proof])
         registers.write(self._inputs, [number << 8 | self._GO])
 
     def progress(self, registers: Registers) -> Progress:
         (asked,) = registers.read("holding", self._inputs, 1)
-        word, number, *_ = self._view(registers)
+        word, number, *_, version = self._view(registers)
         runs, fit = bool(word & self._RUNS), bool(word & self._FIT)
         trouble: Refusal | None = None
         if word & self._ESTOP:
@@ -198,6 +224,7 @@ class IoProfile:
         elif not fit:
             trouble = EnableLost if number == UNFIT else WrongMode, "servo power off, or pendant enabled"
         return Progress(
+            version=version,
             taken=asked >> 8,
             done=word >> 8 if word & (self._DONE | self._ERROR) else 0,
             busy=bool(word & self._BUSY),

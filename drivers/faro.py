@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
 from drivers.mbp_session import MbpDeadlines, MbpSession
-from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of
+from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
 
 
 class FaroTracker:
@@ -57,6 +57,11 @@ class FaroTracker:
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
         self.session.disconnect()
+
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return self.session.weakness
 
     def identify(self) -> Identity:
         """What the bridge said in its greeting. Raises LinkError when not connected."""
@@ -109,4 +114,4 @@ class FaroTracker:
 
     def status(self) -> InstrumentStatus:
         """State and weather. Raises LinkError, SafetyStop."""
-        return self.session.status()
+        return status_of(self.session)

@@ -155,6 +155,19 @@ class Device(Protocol):
 
 
 @runtime_checkable
+class Candid(Protocol):
+    """A device that says what its wire cannot see, in a sentence; empty when it sees everything. Once connected."""
+
+    @property
+    def weakness(self) -> str: ...
+
+
+def weakness_of(device: Device) -> str:
+    """What the wire of a connected device cannot see: a damaged request, or a damaged answer. Empty: nothing."""
+    return device.weakness if isinstance(device, Candid) else ""
+
+
+@runtime_checkable
 class RobotArm(Device, Protocol):
     """A robot that goes to joint angles (deg). `can_stop` is valid once connected."""
 

@@ -17,7 +17,7 @@ from drivers.errors import CommandRefused, ConfigError, NotReady
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.link import WireSink, parse_url
 from drivers.mbp_session import MbpDeadlines, MbpSession
-from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of
+from drivers.mbp_tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
 
 # LMF: 12 s for a Standard or Precise point, 2 s more for two faces, 3 s for going there.
 LEICA_DEADLINES = replace(MbpDeadlines(), measure_margin_s=15.0)
@@ -74,6 +74,11 @@ class LeicaTracker:
     def disconnect(self) -> None:
         """Close and disarm; never raises."""
         self.session.disconnect()
+
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return self.session.weakness
 
     def identify(self) -> Identity:
         """What the bridge said in its greeting. Raises LinkError."""
@@ -136,4 +141,4 @@ class LeicaTracker:
 
     def status(self) -> InstrumentStatus:
         """State and weather. Raises LinkError, SafetyStop."""
-        return self.session.status()
+        return status_of(self.session)

@@ -5,7 +5,8 @@
     event     ! <n> <EVENT> t=<s> [k=v ...]      sample   # <i> t=<s> ...
 
 ASCII, one blank between fields, LF (CR before it ignored), 512 bytes at most. Checksum `*hhhh`:
-CRC-16/CCITT-FALSE over all bytes before the asterisk. Units mm, deg, s, degC, hPa, %RH.
+CRC-16/CCITT-FALSE over all bytes before the asterisk; the greeting asks for it (`crc=1`). Units mm, deg, s, degC, hPa,
+%RH.
 Every answer names its question; an answer to another one is counted and never used. So is a sample: this client
 asks for no stream, but the last one may have left one running, and a careless bridge tells everybody.
 """
@@ -83,6 +84,7 @@ class Message:
     fields: Mapping[str, str]
     event: str = ""
     raw: bytes = b""
+    summed: bool = False  # it came with its checksum
 
 
 def checksum(data: bytes) -> str:
@@ -119,10 +121,10 @@ def parse(line: bytes, *, checksum_needed: bool = False) -> Message:
         raise ProtocolError("not a message", raw=line)
     fields = _fields(head[6] or "", line)
     if head[1]:
-        return Message(head[2], int(head[1]), fields, raw=line)
+        return Message(head[2], int(head[1]), fields, raw=line, summed=bool(found))
     if head[3]:
-        return Message("EVENT", int(head[3]), fields, head[4], raw=line)
-    return Message("SAMPLE", int(head[5]), fields, raw=line)
+        return Message("EVENT", int(head[3]), fields, head[4], raw=line, summed=bool(found))
+    return Message("SAMPLE", int(head[5]), fields, raw=line, summed=bool(found))
 
 
 def _fields(text: str, line: bytes) -> dict[str, str]:
@@ -187,7 +189,7 @@ class MbpClient:
         self.events.clear()
         self.link.open(connect_s=connect_s)
         try:
-            hello = self.ask("HELLO", {"proto": 1, "client": "truepose"}, "reply_s", reply_s)
+            hello = self.ask("HELLO", {"proto": 1, "client": "truepose", "crc": 1}, "reply_s", reply_s)
         except CommandRefused as error:
             self.link.close()
             raise ProtocolError(
@@ -197,8 +199,17 @@ class MbpClient:
                 raw=error.raw,
                 what_to_do="Update the bridge or this program: they speak different versions of MBP.",
             ) from error
-        self._checksum_needed = self.serial is not None or hello.fields.get("crc") == "1"
+        promised = hello.fields.get("crc") == "1"
+        if promised and not hello.summed:
+            self.link.close()
+            raise ProtocolError("checksum missing", device=self.device, command="HELLO", raw=hello.raw)
+        self._checksum_needed = self.serial is not None or promised or hello.summed
         return hello
+
+    @property
+    def checksums(self) -> bool:
+        """Whether every line of the bridge has to carry its checksum. Once open."""
+        return self._checksum_needed
 
     def shout(self, command: str) -> None:
         """Send a command without waiting; its answer will be discarded by number. For ABORT only."""

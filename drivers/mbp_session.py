@@ -41,6 +41,10 @@ _ELSEWHERE = {
     "proto": "Update the bridge or this program: they speak different versions of MBP.",
     "kind": "Check that the address belongs to the bridge of this instrument.",
 }
+_WEAKNESS = (
+    "the bridge sends no checksums (no crc=1 in its greeting): an answer of which one digit is damaged on its way is "
+    "taken for measured"
+)
 _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
@@ -90,8 +94,8 @@ class MbpSession:
 
     def connect(self) -> None:
         """Open and greet; nothing moves. Raises LinkError, ProtocolError (another device), Busy."""
-        if not self._warned:
-            self._warned = True
+        first, self._warned = not self._warned, True
+        if first:
             _LOG.warning("%s: this driver is UNVERIFIED ON HARDWARE: check its first readings", self._name)
         self.disconnect()
         with self._lock:
@@ -108,6 +112,8 @@ class MbpSession:
                     )
             self._hello = hello
             self._last_t_s = -math.inf
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self._name, self.weakness)
         if self._heartbeat_s is not None:
             self._quit = threading.Event()
             self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
@@ -147,6 +153,11 @@ class MbpSession:
                 except AcquisitionError as error:  # if it broke the link, the next question tells
                     _LOG.warning("%s", error)
                     return
+
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return "" if self.client.checksums else _WEAKNESS
 
     def identify(self) -> Identity:
         """What the bridge said in its greeting. Raises LinkError when not connected."""

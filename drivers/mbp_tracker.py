@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers import mbp
 from drivers.errors import (
@@ -18,10 +18,11 @@ from drivers.errors import (
     BeamBroken,
     ConfigError,
     NoisyMeasurement,
+    NotReady,
     ProtocolError,
     TargetNotSeen,
 )
-from drivers.interfaces import PointReading
+from drivers.interfaces import InstrumentStatus, PointReading
 from drivers.mbp_session import MbpSession
 
 FARTHEST_MM = 100_000.0  # beyond the range of any tracker
@@ -48,12 +49,30 @@ def check_question(target: str, samples: int, device: str) -> None:
         raise ConfigError(f"samples = {samples} must be at least 1", device=device, command="measure")
 
 
-def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> None:
-    """The tracker knows its weather. Raises NotReady where it has no station, ProtocolError for what no weather is."""
+def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> tuple[float, float, float]:
+    """Air (degC), pressure (hPa) and humidity (%) as the tracker knows them.
+
+    Raises NotReady where it has no station, ProtocolError for what no weather is.
+    """
     reply = session.ask("WEATHER", fields)
     with session.understood():
-        for key, low, high in (("T", -20.0, 60.0), ("P", 500.0, 1200.0), ("H", 0.0, 100.0)):
-            mbp.number(reply, key, low, high)
+        return (
+            mbp.number(reply, "T", -20.0, 60.0),
+            mbp.number(reply, "P", 500.0, 1200.0),
+            mbp.number(reply, "H", 0.0, 100.0),
+        )
+
+
+def status_of(session: MbpSession) -> InstrumentStatus:
+    """State and weather: that of STATUS, or where it has none that of WEATHER. Raises LinkError, SafetyStop."""
+    status = session.status()
+    if None not in (status.t_air_c, status.pressure_hpa, status.humidity_percent):
+        return status
+    try:
+        t_air_c, pressure_hpa, humidity_percent = ask_weather(session, {})
+    except NotReady:  # no station, or not yet
+        return status
+    return replace(status, t_air_c=t_air_c, pressure_hpa=pressure_hpa, humidity_percent=humidity_percent)
 
 
 def point_at(

@@ -99,6 +99,11 @@ class Qc20w:
         """Close and disarm; never raises."""
         self.session.disconnect()
 
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return self.session.weakness
+
     def identify(self) -> Identity:
         """What the bridge said in its greeting. Raises LinkError."""
         return self.session.identify()

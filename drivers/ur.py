@@ -3,8 +3,9 @@
 States come from RTDE (30004), or, where nobody listens there, from the real-time packet (30003). A move is a
 short URScript program sent to 30003. Nothing acknowledges it: it has ended when the controller says that no
 program runs, and target and actual joints agree and stand, never because time has passed. With RTDE of software
-3.9 or later the program brings its own number back in a register, so that an older end is not taken for this
-one, and its watchdog (`rtde_set_watchdog`) stops the arm when this program is gone. `stopj` over a connection of
+3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
+a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
+when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
 its own stops at any time. The other ports lie at their usual distances from the one in the URL; each can be
 given as an option (`realtime`, `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
 
@@ -41,13 +42,18 @@ from drivers.ur_state import JOINTS, RUNNING, UrState
 _LOG = logging.getLogger(__name__)
 _PORTS = {"realtime": -1, "secondary": -2, "dashboard": -5}  # as seen from RTDE, 30004
 _WIDEST_DEG = 360.0
+_WEAKNESS = (
+    "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
+    "way moves it elsewhere or at another speed, and is seen only afterwards, from 0.0006 deg on"
+)
 
 
 class UrArm:
     """One UR arm. Verbs block; `stop` and `status` use connections of their own and work from any thread.
 
     `reach_mm`: from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, and the tool);
-    the speed of the joints is held so that the tool there stays below `speed_mm_s`.
+    the speed of the joints is held so that the tool there stays below `speed_mm_s`. `hold_deg`: how far from its target
+    a servo may hold a joint (`drivers.read_back`).
     """
 
     unverified_on_hardware = True
@@ -62,7 +68,7 @@ class UrArm:
         reach_mm: float = 1000.0,
         acceleration_deg_s2: float = 60.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
-        tolerance_deg: float = 0.05,
+        hold_deg: float = 0.013,
         watchdog_s: float = 2.0,
         deadlines: UrDeadlines | None = None,
         wire: WireSink | None = None,
@@ -90,7 +96,7 @@ class UrArm:
             reach_mm,
             math.radians(speed_deg_s),
             math.radians(acceleration_deg_s2),
-            math.radians(tolerance_deg),
+            math.radians(hold_deg),
             watchdog_s,
         )
         self._motion = Motion(self._realtime, name, allowed, clock)
@@ -119,10 +125,15 @@ class UrArm:
         """Where the last connect found states: `rtde` or `realtime`."""
         return "rtde" if self._feed is self._rtde else "realtime"
 
+    @property
+    def weakness(self) -> str:
+        """What this controller cannot see; empty where a program is confirmed before it moves. Once connected."""
+        return "" if self._feed.confirms else _WEAKNESS
+
     def connect(self) -> None:
         """Open RTDE, or see the real-time packet; read the joints. Nothing moves. Raises LinkError."""
-        if not self._warned:
-            self._warned = True
+        first, self._warned = not self._warned, True
+        if first:
             _LOG.warning("%s: this UR driver is unverified on hardware", self.name)
         with self._lock:
             self.disconnect()
@@ -133,6 +144,8 @@ class UrArm:
             except BaseException:
                 self.disconnect()
                 raise
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self.name, self.weakness)
 
     def _open_feed(self) -> None:
         try:

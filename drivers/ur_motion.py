@@ -1,9 +1,11 @@
 """Moves of a UR arm: a URScript program is sent, then the states are watched until the arm stands.
 
 Nothing acknowledges a program. A move has ended when no program runs and target and actual joints agree and
-stand; then it is judged by where. A program over RTDE carries a number, which comes back in a register when it
-begins, and a watchdog. URScript: Universal Robots, "The URScript Programming Language", movej, stopj,
-rtde_set_watchdog, write_output_integer_register.
+stand; then it is judged by where: the controller's own target must be the one that was sent, and the joints be held
+there. A program over RTDE carries a number and a watchdog. It writes what it was given into registers, which the driver
+compares, and moves when an input register holds its number: one that was damaged on its way moves nothing. URScript:
+Universal Robots, "The URScript Programming Language", movej, stopj, rtde_set_watchdog, write_output_float_register,
+write_output_integer_register, read_input_integer_register.
 """
 
 from __future__ import annotations
@@ -21,44 +23,89 @@ from drivers.errors import (
     LinkTimeout,
     MotionStopped,
     NotReached,
+    ProtocolError,
     WrongMode,
 )
 from drivers.ur_deadlines import UrDeadlines
 from drivers.ur_realtime import Realtime
-from drivers.ur_rtde import REGISTER, Rtde
+from drivers.ur_rtde import FIRST_TOLD, GO_REGISTER, REGISTER, Rtde
 from drivers.ur_state import AGREE_RAD, PAUSED, PLAYING, STOPPED, UrState, Vector, Witness, unfit
 
 _LEVERS = (1.0, 1.0, 0.6, 0.3, 0.3, 0.15)  # from each axis to the end of the tool, arm outstretched
 _STOP_RAD_S2 = 4.0
 _LOOK_S = 0.25
 _LAST_NUMBER = 2**31 - 1
+_WRITTEN = 1e-9  # a number of a program, read by the controller, against the same text read here
+_COMMANDED_RAD = 1e-5  # the controller's target at the end of a movej; 0.0006 deg
+
+
+def _same(one: Sequence[float], other: Sequence[float], within: float) -> bool:
+    return len(one) == len(other) and max(abs(a - b) for a, b in zip(one, other, strict=True)) <= within
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How fast the arm may move, and how near to its goal it has to stand; mm/s, mm, rad/s, rad/s2, rad, s."""
+    """How fast the arm may move, and how far from its target a joint may be held; mm/s, mm, rad/s, rad/s2, rad, s."""
 
     speed_mm_s: float
     reach_mm: float
     speed: float
     acceleration: float
-    tolerance: float
+    hold: float
     watchdog_s: float
 
 
-def move_program(
-    goal_rad: Sequence[float], acceleration: float, speed: float, number: int | None, watchdog_s: float
-) -> str:
-    """URScript that moves to `goal_rad`, rad/s2 and rad/s of the leading joint; with `number`, it reports."""
-    goal = ", ".join(f"{q:.8f}" for q in goal_rad)
-    lines = [f"movej([{goal}], a={acceleration:.6f}, v={speed:.6f})"]
-    if number is not None:
-        lines = [
-            f'rtde_set_watchdog("input_int_register_{REGISTER}", {1 / watchdog_s:.3f}, "stop")',
-            f"write_output_integer_register({REGISTER}, {number})",
-            *lines,
-        ]
-    return "".join(["def truepose():\n", *(f"  {line}\n" for line in lines), "end\n"])
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A URScript program that moves to `goal_rad` (rad), with rad/s2 and rad/s of the leading joint.
+
+    With a number it guards itself, tells in registers what it was given, and waits for its number. The call that moves
+    has no digit in it, and takes all of its arguments: so nothing that is damaged can move the arm without being told.
+    """
+
+    goal_rad: Sequence[float]
+    acceleration: float
+    speed: float
+    number: int | None
+    watchdog_s: float
+
+    @property
+    def _named(self) -> dict[str, str]:
+        return {
+            "gain": f"{self.acceleration:.6f}",
+            "pace": f"{self.speed:.6f}",
+            "zero": "0.0",
+            "guard": f"{1 / self.watchdog_s:.3f}",
+        }
+
+    @property
+    def told(self) -> Vector:
+        """The numbers that the controller must show before it may move."""
+        return (*(float(f"{q:.8f}") for q in self.goal_rad), *map(float, self._named.values()))
+
+    def text(self) -> str:
+        """What is sent."""
+        goal = ", ".join(f"{q:.8f}" for q in self.goal_rad)
+        if self.number is None:
+            lines = [f"movej([{goal}], a={self.acceleration:.6f}, v={self.speed:.6f})"]
+        else:
+            given = [f"goal[{i}]" for i in range(len(self.goal_rad))] + list(self._named)
+            lines = [
+                f"goal = [{goal}]",
+                *(f"{name} = {value}" for name, value in self._named.items()),
+                f"number = {self.number}",
+                f'rtde_set_watchdog("input_int_register_{REGISTER}", guard, "stop")',
+                *(
+                    f"write_output_float_register({i}, {name})"
+                    for i, name in enumerate(given, start=FIRST_TOLD)
+                ),
+                f"write_output_integer_register({REGISTER}, number)",
+                f"while read_input_integer_register({GO_REGISTER}) != number:",
+                "  sync()",
+                "end",
+                "movej(goal, gain, pace, zero, zero)",
+            ]
+        return "".join(["def truepose():\n", *(f"  {line}\n" for line in lines), "end\n"])
 
 
 def not_ready(state: UrState) -> AcquisitionError | None:
@@ -71,14 +118,6 @@ def not_ready(state: UrState) -> AcquisitionError | None:
             what_to_do="Stop the program on the pendant and let go of the arm, then confirm.",
         )
     return problem
-
-
-def _begun(state: UrState, here: UrState, number: int | None) -> bool:
-    """Whether the program sent has begun: by its number, else because the controller does something."""
-    if number is not None:
-        return state.echo == number
-    moved = max(abs(a - b) for a, b in zip(state.target_rad, here.target_rad, strict=True))
-    return state.runtime_state == PLAYING or moved > 2 * AGREE_RAD
 
 
 class Motion:
@@ -105,7 +144,7 @@ class Motion:
                 return state, problem
             with ExitStack() as undo:
                 undo.callback(self._halt_if_possible)  # however this ends, the arm shall stand
-                problem = self._begin(feed.numbered, witness, state, goal)
+                problem = self._begin(feed, witness, state, goal)
                 if problem is None:
                     state, problem = self._follow(witness, goal, self._move_seconds(state, goal))
                 if problem is None:
@@ -135,37 +174,53 @@ class Motion:
             self.halt()
 
     def _begin(
-        self, numbered: bool, witness: Witness, here: UrState, goal: Vector
+        self, feed: Rtde | Realtime, witness: Witness, here: UrState, goal: Vector
     ) -> AcquisitionError | None:
-        """Send the program and see it begin."""
+        """Send the program, see it begin and let it go."""
         number = None
-        if numbered and here.echo is not None:
+        if feed.numbered and here.echo is not None:
             number = here.echo % _LAST_NUMBER + 1  # what the register does not hold yet
-        script = move_program(
-            goal, self._limits.acceleration, self._capped(here, goal), number, self._limits.watchdog_s
-        )
+        limits = self._limits
+        program = Program(goal, limits.acceleration, self._capped(here, goal), number, limits.watchdog_s)
         with self._realtime.talk("move_to") as (_, send):
             with self._sending:  # a stop comes first and nothing is sent, or later and ends what was sent
                 if self.stopped.is_set():
                     return MotionStopped("stopped before it began")
-                send(script)
-            end = self._clock() + self._deadlines.start_s
-            while True:
-                state = witness.state()
-                problem = unfit(state, moving=True)
-                if problem is not None or _begun(state, here, number):
-                    return problem
-                if self._clock() < end:
-                    continue
+                send(program.text())
+            problem = self._begun(witness, here, program)
+            if problem is None and number is not None:
                 if self.stopped.is_set():
-                    return MotionStopped("stopped before it began", raw=state.shown)
-                if number is None and state.off_rad(goal) <= self._limits.tolerance:
-                    return None  # already there: too short a program to be seen
-                return WrongMode(
-                    f"program did not begin within start_s = {self._deadlines.start_s:g} s",
-                    raw=state.shown,
-                    what_to_do="Switch the controller to remote control on the pendant (e-Series), then confirm.",
-                )
+                    return MotionStopped("stopped before it began")
+                feed.release(number)
+            return problem
+
+    def _begun(self, witness: Witness, here: UrState, program: Program) -> AcquisitionError | None:
+        """Whether the program that was sent has begun: by its number, else because the controller does something."""
+        end = self._clock() + self._deadlines.start_s
+        while True:
+            state = witness.state()
+            problem = unfit(state, moving=True)
+            if problem is not None:
+                return problem
+            if program.number is None:
+                moved = not _same(state.target_rad, here.target_rad, 2 * AGREE_RAD)
+                if state.runtime_state == PLAYING or moved:
+                    return None
+            elif state.echo == program.number and _same(state.told, program.told, _WRITTEN):
+                return None
+            elif state.echo != here.echo:
+                return ProtocolError("another program arrived than was sent; nothing moved", raw=state.shown)
+            if self._clock() < end:
+                continue
+            if self.stopped.is_set():
+                return MotionStopped("stopped before it began", raw=state.shown)
+            if program.number is None and state.off_rad(program.goal_rad) <= self._limits.hold:
+                return None  # already there: too short a program to be seen
+            return WrongMode(
+                f"program did not begin within start_s = {self._deadlines.start_s:g} s",
+                raw=state.shown,
+                what_to_do="Switch the controller to remote control on the pendant (e-Series), then confirm.",
+            )
 
     def _follow(
         self, witness: Witness, goal: Vector, seconds: float
@@ -181,7 +236,7 @@ class Motion:
             now = self._clock()
             if state.runtime_state == STOPPED and state.stands:
                 rest_since = min(rest_since, now)
-                settled = state.off_rad(state.target_rad) <= self._limits.tolerance
+                settled = state.off_rad(state.target_rad) <= self._limits.hold
                 if settled or now - rest_since > self._deadlines.settle_s:
                     return state, self._judge(state, goal)
             else:
@@ -199,12 +254,12 @@ class Motion:
         if self.stopped.is_set():
             return MotionStopped("stopped on its way", raw=state.shown)
         off = state.off_rad(goal)
-        if off <= self._limits.tolerance:
-            return None
-        text = f"stands {math.degrees(off):.3f} deg from where it was sent"
-        if max(abs(a - b) for a, b in zip(state.target_rad, goal, strict=True)) > self._limits.tolerance:
-            return MotionStopped(f"program ended before its target, {text}", raw=state.shown)
-        return NotReached(text, raw=state.shown)
+        text = f"stands {math.degrees(off):.4f} deg from where it was sent"
+        if not _same(state.target_rad, goal, _COMMANDED_RAD):
+            return MotionStopped(
+                f"program ended before its target or had another one, {text}", raw=state.shown
+            )
+        return None if off <= self._limits.hold else NotReached(text, raw=state.shown)
 
     def _capped(self, here: UrState, goal: Vector) -> float:
         """Speed of the leading joint, rad/s. movej knows no speed of the tool: the sum of all levers bounds it."""

@@ -56,6 +56,7 @@ class Realtime:
     """Questions to port 30003. From any thread: nothing is shared between them."""
 
     numbered = False  # no register comes back on this port, and no watchdog can be fed through it
+    confirms = False
 
     def __init__(
         self,
@@ -108,6 +109,9 @@ class Realtime:
 
     def claim(self) -> None:
         """This port does not tell who controls."""
+
+    def release(self, number: int) -> None:
+        """A program without a number waits for nothing."""
 
     @contextmanager
     def _connection(self, command: str, *, outlives_close: bool = False) -> Iterator[TcpLink]:

@@ -6,7 +6,8 @@ after its question, and nothing is unread when it asks the next one.
 
 From software 3.9 on there are integer registers for external clients (24 to 47). Register 46 serves twice: as
 input it is held by one client at a time, which is how a second one is refused, and the watchdog of the running
-program waits for it; as output it brings back the number of the last program begun.
+program waits for it; as output it brings back the number of the last program begun. The doubles from 24 on bring back
+what that program was given, and it moves when input 47 holds its number (`drivers.ur_motion`).
 """
 
 from __future__ import annotations
@@ -25,14 +26,18 @@ from drivers.ur_state import UrState, Witness, check_state, naming
 
 _LOG = logging.getLogger(__name__)
 
-REGISTER = 46
+REGISTER, GO_REGISTER = 46, 47
+FIRST_TOLD, TOLD = 24, 10  # doubles that a program tells what it was given
 FREQUENCY_HZ = 125.0  # of a CB3; faster controllers accept it
 _VERSION, _CONTROLLER, _OUTPUTS, _INPUTS = b"V"[0], b"v"[0], b"O"[0], b"I"[0]
 _START, _PAUSE, _DATA, _TEXT = b"S"[0], b"P"[0], b"U"[0], b"M"[0]
 _KINDS = (_VERSION, _CONTROLLER, _OUTPUTS, _INPUTS, _START, _PAUSE, _DATA, _TEXT)
 _LONGEST = 4096
-_ECHO = f"output_int_register_{REGISTER}"
-_BEAT = f"input_int_register_{REGISTER}"
+_ECHO = (
+    (f"output_int_register_{REGISTER}", "INT32"),
+    *((f"output_double_register_{i}", "DOUBLE") for i in range(FIRST_TOLD, FIRST_TOLD + TOLD)),
+)
+_INPUT_NAMES = f"input_int_register_{REGISTER},input_int_register_{GO_REGISTER}"
 _FIELDS: tuple[tuple[str, str], ...] = (
     ("timestamp", "DOUBLE"),
     ("target_q", "VECTOR6D"),
@@ -44,6 +49,7 @@ _FIELDS: tuple[tuple[str, str], ...] = (
     ("runtime_state", "UINT32"),
 )
 _VALUES = ">B25diiI"  # recipe, timestamp, four vectors, three modes
+_REGISTERS = f"i{TOLD}d"
 _BEAT_S = 0.2
 _CLAIM_PAUSE_S = 0.05
 
@@ -55,7 +61,7 @@ def encode(kind: int, payload: bytes = b"") -> bytes:
 
 def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
     """A data package without its header. Raises ProtocolError."""
-    layout = _VALUES + "i" if numbered else _VALUES
+    layout = _VALUES + _REGISTERS if numbered else _VALUES
     if len(payload) != struct.calcsize(layout) or payload[0] != recipe:
         raise ProtocolError("data of another recipe", raw=payload)
     _, t_s, *values = struct.unpack(layout, payload)
@@ -71,6 +77,7 @@ def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
         safety_mode=safety_mode,
         runtime_state=runtime_state,
         echo=echo[0] if echo else None,
+        told=tuple(echo[1:]),
         raw=payload,
     )
     check_state(state)
@@ -109,8 +116,14 @@ class Rtde:
         self._echoed = False
         self._beat_recipe: int | None = None
         self._count = 0
+        self._go = 0
         self._next_beat = -math.inf
         self._guarding = False
+
+    @property
+    def confirms(self) -> bool:
+        """Whether the controller has the registers with which a program shows its target and waits. Once open."""
+        return self._echoed
 
     @property
     def numbered(self) -> bool:
@@ -128,17 +141,17 @@ class Rtde:
             build = self._ask(_CONTROLLER, b"", "connect")
             if len(build) != 16:
                 raise ProtocolError("not a controller version", raw=build)
-            self._echoed = self._set_up(_ECHO)
+            self._echoed = self._set_up(*_ECHO)
             if not self._echoed:  # software before 3.9
                 self._set_up()
 
-    def _set_up(self, *more: str) -> bool:
+    def _set_up(self, *more: tuple[str, str]) -> bool:
         """Set up the fields of a state, and `more`. False when the controller lacks one of `more`."""
-        names = [name for name, _ in _FIELDS] + list(more)
-        wanted = [kind for _, kind in _FIELDS] + ["INT32"] * len(more)
+        names = [name for name, _ in (*_FIELDS, *more)]
+        wanted = [kind for _, kind in (*_FIELDS, *more)]
         reply = self._ask(_OUTPUTS, struct.pack(">d", FREQUENCY_HZ) + ",".join(names).encode(), "connect")
         types = reply[1:].decode("latin-1").split(",")
-        if more and types == wanted[: -len(more)] + ["NOT_FOUND"] * len(more):
+        if more and "NOT_FOUND" in types and types[: len(_FIELDS)] == wanted[: len(_FIELDS)]:
             return False
         if types != wanted or reply[0] == 0:
             raise ProtocolError("controller has other output fields than asked for", raw=reply)
@@ -153,12 +166,14 @@ class Rtde:
         end = self._clock() + self.deadlines.reply_s
         while self._echoed and self._beat_recipe is None:
             with self._question("arm"):
-                reply = self._ask(_INPUTS, _BEAT.encode(), "arm")
-            kind = reply[1:]
-            if kind == b"INT32":
+                reply = self._ask(_INPUTS, _INPUT_NAMES.encode(), "arm")
+            kinds = reply[1:].split(b",")
+            if kinds == [b"INT32"] * 2:
                 self._beat_recipe = reply[0]
-            elif kind != b"IN_USE":
-                raise ProtocolError("no input register 46", device=self.device, command="arm", raw=reply)
+            elif b"IN_USE" not in kinds:
+                raise ProtocolError(
+                    "no input registers 46 and 47", device=self.device, command="arm", raw=reply
+                )
             elif self._clock() > end:
                 raise Busy(
                     "another program controls this robot", device=self.device, command="arm", raw=reply
@@ -173,18 +188,23 @@ class Rtde:
         `guarding`: the watchdog of a running program is told that we are here.
         """
         with self._question(command):
-            self._guarding, self._next_beat = guarding and self.numbered, -math.inf
+            self._guarding, self._go, self._next_beat = guarding and self.numbered, 0, -math.inf
             self._switch(_START, command)
             yield Witness(lambda: self._state(command))
             self._guarding = False
             self._switch(_PAUSE, command)
+
+    def release(self, number: int) -> None:
+        """Let the program of this number move. Raises LinkError."""
+        self._go, self._next_beat = number, -math.inf
+        self._beat()
 
     def _beat(self) -> None:
         if not self._guarding or self._clock() < self._next_beat:
             return
         self._next_beat = self._clock() + _BEAT_S
         self._count = (self._count + 1) % 2**31
-        data = encode(_DATA, struct.pack(">Bi", self._beat_recipe, self._count))
+        data = encode(_DATA, struct.pack(">Bii", self._beat_recipe, self._count, self._go))
         self._link.send(data, command="beat", send_s=self.deadlines.send_s)
 
     def close(self) -> None:
@@ -237,7 +257,7 @@ class Rtde:
             size, kind = struct.unpack(">HB", head)
             if kind not in _KINDS or not 3 <= size <= _LONGEST:
                 raise ProtocolError("not an RTDE package", raw=head)
-            if kind == _DATA and size != 3 + struct.calcsize(_VALUES) + (4 if self._echoed else 0):
+            if kind == _DATA and size != 3 + struct.calcsize(_VALUES + _REGISTERS * self._echoed):
                 raise ProtocolError("data package of a wrong size", raw=head)
             payload = part(size - 3)
             if kind != _TEXT:

@@ -1,9 +1,9 @@
 """One state of a UR controller, from whichever stream, and when it is believed.
 
 Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is believed
-when the next one confirms it: same modes, and no joint further than its speed carries it in between. The clock
-of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError. So is a
-step of that clock within one question; between two questions it is not looked at.
+when the next one confirms it: same modes and registers, and no joint further than its speed carries it in between.
+The clock of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError.
+So is a step of that clock within one question; between two questions it is not looked at.
 
 Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
 """
@@ -68,7 +68,10 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class UrState:
-    """Joint angles (rad), speeds (rad/s), modes. `echo`: number of the last program begun; None: not told."""
+    """Joint angles (rad), speeds (rad/s), modes. `echo`: number of the last program begun; None: not told.
+
+    `told`: what that program says it was given (`drivers.ur_motion`).
+    """
 
     t_s: float
     target_rad: Vector
@@ -79,6 +82,7 @@ class UrState:
     safety_mode: int
     runtime_state: int
     echo: int | None
+    told: Vector = ()
     raw: bytes = b""
 
     @property
@@ -116,7 +120,7 @@ def agree(before: UrState, now: UrState) -> bool:
     dt = now.t_s - before.t_s
     if dt <= 0:
         raise ProtocolError("controller clock does not grow: an old or repeated package", raw=now.shown)
-    modes = ("robot_mode", "safety_mode", "runtime_state", "echo")
+    modes = ("robot_mode", "safety_mode", "runtime_state", "echo", "told")
     return all(getattr(before, mode) == getattr(now, mode) for mode in modes) and all(
         abs(b - a) <= AGREE_RAD + dt * max(abs(v), abs(w))
         for a, b, v, w in zip(

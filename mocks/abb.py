@@ -20,7 +20,16 @@ from mocks.sockets import drop
 
 MODES = {"auto": 1, "manual": 2, "manual_full": 3}
 LOG_EVERY_S = 0.1
-BAD, RANGE, STOPPED, MODE, INTERRUPTED, UNKNOWN = 1, 2, 3, 4, 5, 9
+BAD, RANGE, STOPPED, MODE, INTERRUPTED, OTHER_TARGET, UNKNOWN = 1, 2, 3, 4, 5, 6, 9
+
+
+def fletcher(text: str) -> int:
+    """Two running sums of the characters, modulo 251, as one number."""
+    sums = [0, 0]
+    for character in text:
+        sums[0] = (sums[0] + ord(character)) % 251
+        sums[1] = (sums[1] + sums[0]) % 251
+    return sums[1] * 256 + sums[0]
 
 
 class AbbController:
@@ -36,6 +45,9 @@ class AbbController:
         self._one_background = asyncio.Lock()
         self._main_writer: asyncio.StreamWriter | None = None
         self._last_code = 0
+        self._kept: tuple[list[float], int] | None = (
+            None  # the target of the last 201, and the sum of that request
+        )
         self._watchdog_s = 0.0
         self._settle_s = 0.0
         self._last_word = time.monotonic()  # of the client; the watchdog guards the link, so: on the wall
@@ -48,6 +60,7 @@ class AbbController:
     async def serve_main(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         async with self._one_main:
             self._main_writer = writer
+            self._kept = None
             forget = self.lose_first_reply
             rest = b""
             try:
@@ -132,7 +145,7 @@ class AbbController:
         if code >= 200:
             if self.stock:
                 return f"{code} 0 "
-            return await self._numbered(code, values, background=False)
+            return await self._numbered(code, values, background=False, text=request)
         if code == 99:
             return None
         good, data = await self._open_abb(code, values)
@@ -140,7 +153,7 @@ class AbbController:
 
     async def _open_abb(self, code: int, values: list[float]) -> tuple[bool, str]:
         wanted = {0: (0,), 2: (6,), 3: (0,), 4: (0,), 6: (7,), 7: (7,), 8: (2, 4), 9: (4,), 98: (0,)}
-        if len(values) not in wanted.get(code, ()):
+        if len(values) not in wanted.get(code, ()) or (code in (2, 6, 7, 8, 9) and not self.stock):
             return False, ""
         if code == 2:
             legal = self.arm.within_limits(values) and self.arm.can_move
@@ -159,18 +172,24 @@ class AbbController:
             return True, "120-500000*6.08.0134*IRB 120-3/0.6"
         return True, ""
 
-    async def _numbered(self, code: int, values: list[float], *, background: bool) -> str:
+    async def _numbered(self, code: int, values: list[float], *, background: bool, text: str = "") -> str:
         if code == 200:
-            return "200 1 CAL 1 5 #\n" if not values else f"200 0 {BAD} 0 #\n"
-        wanted = {201: 7, 202: 1, 203: 1, 204: 1, 205: 1, 206: 2, 207: 1, 208: 2}
+            return "200 1 CAL 2 5 #\n" if not values else f"200 0 {BAD} 0 #\n"
+        wanted = {201: 7, 202: 1, 203: 1, 204: 1, 205: 1, 206: 2, 207: 1, 208: 4, 209: 2}
         number = int(values[0]) if values else 0
-        if code not in wanted or (background and code in (201, 206)):
+        if code not in wanted or (background and code in (201, 206, 208, 209)):
             return f"{code} 0 {UNKNOWN} {number} #\n"
         if len(values) != wanted[code] or not 1 <= number <= 9999:
             return f"{code} 0 {BAD} {number} #\n"
         data = ""
         if code == 201:
-            error = await self._numbered_move(values[1:])
+            self._kept = None
+            if not self.arm.within_limits(values[1:]):
+                return f"{code} 0 {RANGE} {number} #\n"
+            self._kept = values[1:], fletcher(text)
+            data = " ".join(f"{q:.5f}" for q in values[1:]) + " "
+        elif code == 209:
+            error = await self._go(int(values[1]))
             if error:
                 return f"{code} 0 {error} {number} #\n"
         elif code == 202:
@@ -191,7 +210,10 @@ class AbbController:
             self._stop_asked = True
             self.arm.halt()
         elif code == 208:
-            self._watchdog_s = values[1] / 1000
+            if min(values[2:]) <= 0:
+                return f"{code} 0 {BAD} {number} #\n"
+            self._watchdog_s, self.speed = values[1] / 1000, values[2:]
+            data = f"{values[1]:.0f} {values[2]:.1f} {values[3]:.1f} "
         return f"{code} 1 {number} {data}#\n"
 
     def _background_reply(self, request: str) -> str:
@@ -207,12 +229,13 @@ class AbbController:
 
     # -- motion -------------------------------------------------------------------------------------------
 
-    async def _numbered_move(self, target: list[float]) -> int:
+    async def _go(self, proof: int) -> int:
+        kept, self._kept = self._kept, None  # one go, one move
+        if kept is None or kept[1] != proof:
+            return OTHER_TARGET
         if not self.arm.can_move:
             return MODE
-        if not self.arm.within_limits(target):
-            return RANGE
-        outcome = await self._move(target)
+        outcome = await self._move(kept[0])
         if outcome is Outcome.DEAD:
             await self._dead()
         if outcome is Outcome.STOPPED:

@@ -75,6 +75,12 @@ class SimpleMessageServers:
         self._one_state = asyncio.Lock()
         self._points: list[Point] = []
         self._task: asyncio.Task[None] | None = None
+        self._restarted = asyncio.Event()
+
+    def restart(self) -> None:
+        """Somebody starts the programs of the controller again."""
+        self._restarted.set()
+        self._restarted = asyncio.Event()
 
     async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
         """Both servers, the states two ports above the motion. Raises OSError."""
@@ -90,7 +96,7 @@ class SimpleMessageServers:
                 length = int(np.frombuffer(await reader.readexactly(4), dtype="<i4")[0])
                 got = point(await reader.readexactly(length)) if 0 <= length <= 1024 else None
                 if got is None:
-                    await asyncio.Event().wait()  # the program has stopped with an error
+                    await self._restarted.wait()  # the program has stopped with an error
                     return
                 await self._take(got)
                 if got.wants_reply:

@@ -37,6 +37,7 @@ class ArmDevice:
     previous_deg: tuple[float, ...] = (0.0,) * 6
     sides: tuple[int, ...] = (1,) * 6
     changed: asyncio.Event = field(default_factory=asyncio.Event)
+    sent_to: list[tuple[float, ...]] = field(default_factory=list)  # targets of all moves that began
     _from: tuple[float, ...] = (0.0,) * 6
     _to: tuple[float, ...] = (0.0,) * 6
     _start_s: float = 0.0
@@ -76,6 +77,7 @@ class ArmDevice:
             for a, b, side in zip(here, target, self.sides, strict=True)
         )
         self._from, self._to = here, tuple(target)
+        self.sent_to.append(self._to)
         self._start_s = self.now()
         self._end_s = self._start_s + max(max(far) / rate_deg_s, tool_mm / tool_mm_s)
         self.wake()

@@ -4,8 +4,9 @@
     {"do": "mode", "mode": "manual"} {"do": "motors", "on": false} {"do": "lose_first_reply", "on": true}
     {"do": "break_beam"} {"do": "restore_beam"} {"do": "seat", "target": "T1"} ("target": null: all nests)
     {"do": "hide", "target": "T2"} {"do": "show", "target": "T2"} {"do": "tracker", "state": "WARMING"}
-    {"do": "weather", "on": false} {"do": "odd_reading", "fields": {"status": 1}}
+    {"do": "weather", "on": false} {"do": "status_weather", "on": false} {"do": "odd_reading", "fields": {"status": 1}}
     {"do": "reboot"} {"do": "clock_step", "by_s": -3600} {"do": "stream", "rate": 50} (0: no more)
+    {"do": "sums", "on": false} (bridges without checksums)
 
 Answers `{"ok": true, ...}` or `{"ok": false, "error": "..."}`.
 """
@@ -61,7 +62,6 @@ class BackDoor:
         what = order["do"]
         table: dict[str, Order] = {
             "state": self._state,
-            "restart": lambda _: self.abb.restart(),
             "truth": lambda _: {"effects": self.faro.tracker.world.truth},
             "estop": lambda _: self.abb.arm.press_emergency_stop(),
             "supervise": lambda _: self.abb.arm.supervise(),
@@ -75,6 +75,7 @@ class BackDoor:
             "show": lambda o: self.faro.tracker.hidden.discard(o["target"]),
             "tracker": self._tracker,
             "weather": self._weather,
+            "status_weather": lambda o: setattr(self.faro.tracker, "status_has_weather", bool(o["on"])),
             "odd_reading": lambda o: self.faro.odd.update(o["fields"]),
             **self.further,
         }

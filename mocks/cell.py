@@ -86,7 +86,13 @@ class Cell:
             | self.ctrack.orders()
             | self.qc20w.orders()
             | self.leica.orders()
-            | {"reboot": self._reboot, "clock_step": self._clock_step, "stream": self._careless_stream},
+            | {
+                "restart": self._restart,
+                "reboot": self._reboot,
+                "clock_step": self._clock_step,
+                "stream": self._careless_stream,
+                "sums": self._sums,
+            },
         )
         self.devices = devices
         self._servers = Servers()
@@ -103,6 +109,11 @@ class Cell:
         for each in (self.faro, self.leica, self.ctrack, self.qc20w):
             each.reboot()
         self.ur_clock.restart()
+        await self._restart(order)
+
+    async def _restart(self, order: dict[str, Any]) -> None:
+        """A person puts the robot in order, and starts the programs of its controller again."""
+        self.abb_simple.restart()
         await self.abb.restart()
 
     def _clock_step(self, order: dict[str, Any]) -> None:
@@ -115,6 +126,11 @@ class Cell:
         fields = {key: str(value) for key, value in order.items()}
         for bridge in self._bridges:
             bridge.stream(fields if order["rate"] else None, careless=True)
+
+    def _sums(self, order: dict[str, Any]) -> None:
+        """Every bridge sends its lines with a checksum, or without."""
+        for bridge in self._bridges:
+            bridge.sums = bool(order["on"])
 
     # -- serving ------------------------------------------------------------------------------------------
 

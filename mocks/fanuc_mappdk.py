@@ -3,13 +3,15 @@
 Written from the description of the protocol, not from the driver. Kept on purpose: commands are known by their
 first letters only; answers have no end mark; one client a port, a second is accepted by the network and never
 greeted; a stock move runs with CNT and is answered while the arm still runs out; a move that an alarm pauses is never
-answered, and the second port goes on. Ours (`stock` False) ends moves FINE, answers every move, and knows
-`calname`, `calstat`, `calstop` and `calbeat` on the second port.
+answered, and the second port goes on. Ours (`stock` False) knows `calname`, `calstat`, `calstop` and `calbeat` on the
+second port; on the first it moves in two steps, `calset` with the target and `calgo` with the sum that the client has
+of that request, ends moves FINE and answers every one.
 """
 
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 
 from mocks.fanuc_controller import MODEL, End, FanucController
@@ -17,20 +19,23 @@ from mocks.fanuc_controller import MODEL, End, FanucController
 _SLOTS = 9  # joint values in an answer; missing axes are `none`
 _VALUE_CHARS = 14
 _FIRST_FIELD = len("movej:")
-_ENDS = {
-    End.ARRIVED: "0:success",
-    End.STOPPED: "1:motion-stopped",
-    End.SILENT: "1:watchdog",
-    End.UNFIT: "1:not-ready",
-}
+_SET = re.compile(r"calset:(\d{4}):(\d{4})" + r":([+-]\d{6}\.\d{6})" * 6)
+_GO = re.compile(r"calgo:(\d{4}):(\d{3})")
+_OTHER_TARGET = 5
+_ENDS = {End.ARRIVED: 0, End.STOPPED: 1, End.SILENT: 3, End.UNFIT: 4}
+
+
+def total(text: str) -> int:
+    """The sum of the character codes modulo 1000."""
+    so_far = 0
+    for character in text:
+        so_far = (so_far + ord(character)) % 1000
+    return so_far
 
 
 def sealed(text: str) -> str:
-    """An answer of our own commands: its text, the sum of its character codes modulo 1000, an end mark."""
-    total = 0
-    for character in text:
-        total = (total + ord(character)) % 1000
-    return f"{text},k={total:03d};"
+    """An answer of our own commands: its text, its sum, an end mark."""
+    return f"{text},k={total(text):03d};"
 
 
 class MappdkServer:
@@ -41,9 +46,11 @@ class MappdkServer:
         self.stock = stock
         self._one_main = asyncio.Lock()
         self._one_logger = asyncio.Lock()
+        self._kept: tuple[int, list[float], int] | None = None  # speed, target and sum of the last calset
 
     async def serve_main(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         async with self._one_main:
+            self._kept = None
             await self._serve(reader, writer, second=False)
 
     async def serve_logger(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -73,8 +80,12 @@ class MappdkServer:
         if command.startswith("curjpos"):
             joints = [f"{q:8.3f}" for q in self.controller.joints_deg()]
             return "0:" + ",".join(f"j={value}" for value in [*joints, *["none"] * (_SLOTS - len(joints))])
-        if command.startswith("movej") and not (second and not self.stock):
+        if command.startswith("movej") and self.stock:
             return await self._move(command)
+        if command.startswith("calset") and not second and not self.stock:
+            return self._keep(command)
+        if command.startswith("calgo") and not second and not self.stock:
+            return await self._go(command)
         if command.startswith("cal") and second and not self.stock:
             return self._ours(command)
         return "1:wrong-command"
@@ -98,11 +109,32 @@ class MappdkServer:
             return "1:error-in-joint-values"
         if not self.controller.within_limits(values):
             return "1:position-is-not-reachable"
-        end = await self.controller.move(values, velocity, cnt=self.stock)
-        if self.stock and end is not End.ARRIVED:
+        if await self.controller.move(values, velocity, cnt=True) is not End.ARRIVED:
             self.controller.arm.supervise()
             await self.controller.until_restart()
-        return _ENDS[end]
+        return "0:success"
+
+    def _keep(self, command: str) -> str:
+        """calset:NNNN:VVVV: and six values of 14 characters: kept and shown back."""
+        self._kept = None
+        found = _SET.fullmatch(command)
+        if not found or not 1 <= int(found[2]) <= 100:
+            return "1:error-in-joint-values"
+        values = [float(text) for text in found.groups()[2:]]
+        if not self.controller.within_limits(values):
+            return "1:position-is-not-reachable"
+        self._kept = int(found[2]), values, total(command)
+        return sealed(f"0:c={found[1]},v={found[2]}" + "".join(f",j={value:14.6f}" for value in values))
+
+    async def _go(self, command: str) -> str:
+        """calgo:NNNN:SSS: one go, one move."""
+        kept, self._kept = self._kept, None
+        found = _GO.fullmatch(command)
+        if not found:
+            return "1:wrong-command"
+        if kept is None or kept[2] != int(found[2]):
+            return sealed(f"0:c={found[1]},r={_OTHER_TARGET}")
+        return sealed(f"0:c={found[1]},r={_ENDS[await self.controller.move(kept[1], kept[0])]}")
 
     def _ours(self, command: str) -> str:
         words = command.split(":")
@@ -110,7 +142,7 @@ class MappdkServer:
             return "1:wrong-command"
         arm, head = self.controller.arm, f"0:c={words[1]}"
         if words[0] == "calname":
-            return sealed(f"{head},v=1,{MODEL},V7.70P")
+            return sealed(f"{head},v=2,{MODEL},V7.70P")
         if words[0] == "calstat":
             flags = (arm.mode == "auto", arm.motors_on, arm.emergency_stop, arm.moving)
             bits = ",".join(f"{name}={int(flag)}" for name, flag in zip("apem", flags, strict=True))
@@ -121,5 +153,5 @@ class MappdkServer:
             return sealed(head)
         if words[0] == "calbeat" and len(words) == 3 and words[2].isdecimal():
             self.controller.beat_s = int(words[2]) / 1000
-            return sealed(head)
+            return sealed(f"{head},w={int(words[2]):05d}")
         return "1:wrong-command"

@@ -19,7 +19,8 @@ from mocks.sockets import drop
 
 CLIENTS = 4  # $SNPX_PARAM.$NUM_MODBUS
 BEAT_S = 2.0  # the watchdog of CALHMI and CALIO
-_STOPPED, _RANGE, _SILENT, _UNFIT = 1, 2, 3, 4
+_STOPPED, _RANGE, _SILENT, _UNFIT, _OTHER_TARGET = 1, 2, 3, 4, 5
+VERSION = 2  # of CALHMI and CALIO
 _STATUS = {End.ARRIVED: 0, End.STOPPED: _STOPPED, End.SILENT: _SILENT, End.UNFIT: _UNFIT}
 
 
@@ -61,8 +62,9 @@ class _Program:
 
 
 class HmiImage(_Program):
-    """POS[0] joints at 0, PR[81] joints at 20, R[81..88] at 60, ALM[1] at 80, PRG[1] at 100."""
+    """POS[0] joints at 0, PR[81] joints at 20, R[81..91] at 60, ALM[1] at 80, PRG[1] at 100. Go is number + 1000."""
 
+    version = VERSION
     _NUMBER, _GO, _STOP = 61, 62, 66  # R[82], R[83], R[87]
 
     def __init__(self, controller: FanucController) -> None:
@@ -80,7 +82,8 @@ class HmiImage(_Program):
         state = 2 if facility == 0 else 1
         if state == 1:  # the operator resets by starting the program again: it forgets its command
             self._kept[self._GO] = 0
-        shown = {63: int(self.busy), 64: self.done, 65: self.status, 80: facility, 81: number, 109: state}
+        shown = {63: int(self.busy), 64: self.done, 65: self.status, 70: self.version}
+        shown |= {80: facility, 81: number, 109: state}
         return (self._kept | shown).get(address, 0)
 
     def write(self, address: int, word: int) -> None:
@@ -99,7 +102,9 @@ class HmiImage(_Program):
         pairs = (self._target[i : i + 2] for i in range(0, 12, 2))
         target = [struct.unpack(">f", struct.pack(">HH", high, low))[0] for low, high in pairs]
         number = self._kept[self._NUMBER]
-        if self._kept[self._STOP]:  # the skip condition holds already
+        if self._kept[self._GO] != number + 1000:
+            self.finish(_OTHER_TARGET, number)
+        elif self._kept[self._STOP]:  # the skip condition holds already
             self.finish(self._kept[self._STOP], number)
         elif not self.controller.within_limits(target):
             self.controller.raise_alarm(15, 17)
@@ -115,27 +120,30 @@ class HmiImage(_Program):
 
 
 class IoImage(_Program):
-    """Inputs at 0: command, speed, beat, six joints. Outputs at 100: status, alarm, speed, six joints."""
+    """Inputs at 0: command, speed, beat, six joints, sum. Outputs at 100: status, alarm, speed, six joints, version."""
+
+    version = VERSION
 
     def __init__(self, controller: FanucController) -> None:
         super().__init__(controller)
-        self._inputs = [0] * 15
+        self._inputs = [0] * 16
         self._over = False
 
     def read(self, address: int) -> int:
-        if address < 15:
+        if address < 16:
             return self._inputs[address]
-        if not 100 <= address < 115:
+        if not 100 <= address < 116:
             return 0
         arm = self.controller.arm
         flags = (self.busy, self._over and not self.status, self._over and self.status, self.controller.fit)
         word = sum(1 << bit for bit, flag in enumerate((*flags, arm.emergency_stop, True)) if flag)
         joints = [round(q * 1e4) for q in self.controller.joints_deg()]
         shown = [word | self.done << 8, self.status, self._inputs[1]]
-        return [*shown, *(w for q in joints for w in little(struct.pack(">i", q)))][address - 100]
+        words = [w for q in joints for w in little(struct.pack(">i", q))]
+        return [*shown, *words, self.version][address - 100]
 
     def write(self, address: int, word: int) -> None:
-        if address >= 15:
+        if address >= 16:
             return
         self._inputs[address] = word
         self.controller.last_word = time.monotonic()
@@ -150,7 +158,12 @@ class IoImage(_Program):
         pairs = (self._inputs[i : i + 2] for i in range(3, 15, 2))
         target = [struct.unpack(">i", struct.pack(">HH", high, low))[0] * 1e-4 for low, high in pairs]
         self._over = False
-        if not self.controller.fit:
+        proof = 7919
+        for word in (number, self._inputs[1], *self._inputs[3:15]):
+            proof = (proof * 31 + word) % 65521
+        if proof != self._inputs[15]:
+            self.finish(_OTHER_TARGET, number)
+        elif not self.controller.fit:
             self.finish(_UNFIT, number)
         elif not self.controller.within_limits(target):
             self.finish(_RANGE, number)

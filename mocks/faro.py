@@ -50,7 +50,9 @@ class FaroBridge:
 
     def _state(self) -> str:
         state = "BUSY" if self.bridge.busy and self.tracker.state == "READY" else self.tracker.state
-        return f"state={state} " + (self._air() if self.tracker.weather else "")
+        return f"state={state} " + (
+            self._air() if self.tracker.weather and self.tracker.status_has_weather else ""
+        )
 
     def _weather(self, fields: Fields) -> str:
         if not self.tracker.weather:

@@ -1,9 +1,9 @@
-"""A TCP proxy between driver and simulator that spoils answers, one message at a time.
+"""A TCP proxy between driver and simulator that spoils answers or requests, one message at a time.
 
-A message is what arrives from the device up to `boundary`, or one received piece where the protocol has none.
-Requests pass untouched, except in a black hole. Faults are chosen by name, for so many messages or at a rate. What
-only the device can do, counters that begin anew and a clock that steps, it is told through `device`, an order of the
-back door.
+An answer is what arrives from the device up to `boundary`, or one received piece where the protocol has none; a
+request is one received piece. Faults are chosen by name, for so many messages or at a rate: those of `FAULTS` hit
+answers, those of `REQUEST_FAULTS` hit requests. What only the device can do, counters that begin anew and a clock that
+steps, it is told through `device`, an order of the back door.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import asyncio
 import random
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from types import TracebackType
 
 from mocks.sockets import Servers, drop
@@ -22,7 +22,7 @@ STEP_S = 3600.0
 
 
 class Spoiler:
-    """One connection: forwards answers to `writer`; each fault is a method that takes one message."""
+    """One direction of one connection: forwards messages to `writer`; each fault is a method that takes one message."""
 
     def __init__(
         self,
@@ -92,6 +92,16 @@ class Spoiler:
         at = self.rng.randrange(len(data))
         await self.send(data[:at] + bytes([data[at] ^ (1 << self.rng.randrange(7))]) + data[at + 1 :])
 
+    async def digit(self, data: bytes) -> None:
+        """One decimal digit is another one; one bit is wrong where there are no digits."""
+        places = [at for at, byte in enumerate(data) if 0x30 <= byte <= 0x39]
+        if not places:
+            await self.flip(data)
+            return
+        at = self.rng.choice(places)
+        other = 0x30 + (data[at] - 0x30 + self.rng.randint(1, 9)) % 10
+        await self.send(data[:at] + bytes([other]) + data[at + 1 :])
+
     async def half(self, data: bytes) -> None:
         await self.send(data[: len(data) // 2])
 
@@ -146,6 +156,12 @@ FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
 }
 
 
+REQUEST_FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
+    f"request_{name}": getattr(Spoiler, name) for name in ("digit", "flip", "half", "duplicate", "drop")
+}
+_METHODS = FAULTS | REQUEST_FAULTS
+
+
 class FaultProxy:
     """Proxy in a thread of its own: `with FaultProxy(port) as proxy: proxy.spoil("half", times=1)`."""
 
@@ -181,7 +197,7 @@ class FaultProxy:
     def spoil(self, *faults: str, times: int | None = 1, rate: float = 1.0, after: int = 0) -> None:
         """From now on: leave `after` messages alone, then spoil the next `times` (None: all) at this rate."""
         for fault in faults:
-            FAULTS[fault]
+            _METHODS[fault]
         with self._lock:
             self._plan = (faults, times, rate, after)
 
@@ -206,17 +222,28 @@ class FaultProxy:
         for writer in self._writers:
             writer.transport.abort()
 
-    def _next_fault(self) -> str | None:
+    async def _pass(
+        self,
+        message: bytes,
+        spoiler: Spoiler,
+        methods: Mapping[str, Callable[[Spoiler, bytes], Awaitable[None]]],
+    ) -> None:
+        """Forward one message of this direction, spoiled where it is its turn."""
+        fault = self._next_fault(methods)
+        await (spoiler.send(message) if fault is None else methods[fault](spoiler, message))
+
+    def _next_fault(self, methods: Mapping[str, object]) -> str | None:
         with self._lock:
-            faults, times, rate, after = self._plan
+            planned, times, rate, after = self._plan
+            faults = [fault for fault in planned if fault in methods]  # those of this direction
             if not faults or times == 0:
                 return None
             if after > 0:
-                self._plan = (faults, times, rate, after - 1)
+                self._plan = (planned, times, rate, after - 1)
                 return None
             if self._rng.random() >= rate:
                 return None
-            self._plan = (faults, None if times is None else times - 1, rate, 0)
+            self._plan = (planned, None if times is None else times - 1, rate, 0)
             self.spoiled += 1
             return self._rng.choice(faults)
 
@@ -245,18 +272,14 @@ class FaultProxy:
     async def _requests(
         self, reader: asyncio.StreamReader, device: asyncio.StreamWriter, spoiler: Spoiler
     ) -> None:
+        to_device = Spoiler(device, self._delay_s, self._rng, self.device, self._power_off)
         while data := await reader.read(4096):
             if not spoiler.silent:
-                device.write(data)
-                await device.drain()
+                await self._pass(data, to_device, REQUEST_FAULTS)
 
     async def _answers(self, device: asyncio.StreamReader, spoiler: Spoiler) -> None:
         async for message in self._messages(device):
-            fault = self._next_fault()
-            if fault is None:
-                await spoiler.send(message)
-            else:
-                await FAULTS[fault](spoiler, message)
+            await self._pass(message, spoiler, FAULTS)
             spoiler.previous = message
 
     async def _messages(self, device: asyncio.StreamReader) -> AsyncIterator[bytes]:

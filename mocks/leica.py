@@ -58,7 +58,7 @@ class LeicaBridge:
     def _state(self) -> str:
         tracker = self.tracker
         state = "BUSY" if self.bridge.busy and tracker.state == "READY" else tracker.state
-        return f"state={state} " + (self._air() if tracker.weather else "")
+        return f"state={state} " + (self._air() if tracker.weather and tracker.status_has_weather else "")
 
     def _weather(self, fields: Fields) -> str:
         if fields.get("source") == "MAN":

@@ -53,6 +53,10 @@ class MbpBridge:
         self._samples = 0
         self._stream: asyncio.Task[None] | None = None
         self._careless = False
+        self.sums = True  # False: a bridge that has no checksums, and says so
+
+    def _line(self, text: str) -> bytes:
+        return mbp.line(text) if self.sums else f"{text}\n".encode()
 
     def t(self) -> float:
         """The clock that readings, events and samples carry."""
@@ -74,7 +78,7 @@ class MbpBridge:
         """One TCP client, until it goes or falls silent."""
         if self._writer is not None:
             number = (await reader.readline()).split(b" ")[0].decode("ascii", "replace")
-            writer.write(mbp.line(f'{number} ERR code=120 text="in use" retry=1'))
+            writer.write(self._line(f'{number} ERR code=120 text="in use" retry=1'))
             await writer.drain()
             return
         self._writer = writer
@@ -113,7 +117,7 @@ class MbpBridge:
         self._changed.set()
         if self._writer is not None:
             self._events += 1
-            self._writer.write(mbp.line(f"! {self._events} {name} {pairs(t=self.t())}"))
+            self._writer.write(self._line(f"! {self._events} {name} {pairs(t=self.t())}"))
 
     async def wait(self, seconds: float, look: Callable[[], None]) -> None:
         """Simulated time passes; `look` is called at every change and may raise. Raises 110 on ABORT."""
@@ -153,7 +157,7 @@ class MbpBridge:
                 continue
             with contextlib.suppress(BadRequest):
                 text = self._sample(fields)
-                writer.write(mbp.line(f"# {self._samples} {pairs(t=self.t())} {text}"))
+                writer.write(self._line(f"# {self._samples} {pairs(t=self.t())} {text}"))
 
     # -- answering ----------------------------------------------------------------------------------------
 
@@ -184,7 +188,7 @@ class MbpBridge:
         if command == "HELLO":
             if fields.get("proto") != "1":
                 raise BadRequest(103, "proto=1 only")
-            return self._hello
+            return self._hello if self.sums else self._hello.replace("crc=1", "crc=0")
         if command == "STATUS":
             return self._state()
         if command == "PING":
@@ -217,5 +221,5 @@ class MbpBridge:
 
     async def _send(self, text: str) -> None:
         if self._writer is not None:
-            self._writer.write(mbp.line(text))
+            self._writer.write(self._line(text))
             await self._writer.drain()

@@ -54,6 +54,9 @@ class TrackerDevice:
         self.beam_broken = False
         self.homed = True  # IFM counts from the home position; a broken beam loses the count
         self.weather = True
+        self.status_has_weather = (
+            True  # False: a bridge whose STATUS tells its state alone, as bridge.md allows
+        )
         self.seated: str | None = None
         self.hidden: set[str] = set()  # nests whose SMR is missing or turned away
         self.held: str | None = None

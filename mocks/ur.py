@@ -28,7 +28,7 @@ from mocks.ur_packets import (
     version_message,
 )
 from mocks.ur_rtde import FASTEST_S, RtdeClient
-from mocks.ur_script import Call, ScriptError, ScriptReader, parse_program
+from mocks.ur_script import AWAIT, Call, ScriptError, ScriptReader, parse_program
 from mocks.ur_servo import Servo
 from mocks.world import World
 from mocks.world.kinematics import Geometry, nominal_geometry
@@ -54,6 +54,9 @@ class UrController:
         self.software: tuple[int, int, int, int] = (3, 15, 8, 106339)
         self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
         self.registers: dict[int, int] = {}
+        self.doubles: dict[int, float] = {}
+        self.input_values: dict[int, int] = {}
+        self.input_changed = asyncio.Event()
         self.inputs: dict[str, RtdeClient] = {}
         self.input_seen: dict[str, float] = {}
         self.forced_safety_mode: int | None = None
@@ -152,6 +155,12 @@ class UrController:
             self.arm.halt()
         elif call.name == "write_output_integer_register":
             self.registers[values["output_register"]] = values["value"]
+        elif call.name == "write_output_float_register":
+            self.doubles[values["output_register"]] = float(values["value"])
+        elif call.name == AWAIT:
+            while self.input_values.get(values["input_register"], 0) != values["value"]:
+                self.input_changed.clear()
+                await self.input_changed.wait()
         elif call.name == "sleep":
             await self.clock.wait(values["t"], asyncio.Event())
         return True

@@ -27,8 +27,7 @@ LAYOUTS = {
 ZEROS = {  # other clients set these up before they do anything; nothing of them is simulated
     "DOUBLE": "actual_execution_time target_speed_fraction actual_momentum actual_main_voltage "
     "actual_robot_voltage actual_robot_current standard_analog_input0 standard_analog_input1 "
-    "standard_analog_output0 standard_analog_output1 payload "
-    + " ".join(f"output_double_register_{i}" for i in range(48)),
+    "standard_analog_output0 standard_analog_output1 payload",
     "VECTOR3D": "actual_tool_accelerometer payload_cog",
     "VECTOR6D": "target_qdd target_current target_moment actual_current joint_control_output actual_TCP_pose "
     "actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed actual_joint_voltage payload_inertia",
@@ -59,6 +58,7 @@ def outputs(ur: UrController) -> dict[str, tuple[str, Callable[[], Any]]]:
     if ur.has_registers:
         for i in range(48):
             table[f"output_int_register_{i}"] = ("INT32", lambda i=i: ur.registers.get(i, 0))
+            table[f"output_double_register_{i}"] = ("DOUBLE", lambda i=i: ur.doubles.get(i, 0.0))
     return table
 
 
@@ -144,8 +144,10 @@ class RtdeClient:
         if names is None or len(payload) != 1 + 4 * len(names):
             self._text("input of no known recipe")
             return
-        for name in names:
+        for name, value in zip(names, struct.unpack(f">{len(names)}i", payload[1:]), strict=True):
             self.ur.input_seen[name] = time.monotonic()
+            self.ur.input_values[int(name.rpartition("_")[2])] = value
+        self.ur.input_changed.set()
 
     def _text(self, message: str) -> None:
         source = "RTDE"

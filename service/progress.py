@@ -42,6 +42,8 @@ class Progress:
         elif event.kind == "connected":
             if not event.data["can_stop"] and event.data["role"] == "robot":
                 self._terminal.note("This robot cannot be stopped by the program: keep a hand at its button.")
+            if event.data["weakness"]:
+                self._terminal.note(f"The {event.data['role']} is not protected: {event.data['weakness']}.")
         elif event.kind == "command" and event.data["verb"] == "pause":
             self._terminal.note("Pausing after the reading in hand. Ctrl-C once more stops the robot now.")
         elif event.kind == "reading" and event.data["set"] == "nest":

@@ -14,7 +14,7 @@ from acquisition.examination.finding import Chart
 from acquisition.identity import Match, OtherDevice
 from drivers.details import clock_of
 from drivers.errors import AcquisitionError, SafetyStop
-from drivers.interfaces import Device, Identity
+from drivers.interfaces import Device, Identity, weakness_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,12 @@ def meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity],
         _compare(chart, who, match(who))
         if who.simulated and not place.simulated:
             chart.note("simulated", "a simulator answers, no device", "Correct the url in the cell file.")
+    if weakness := weakness_of(device):
+        chart.note(
+            "wire",
+            weakness,
+            "Use a program or bridge with checksums, and a cable of its own between it and this computer.",
+        )
     if device.unverified_on_hardware:
         chart.note(
             "driver",

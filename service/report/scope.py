@@ -27,6 +27,8 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
         ("Load on the flange", _loads(dataset)),
         ("Declared noise (1 sigma)", noise_in_words(dataset)),
     ]
+    if dataset.header.unprotected:
+        lines.append(("Not protected against damage on the wire", dataset.header.unprotected))
     if len(conditions.series_names) > 1:
         lines.append(("Series", ", ".join(conditions.series_names)))
     return lines + [_device(table, len(conditions.series_names) > 1) for table in dataset.header.devices]

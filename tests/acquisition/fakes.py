@@ -192,6 +192,7 @@ class FakeArm:
         self.name = "arm"
         self.bench = bench
         self.can_stop = can_stop
+        self.weakness = ""
         self.armed = False
         self.stops = 0
 

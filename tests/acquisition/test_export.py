@@ -7,6 +7,8 @@ import json
 from contextlib import closing
 from pathlib import Path
 
+import pytest
+
 from acquisition.export import export, export_events
 from acquisition.run import Run
 from calib.dataset import read_dataset
@@ -62,3 +64,19 @@ def test_events_as_json_lines(tmp_path: Path) -> None:
     assert [event["kind"] for event in events[:2]] == ["created", "state"]
     assert events[-1]["data"]["state"] == "succeeded"
     assert sum(event["kind"] == "measure_again" for event in events) == 1
+
+
+@pytest.mark.parametrize("weakness", ["", "open_abb moves on a request at once"])
+def test_what_the_wire_could_not_see_is_in_record_and_data_set(tmp_path: Path, weakness: str) -> None:
+    bench = Bench(a_cell())
+    devices = devices_of(bench, SeatingOperator(bench))
+    devices.robot.weakness = weakness  # type: ignore[attr-defined]
+    with closing(Run.create(tmp_path / "r", bench.cell, a_campaign(block=BLOCKS), simulated=True)) as run:
+        assert run.execute(devices, JumpingClock()).state.value == "succeeded"
+        told = {
+            event.data["role"]: event.data["weakness"] for event in run.events() if event.kind == "connected"
+        }
+    assert told == {"robot": weakness, "instrument": ""}
+    header = read_dataset(export(tmp_path / "r", tmp_path / "out.csv")).header
+    assert header.unprotected == (f"robot: {weakness}" if weakness else "")
+    assert header.unknown_keys == ()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from drivers.errors import (
     StorageError,
     WrongMode,
 )
-from drivers.interfaces import Answer
+from drivers.interfaces import Answer, JointReading
 from drivers.operator import RemoteOperator, TerminalOperator, UnknownPrompt
 from tests.acquisition.fakes import (
     FakeArm,
@@ -61,6 +62,27 @@ def test_the_order_of_a_campaign(stage: Stage) -> None:
     with pytest.raises(NotResumed, match="finished; nothing to resume") as caught:
         stage.run.resume()
     assert "Look at the cell" not in caught.value.what_to_do
+
+
+def test_a_robot_that_is_read_back_elsewhere_is_approached_anew(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever its driver believes: no reading is filed under angles that the robot does not read back."""
+    move = FakeArm.move_to
+
+    def elsewhere(arm: FakeArm, joints_deg: Sequence[float]) -> JointReading:
+        there = move(arm, joints_deg)
+        by_deg = 0.03 if arm.bench.log.count("move") == 2 else 0.0  # at the first pose, the first time
+        return replace(there, joints_deg=(*there.joints_deg[:5], there.joints_deg[5] + by_deg))
+
+    monkeypatch.setattr(FakeArm, "move_to", elsewhere)
+    assert stage.execute().state.value == "succeeded"
+    arrivals = [attempt for attempt in stage.attempts() if attempt[0] == "arrive"]
+    first = arrivals[0][2]
+    assert [(status, visit) for _, status, visit in arrivals][:2] == [("failed", first), ("good", first)]
+    assert stage.bench.log.count("move") == ALL.count("move") + 2
+    (failed,) = (event for event in stage.run.events() if event.kind == "attempt_failed")
+    assert failed.data["error"]["code"] == 3008
 
 
 def test_settle_and_warm_up_take_campaign_time(tmp_path: Path) -> None:

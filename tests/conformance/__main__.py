@@ -1,8 +1,9 @@
 """`python -m tests.conformance [--questions 400] [--rate 0.1] [--jobs 8] [RIG ...]`: every rig x every fault.
 
-Each answer of the device is spoiled at the given rate, question after question. A cell of the table says how many
-questions were answered rightly / failed loudly / were WRONG, and after how long the slowest one ended. Exit code 1 for
-a wrong reading, and for a question that outlived its deadlines.
+Each answer of the device, or each request to it, is spoiled at the given rate, question after question. A cell of the
+table says how many questions were answered rightly / failed loudly / were WRONG, after how long the slowest one ended,
+and how often the robot was sent elsewhere, which only those do that move on one request. Exit code 1 for a wrong
+reading, for an unplanned motion of any other, and for a question that outlived its deadlines.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def main() -> int:
     sys.stdout.write("\n".join(tables(found)))
     counted = [each for each in found if each.counts]
     sys.stdout.write(
-        f"{len(found)} cells, {options.questions} questions each, {options.rate:.0%} of the answers spoiled "
+        f"{len(found)} cells, {options.questions} questions each, {options.rate:.0%} of the messages spoiled "
         f"({sum(each.spoiled for each in found)}), {time.monotonic() - begin:.0f} s: "
         f"{sum(each.right for each in counted)} right, {sum(each.loud for each in counted)} failed loudly, "
         f"{sum(each.wrong for each in counted)} wrong ({sum(each.wrong for each in found)} with the cells in "

@@ -12,10 +12,14 @@ from drivers import AbbArm, AbbDeadlines, AbbSimpleArm, AbbSimpleDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig
+from tests.conformance.rig import SCALE, Rig, sent_elsewhere
 
-PATIENT_ABB = AbbDeadlines(move_margin_s=30.0, ping_s=30.0, reply_s=30.0, stop_s=30.0, quiet_s=0.05)
-HASTY_ABB = replace(PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3)
+PATIENT_ABB = AbbDeadlines(
+    move_margin_s=30.0, ping_s=30.0, reply_s=30.0, stop_s=30.0, quiet_s=0.05, settle_s=30.0, gap_s=0.01
+)
+HASTY_ABB = replace(
+    PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3, settle_s=0.1
+)
 PATIENT_SIMPLE = AbbSimpleDeadlines(reply_s=30.0, stop_s=30.0, settle_s=30.0)
 HASTY_SIMPLE = replace(
     PATIENT_SIMPLE, connect_s=0.3, takeover_s=0.1, reply_s=0.3, stop_s=0.3, settle_s=0.3, move_margin_s=0.3
@@ -34,9 +38,11 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
     proxy = stack.enter_context(FaultProxy(cell.port("abb"), device=cell.do))
     arm = AbbArm(f"tcp://127.0.0.1:{proxy.port}?background={cell.port('abb-background')}")
     stack.callback(arm.disconnect)
+    goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
         target = goal(i)
+        goals.append(target)
         reached = arm.move_to(target).joints_deg
         read = arm.position().joints_deg
         assert cell.cell is not None
@@ -44,7 +50,9 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
             math.dist(reached, target), math.dist(read, target), math.dist(read, cell.cell.arm.joints_deg())
         )
 
-    return Rig(arm, proxy, cell, ask, 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s, PATIENT_ABB, HASTY_ABB)
+    tolerance, longest_s = 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s
+    elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
+    return Rig(arm, proxy, cell, ask, tolerance, longest_s, PATIENT_ABB, HASTY_ABB, elsewhere)
 
 
 def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
@@ -54,9 +62,11 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
     ports = {name: cell.port(name) for name in ("abb-simple", "abb-simple-state")} | {proxied: proxy.port}
     arm = AbbSimpleArm(f"tcp://127.0.0.1:{ports['abb-simple']}?state={ports['abb-simple-state']}")
     stack.callback(arm.disconnect)
+    goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
         target = goal(i)
+        goals.append(target)
         reached = arm.move_to(target).joints_deg
         read = arm.position().joints_deg
         assert cell.cell is not None
@@ -69,7 +79,8 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
     longest_s = (
         2 * HASTY_SIMPLE.reply_s + HASTY_SIMPLE.settle_s + 4 * HASTY_SIMPLE.stop_s + HASTY_SIMPLE.takeover_s
     )
-    return Rig(arm, proxy, cell, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE)
+    elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
+    return Rig(arm, proxy, cell, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
 
 
 ABB_RIGS: dict[str, Callable[[ExitStack], Rig]] = {

@@ -12,7 +12,7 @@ from drivers import FanucArm, FanucDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig
+from tests.conformance.rig import SCALE, Rig, sent_elsewhere
 
 CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
 PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=30.0, reply_s=30.0, settle_s=30.0)
@@ -21,15 +21,18 @@ HASTY = replace(
 )
 
 
-def fanuc_rig(stack: ExitStack, *, device: str, options: str = "") -> Rig:
-    """Question i: go to a pose of its own, and read it back. Text with a stock server."""
-    cell = stack.enter_context(CellThread(CELL, stock=True, devices=("fanuc",)))
+def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool = True) -> Rig:
+    """Question i: go to a pose of its own, and read it back. `stock`: of text alone."""
+    cell = stack.enter_context(CellThread(CELL, stock=stock, devices=("fanuc",)))
     proxy = stack.enter_context(FaultProxy(cell.port(device), device=cell.do))
     arm = FanucArm(f"tcp://127.0.0.1:{proxy.port}?logger={cell.port('fanuc-logger')}{options}")
     stack.callback(arm.disconnect)
+    goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
         target = (10.0 + i % 70, 5.0 + i % 13, -(i % 29) - 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
+        j1, j2, j3, j4, j5, j6 = target
+        goals.append((j1, j2, -(j2 + j3), -j4, -j5, -j6))
         reached = arm.move_to(target).joints_deg
         read = arm.position().joints_deg
         assert cell.cell is not None
@@ -37,7 +40,9 @@ def fanuc_rig(stack: ExitStack, *, device: str, options: str = "") -> Rig:
         return max(math.dist(reached, target), math.dist(read, target), math.dist(read, truth))
 
     # 0.002 deg: two readings of a standing robot may differ by so much, in any number of joints.
-    return Rig(arm, proxy, cell, ask, 0.002 * math.sqrt(6) + 0.0013, 6 * HASTY.reply_s, PATIENT, HASTY)
+    tolerance, longest_s = 0.002 * math.sqrt(6) + 0.0013, 6 * HASTY.reply_s
+    elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
+    return Rig(arm, proxy, cell, ask, tolerance, longest_s, PATIENT, HASTY, elsewhere)
 
 
 def fanuc_state_rig(stack: ExitStack) -> Rig:
@@ -68,6 +73,7 @@ def fanuc_state_rig(stack: ExitStack) -> Rig:
 FANUC_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
     "fanuc-mappdk": partial(fanuc_rig, device="fanuc"),
     "fanuc-mappdk-cal": fanuc_state_rig,
+    "fanuc-mappdk-own": partial(fanuc_rig, device="fanuc", stock=False),
     "fanuc-modbus-hmi": partial(fanuc_rig, device="fanuc-modbus-hmi", options="&modbus=hmi"),
     "fanuc-modbus-io": partial(fanuc_rig, device="fanuc-modbus-io", options="&modbus=io"),
 }

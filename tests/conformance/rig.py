@@ -5,7 +5,7 @@ A rig asks questions whose right answers all differ, so that an answer to anothe
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -31,6 +31,7 @@ class Rig:
     """A driver behind a proxy. `ask(i)` puts question i and returns by how much it missed the truth.
 
     `patient` and `hasty`: deadlines of the driver, the second so short that a lost answer costs little time.
+    `elsewhere`: where the arm was sent though nobody asked for it (deg, model angles).
     """
 
     driver: Driver
@@ -41,6 +42,14 @@ class Rig:
     longest_s: float
     patient: object
     hasty: object
+    elsewhere: Callable[[], list[tuple[float, ...]]] = list
+
+    def start_again(self) -> None:
+        """No more faults; somebody has looked at the robot, and its program runs again."""
+        self.proxy.heal()
+        self.be_patient()
+        self.cell.do("restart")
+        self.restart()
 
     def restart(self) -> None:
         self.driver.connect()
@@ -51,3 +60,15 @@ class Rig:
 
     def be_patient(self) -> None:
         self.driver.deadlines = self.patient
+
+
+def sent_elsewhere(
+    cell: CellThread, goals: Sequence[Sequence[float]], within: float
+) -> list[tuple[float, ...]]:
+    """Targets of moves that the simulated arm began, and that are none of `goals` (deg, model angles)."""
+    assert cell.cell is not None
+    return [
+        sent
+        for sent in cell.cell.arm.sent_to
+        if not any(max(abs(a - b) for a, b in zip(sent, goal, strict=True)) <= within for goal in goals)
+    ]

@@ -46,3 +46,7 @@ RIGS: dict[str, Callable[[ExitStack], Rig]] = {
     **UR_RIGS,
     **INSTRUMENT_RIGS,
 }
+# What comes back on this connection is used once, to see that a controller is there: only its requests are spoiled.
+REQUESTS_ONLY = {"ur-program"}
+# Where the robot moves on one request, which nobody confirms: a damaged one may send it elsewhere.
+MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "ur-realtime"}

@@ -22,6 +22,13 @@ def test_what_makes_a_cell_bad() -> None:
     assert not Cell("abb-calsrv", "reset", 10, 1, 0, 3, 1.1, 1.0).good
     assert not Cell("abb-calsrv", "flip", 10, 0, 1, 3, 0.1, 1.0).good  # no checksum, but read twice
     assert Cell("leica-emscon", "flip", 10, 0, 1, 3, 0.1, 1.0).good  # no checksum: bracketed
+    assert not Cell("abb-calsrv", "request_digit", 10, 0, 0, 3, 0.1, 1.0, elsewhere=1).good
+    assert Cell(
+        "abb-stock", "request_digit", 10, 0, 0, 3, 0.1, 1.0, elsewhere=1
+    ).good  # it moves on one request
+    assert str(Cell("abb-stock", "request_digit", 9, 1, 0, 3, 0.1, 1.0, elsewhere=1)) == (
+        "9 / 1 / 0 · 0.10 s · 1 elsewhere"
+    )
     assert str(Cell("leica-emscon", "flip", 10, 0, 1, 3, 0.1, 1.0)) == "(10 / 0 / 1 · 0.10 s)"
 
 

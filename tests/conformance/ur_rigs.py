@@ -1,23 +1,24 @@
-"""Rigs of the UR driver: RTDE behind the proxy, and the real-time packet with its programs behind it."""
+"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet with its programs, and these programs alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 
 from drivers import UrArm, UrDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig
+from tests.conformance.rig import SCALE, Rig, sent_elsewhere
 
 PATIENT_UR = UrDeadlines(reply_s=30.0, start_s=30.0, stop_s=30.0)
 HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 
 
-def ur_rig(stack: ExitStack, proxied: str) -> Rig:
-    """Question i: go to a pose of its own, and read it back."""
+def ur_rig(stack: ExitStack, proxied: str, feed: str) -> Rig:
+    """Question i: go to a pose of its own, and read it back. `proxied`: `rtde` or `realtime`, the port."""
     file = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
     cell = stack.enter_context(CellThread(file, devices=("ur",)))
     device = "ur" if proxied == "rtde" else "ur-realtime"
@@ -28,11 +29,15 @@ def ur_rig(stack: ExitStack, proxied: str) -> Rig:
     if proxied == "realtime":
         ports["realtime"] = proxy.port
     options = "&".join(f"{name}={port}" for name, port in ports.items())
-    arm = UrArm(f"tcp://127.0.0.1:{proxy.port}?feed={proxied}&{options}")
+    arm = UrArm(
+        f"tcp://127.0.0.1:{proxy.port if proxied == 'rtde' else cell.port('ur')}?feed={feed}&{options}"
+    )
     stack.callback(arm.disconnect)
+    goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
         goal = (10.0 + i % 70, -5.0 - i % 13, i % 29 + 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
+        goals.append(goal)
         reached = arm.move_to(goal).joints_deg
         read = arm.position().joints_deg
         assert cell.cell is not None
@@ -40,10 +45,12 @@ def ur_rig(stack: ExitStack, proxied: str) -> Rig:
         return max(abs(a - b) for a, b in zip((*reached, *read, *read), (*goal, *goal, *truth), strict=True))
 
     longest_s = 2 * HASTY_UR.reply_s + 2 * HASTY_UR.stop_s + HASTY_UR.start_s + HASTY_UR.move_margin_s
-    return Rig(arm, proxy, cell, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR)
+    elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
+    return Rig(arm, proxy, cell, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere)
 
 
 UR_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
-    "ur-rtde": lambda stack: ur_rig(stack, "rtde"),
-    "ur-realtime": lambda stack: ur_rig(stack, "realtime"),
+    "ur-rtde": partial(ur_rig, proxied="rtde", feed="rtde"),
+    "ur-realtime": partial(ur_rig, proxied="realtime", feed="realtime"),
+    "ur-program": partial(ur_rig, proxied="realtime", feed="rtde"),
 }

@@ -45,7 +45,7 @@ def test_pymodbus_client_moves_the_simulator_by_registers(cell: CellThread) -> N
         assert client.read_holding_registers(20, count=19).registers == [*joints, 1]
         client.write_register(60, 100)
         client.write_register(61, 7)
-        client.write_register(62, 1)
+        client.write_register(62, 1007)  # go: the number and 1000
         until(lambda: client.read_holding_registers(64, count=1).registers == [7])
         assert client.read_holding_registers(62, count=4).registers == [0, 0, 7, 0]
         read = client.read_holding_registers(0, count=19).registers
@@ -61,7 +61,10 @@ def test_pymodbus_client_moves_the_simulator_by_registers(cell: CellThread) -> N
 def test_pymodbus_client_moves_the_simulator_by_signals(cell: CellThread) -> None:
     with client_of(cell, "io") as client:
         joints = client.convert_to_registers([round(q * 1e4) for q in POSE], INT, word_order="little")
-        client.write_registers(1, [100, 0, *joints])
+        proof = 7919
+        for word in (5, 100, *joints):
+            proof = (31 * proof + word) % 65521
+        client.write_registers(1, [100, 0, *joints, proof])
         client.write_register(0, 5 << 8 | 1)
         until(lambda: client.read_holding_registers(100, count=1).registers[0] == 5 << 8 | 0b101010)
         read = client.read_holding_registers(103, count=12).registers
@@ -74,9 +77,9 @@ class PymodbusServer:
     def __init__(self, profile: str) -> None:
         words = [0] * 200
         if profile == "hmi":
-            words[18], words[109] = 1, 2
+            words[18], words[70], words[109] = 1, 2, 2
         else:
-            words[100] = 0b101000
+            words[100], words[115] = 0b101000, 2
         blocks = [SimData(0, values=words, datatype=DataType.REGISTERS)]
         self._device = SimDevice(1, simdata=blocks, action=self._hmi if profile == "hmi" else self._io)
         self._ready = threading.Event()
@@ -92,7 +95,7 @@ class PymodbusServer:
         words: list[int],
         given: Any,
     ) -> None:
-        if given and address == 62 and given[0]:
+        if given and address == 62 and given[0] == words[61] + 1000:
             words[0:19], words[64] = words[20:39], words[61]
             given[0] = 0  # the program takes `go` back
 

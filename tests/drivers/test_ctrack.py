@@ -237,7 +237,7 @@ def _with(q: tuple[float, float, float, float]) -> PoseReading:
 
 HELLO: list[Pair] = [
     (
-        b"1 HELLO proto=1 client=truepose*31F1\n",
+        b"1 HELLO proto=1 client=truepose crc=1*05B0\n",
         line(
             "1 OK proto=1 kind=OCMM vendor=Creaform model=C-Track-780 serial=C780-001 fw=9.0 bridge=1.0 crc=1 "
             "units=mm,deg,C,hPa sim=1"

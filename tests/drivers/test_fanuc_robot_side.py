@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.fanuc_controller import OUT_OF_RANGE, SILENCE, STOPPED_BY_CLIENT, UNFIT
+from drivers.fanuc_controller import OTHER_TARGET, OUT_OF_RANGE, SILENCE, STOPPED_BY_CLIENT, UNFIT, VERSION
 
 FOLDER = Path(__file__).parents[2] / "drivers" / "robot_side" / "fanuc"
 KAREL = sorted(FOLDER.glob("*.kl"))
@@ -90,15 +90,21 @@ def test_registers_and_ends_are_those_of_the_driver() -> None:
         ("RANGE", OUT_OF_RANGE),
         ("SILENCE", SILENCE),
         ("UNFIT", UNFIT),
+        ("OTHER_TARGET", OTHER_TARGET),
+        ("VERSION", VERSION),
     ):
         assert f"  {name} = {value}\n" in io
     server = (FOLDER / "calsrv.kl").read_text(encoding="ascii")
-    for status, answer in ((STOPPED_BY_CLIENT, "motion-stopped"), (SILENCE, "watchdog")):
-        assert f"CASE ({status}):\n      RETURN ('1:{answer}')" in server
+    for name, value in (("UNFIT", UNFIT), ("OTHER_TARGET", OTHER_TARGET)):
+        assert f"  {name} = {value}\n" in server
+    assert f"',v={VERSION},'" in (FOLDER / "callog.kl").read_text(encoding="ascii")
+    screen = (FOLDER / "CALHMI.LS").read_text(encoding="ascii")
+    assert f"R[91]={VERSION} " in screen
+    assert f"R[86]={OTHER_TARGET} " in screen
 
 
 def test_every_answer_of_our_server_is_known_to_the_driver() -> None:
-    source = (Path(__file__).parents[2] / "drivers" / "fanuc_mappdk.py").read_text(encoding="utf-8")
+    source = (Path(__file__).parents[2] / "drivers" / "fanuc_mappdk_link.py").read_text(encoding="utf-8")
     for path in (FOLDER / "calsrv.kl", FOLDER / "callog.kl", FOLDER / "caltext.kl"):
         for answer in re.findall(r"'1:([^']+)'", path.read_text(encoding="ascii")):
             assert answer in source, answer

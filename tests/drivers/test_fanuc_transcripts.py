@@ -40,13 +40,26 @@ def asked(request: bytes, answer: bytes) -> list[Pair]:
 GREETED: list[Pair] = [(b"", b"0:success")]
 HERE, ARRIVED = asked(b"curjpos\n", ZERO), asked(b"curjpos\n", THERE)
 MAPPDK_MAIN = GREETED + 2 * HERE + 2 * HERE + asked(MOVE, b"0:success") + 2 * ARRIVED
+SET = b"calset:0004:0002" + MOVE[23:]
+SHOWN = (
+    b"0:c=0004,v=0002,j=     10.500000,j=    -20.250000,j=      0.000000,j=      0.000000,j=      0.000000"
+    b",j=     90.000000,k=674;"
+)
+MAPPDK_OUR_MAIN = (
+    GREETED
+    + 2 * HERE
+    + 2 * HERE
+    + asked(SET, SHOWN)
+    + asked(b"calgo:0005:506\n", b"0:c=0005,r=0,k=730;")
+    + 2 * ARRIVED
+)
 MAPPDK_STOCK_LOGGER = GREETED + asked(b"calname:0001\n", b"1:wrong-command") + HERE
 MAPPDK_OUR_LOGGER = (
     GREETED
-    + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;")
+    + asked(b"calname:0001\n", b"0:c=0001,v=2,LR Mate 200iC,V7.70P,k=121;")
     + asked(b"calstat:0002\n", b"0:c=0002,a=1,p=1,e=0,m=0,n=00000,k=948;")
-    + asked(b"calbeat:0003:02000\n", b"0:c=0003,k=461;")
-    + asked(b"calstop:0004\n", b"0:c=0004,k=462;")
+    + asked(b"calbeat:0003:02000\n", b"0:c=0003,w=02000,k=927;")
+    + asked(b"calstop:0006\n", b"0:c=0006,k=464;")
 )
 FANUCPY: list[Pair] = [
     *GREETED,
@@ -67,8 +80,8 @@ def pose_only_place(reply: bytes) -> bytes:
 
 @pytest.mark.parametrize("ours", [False, True])
 def test_driver_speaks_mappdk(ours: bool) -> None:
-    behind = MAPPDK_OUR_LOGGER if ours else MAPPDK_STOCK_LOGGER
-    with ExpectedDevice(MAPPDK_MAIN) as main, ExpectedDevice(behind) as logger:
+    front, behind = (MAPPDK_OUR_MAIN, MAPPDK_OUR_LOGGER) if ours else (MAPPDK_MAIN, MAPPDK_STOCK_LOGGER)
+    with ExpectedDevice(front) as main, ExpectedDevice(behind) as logger:
         arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
         arm.connect()
         assert arm.can_stop == ours
@@ -92,10 +105,9 @@ def test_stock_simulator_speaks_to_fanucpy() -> None:
 @pytest.mark.parametrize("stock", [True, False])
 def test_simulator_serves_the_drivers_conversation(stock: bool) -> None:
     with CellThread(FAST, stock=stock, devices=("fanuc",)) as cell:
-        converse(
-            cell.port("fanuc-logger"), MAPPDK_STOCK_LOGGER if stock else MAPPDK_OUR_LOGGER, pose_only_place
-        )
-        converse(cell.port("fanuc"), [pair for pair in MAPPDK_MAIN if b"curpos" not in pair[0]])
+        front, behind = (MAPPDK_MAIN, MAPPDK_STOCK_LOGGER) if stock else (MAPPDK_OUR_MAIN, MAPPDK_OUR_LOGGER)
+        converse(cell.port("fanuc-logger"), behind, pose_only_place)
+        converse(cell.port("fanuc"), [pair for pair in front if b"curpos" not in pair[0]])
 
 
 def test_driver_names_what_a_mappdk_server_refuses() -> None:
@@ -110,10 +122,10 @@ def test_driver_names_what_a_mappdk_server_refuses() -> None:
 
 
 def test_another_version_of_our_server_is_refused() -> None:
-    other = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=2,LR Mate 200iC,V7.70P,k=121;")
+    other = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;")
     with ExpectedDevice(GREETED) as main, ExpectedDevice(other) as logger:
         arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
-        with pytest.raises(ProtocolError, match="version"):
+        with pytest.raises(ProtocolError, match="program version 1, needed 2"):
             arm.connect()
 
 
@@ -175,6 +187,7 @@ def hmi_conversation() -> list[Pair]:
     def view(number: int, done: int) -> str:
         registers = [2 if number else 0, number, 0, 0, done, 0, 0, 1 if number else 0]
         words = registers + [0] * 50
+        words[10] = 2  # R[91]: version of CALHMI
         words[49] = 2  # PRG[1]: running
         return " ".join(f"{word:04x}" for word in words)
 
@@ -190,7 +203,7 @@ def hmi_conversation() -> list[Pair]:
     frames.write("0014", TARGET_HMI)  # PR[81]
     frames.write("0042", "0000")  # R[87] stop
     frames.write("003c", "0002 0001")  # R[81] speed, R[82] number
-    frames.poke("003e", "0001")  # R[83] go
+    frames.poke("003e", "03e9")  # R[83] go: 1000 and the number
     frames.read("003c", view(1, 1))
     frames.read("003c", view(1, 1))
     frames.read("0000", TARGET_HMI)
@@ -201,29 +214,30 @@ def hmi_conversation() -> list[Pair]:
 
 TARGET_IO = "9a28 0001  e8fc fffc  0000 0000  0000 0000  0000 0000  bba0 000d"  # 105000, -202500, 900000
 HERE_IO = 12 * " 0000"
+SUM_IO, VERSION_IO = "14d1", " 0002"  # 7919, then for every word times 31 plus the word, modulo 65521
 
 
 def io_conversation() -> list[Pair]:
     ready, done = "0028 0000 0000", "012a 0000 0002"  # fit and running; done and number 1
     frames = Frames()
-    frames.read("0064", ready + HERE_IO)
-    frames.read("0064", ready + HERE_IO)
-    frames.read("0064", ready + HERE_IO)  # arm: status
+    frames.read("0064", ready + HERE_IO + VERSION_IO)
+    frames.read("0064", ready + HERE_IO + VERSION_IO)
+    frames.read("0064", ready + HERE_IO + VERSION_IO)  # arm: status
     for _ in range(2):
         frames.read("0000", "0000")
-        frames.read("0064", ready + HERE_IO)
-    frames.read("0064", ready + HERE_IO)
-    frames.read("0064", ready + HERE_IO)
+        frames.read("0064", ready + HERE_IO + VERSION_IO)
+    frames.read("0064", ready + HERE_IO + VERSION_IO)
+    frames.read("0064", ready + HERE_IO + VERSION_IO)
     frames.poke("0002", "0001")  # beat
     frames.write("0000", "0100")  # number
     frames.write("0001", "0002")  # speed
-    frames.write("0003", TARGET_IO)
+    frames.write("0003", f"{TARGET_IO} {SUM_IO}")
     frames.write("0000", "0101")  # go
     for _ in range(2):
         frames.read("0000", "0101")
-        frames.read("0064", done + TARGET_IO)
-    frames.read("0064", done + TARGET_IO)
-    frames.read("0064", done + TARGET_IO)
+        frames.read("0064", done + TARGET_IO + VERSION_IO)
+    frames.read("0064", done + TARGET_IO + VERSION_IO)
+    frames.read("0064", done + TARGET_IO + VERSION_IO)
     frames.poke("0000", "0102")  # stop
     return frames.pairs
 
@@ -251,7 +265,7 @@ def test_simulator_speaks_modbus(profile: str) -> None:
         converse(cell.port(f"fanuc-modbus-{profile}"), pairs[: go + 1])
 
 
-GO = (bytes.fromhex("10 003e 0001 02 0001"), bytes.fromhex("10 0000 0001 02 0101"))
+GO = (bytes.fromhex("10 003e 0001 02 03e9"), bytes.fromhex("10 0000 0001 02 0101"))
 
 
 def test_modbus_simulator_refuses_what_it_does_not_know() -> None:
@@ -264,3 +278,65 @@ def test_modbus_simulator_refuses_what_it_does_not_know() -> None:
     ]
     with CellThread(FAST, devices=("fanuc",)) as cell:
         converse(cell.port("fanuc-modbus-hmi"), pairs)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(b"j=     90.000000,k=674", b"j=     91.000000,k=675"), (b"v=0002", b"v=0012")]
+)
+def test_nothing_goes_when_our_server_shows_another_target(old: bytes, new: bytes) -> None:
+    shown = SHOWN.replace(old, new)
+    if b"v=0012" in new:
+        shown = shown.replace(b"k=674", b"k=675")
+    assert shown != SHOWN
+    front = GREETED + 2 * HERE + 2 * HERE + asked(SET, shown)
+    with ExpectedDevice(front) as main, ExpectedDevice(MAPPDK_OUR_LOGGER[:-2]) as logger:
+        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+        arm.connect()
+        arm.arm()
+        with pytest.raises(ProtocolError, match="understood another request; nothing moved"):
+            arm.move_to(TARGET)
+        arm.disconnect()
+
+
+def test_our_simulator_goes_by_the_sum_of_its_target_once() -> None:
+    pairs = [
+        *GREETED,
+        (b"movej:0025:0100:050:1" + MOVE[21:], b"1:wrong-command"),  # nothing moves on one request
+        (b"calgo:0001:506\n", b"0:c=0001,r=5,k=731;"),  # no target was shown
+        (SET, SHOWN),
+        (b"calgo:0002:507\n", b"0:c=0002,r=5,k=732;"),  # not its sum
+        (b"calgo:0003:506\n", b"0:c=0003,r=5,k=733;"),  # it was given up with that
+        (SET, SHOWN),
+        (b"calgo:0005:506\n", b"0:c=0005,r=0,k=730;"),
+        (b"calgo:0006:506\n", b"0:c=0006,r=5,k=736;"),
+    ]
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc"), pairs)
+
+
+@pytest.mark.parametrize(("word", "bad"), [(1, "0003"), (3, "9a29"), (15, "0000")])
+def test_signals_that_do_not_sum_up_move_nothing(word: int, bad: str) -> None:
+    """Speed, joint and sum, each as one damaged write leaves it behind."""
+    frames = Frames()
+    frames.poke("0003", f"{TARGET_IO} {SUM_IO}")
+    frames.poke("0001", "0002")
+    frames.poke(f"{word:04x}", bad)
+    frames.poke("0000", "0101")
+    frames.read("0064", "012c 0005")
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc-modbus-io"), frames.pairs)
+        assert cell.cell is not None
+        assert cell.cell.arm.sent_to == []
+
+
+def test_registers_go_by_the_number_of_the_command() -> None:
+    frames = Frames()
+    frames.poke("0014", TARGET_HMI)
+    frames.poke("003c", "0002 0001")
+    for go in ("0001", "0002", "03ea"):
+        frames.poke("003e", go)
+    frames.read("0040", "0001 0005")
+    with CellThread(FAST, devices=("fanuc",)) as cell:
+        converse(cell.port("fanuc-modbus-hmi"), frames.pairs)
+        assert cell.cell is not None
+        assert cell.cell.arm.sent_to == []

@@ -283,7 +283,7 @@ def test_stop_beam_break_in_a_reading_and_second_client() -> None:
 
 MEASURE: list[Pair] = [
     (
-        b"1 HELLO proto=1 client=truepose*31F1\n",
+        b"1 HELLO proto=1 client=truepose crc=1*05B0\n",
         line(
             "1 OK proto=1 kind=TRACKER vendor=Leica model=AT960-MR serial=750001 fw=2.3 bridge=1.0 crc=1 "
             "units=mm,deg,C,hPa sim=1"

@@ -283,7 +283,7 @@ def test_closed_from_another_thread_and_deadline() -> None:
 
 READ: list[Pair] = [
     (
-        b"1 HELLO proto=1 client=truepose*31F1\n",
+        b"1 HELLO proto=1 client=truepose crc=1*05B0\n",
         line(
             "1 OK proto=1 kind=BALLBAR vendor=Renishaw model=QC20-W serial=2Q0001 fw=1.4 bridge=1.0 crc=1 "
             "units=mm,deg,C,hPa sim=1"

@@ -91,10 +91,12 @@ def test_calsrv_simulator() -> None:
         converse(cell.port("abb-background"), CALSRV_BACKGROUND)
 
 
-def test_calsrv_simulator_answers_old_codes_as_open_abb() -> None:
-    old = [pair for pair in OPEN_ABB_CLIENT if pair[0] not in (b"200 #", b"nonsense", b"4 #0 #")]
+def test_calsrv_simulator_answers_questions_of_open_abb() -> None:
+    asked = (b"0 #", b"55 #")
+    old = [pair for pair in OPEN_ABB_CLIENT if pair[0] in asked]
+    assert {pair[0] for pair in old} == set(asked)
     with CellThread(FAST) as cell:
-        converse(cell.port("abb"), old)
+        converse(cell.port("abb"), [*old, (b"4 #", b"4 1 0.00 0.00 0.00 0.00 0.00 0.00")])
 
 
 def test_faro_simulator() -> None:

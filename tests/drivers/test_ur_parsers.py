@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers import LinkError, ProtocolError, UrDeadlines
 from drivers.link import Address
-from drivers.ur_motion import move_program
+from drivers.ur_motion import Program
 from drivers.ur_realtime import LENGTHS, parse_packet
 from drivers.ur_rtde import Rtde, encode, parse_data, parse_text
 from drivers.ur_secondary import parse_configuration, parse_kinematics, parse_version, split_packages
@@ -21,6 +21,7 @@ from mocks.ur_script import ScriptError, ScriptReader, parse_call, parse_program
 from tests.drivers.hearing import hearing
 
 ANGLES = st.lists(st.floats(-6.3, 6.3), min_size=6, max_size=6).map(tuple)
+TOLD = (0.5, 0.25, -1.5, 0.0, 0.125, 2.0, 1.0, 0.5, 0.0, 0.5)
 SPEEDS = st.lists(st.floats(-3.2, 3.2), min_size=6, max_size=6).map(tuple)
 
 
@@ -38,7 +39,7 @@ def at(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.
 
 
 def rtde(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.0,) * 6) -> bytes:
-    return b"\1" + struct.pack(">25d", t_s, *q, *q, *v, *v) + struct.pack(">iiIi", 7, 1, 1, 3)
+    return b"\1" + struct.pack(">25d", t_s, *q, *q, *v, *v) + struct.pack(">iiIi10d", 7, 1, 1, 3, *TOLD)
 
 
 @given(st.binary(max_size=1300))
@@ -71,8 +72,8 @@ def test_packet_of_the_simulator_is_read(
     assert (state.robot_mode, state.safety_mode, state.runtime_state) == (robot, safety, program)
 
 
-@given(st.binary(max_size=230), st.booleans())
-@example(b"\1" * 217, True)
+@given(st.binary(max_size=310), st.booleans())
+@example(b"\1" * 297, True)
 def test_any_bytes_as_data(data: bytes, numbered: bool) -> None:
     try:
         state = parse_data(data, 1, numbered=numbered)
@@ -91,7 +92,7 @@ def test_numbers_that_no_arm_has(field: int, bad: float) -> None:
             parse_data(bytes(data), 1, numbered=True)
 
 
-@given(st.integers(0, 8 * 217 - 1), st.booleans())
+@given(st.integers(0, 8 * 297 - 1), st.booleans())
 def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
     """Of two packages one has a wrong bit: what is believed is the truth to 1e-4 rad, or it is not believed."""
     good = [rtde(1.0), rtde(1.008)]
@@ -106,7 +107,7 @@ def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
         return
     assert now.off_rad((0.5,) * 6) <= 1.001e-4
     assert max(abs(q - 0.5) for q in now.target_rad) <= 1.001e-4
-    assert (now.robot_mode, now.safety_mode, now.runtime_state, now.echo) == (7, 1, 1, 3)
+    assert (now.robot_mode, now.safety_mode, now.runtime_state, now.echo, now.told) == (7, 1, 1, 3, TOLD)
 
 
 @given(
@@ -175,7 +176,7 @@ def test_text_of_the_guide() -> None:
     assert parse_text(b"\x05hello\x04RTDE\x02") == "RTDE: hello"
 
 
-@given(st.one_of(st.binary(max_size=200), st.binary(min_size=220, max_size=700)))
+@given(st.one_of(st.binary(max_size=200), st.binary(min_size=300, max_size=900)))
 def test_any_bytes_on_the_secondary_port(data: bytes) -> None:
     for parser in (split_packages, parse_version, parse_configuration, parse_kinematics):
         try:
@@ -201,13 +202,58 @@ def test_descriptions_of_the_simulator_are_read() -> None:
 def test_programs_are_understood_by_the_simulator(
     goal: tuple[float, ...], acceleration: float, speed: float, number: int | None
 ) -> None:
-    (lines,) = ScriptReader().feed(move_program(goal, acceleration, speed, number, 2.0).encode())
+    program = Program(goal, acceleration, speed, number, 2.0)
+    (lines,) = ScriptReader().feed(program.text().encode())
     *first, move = parse_program(lines)
     assert move.arguments["q"] == pytest.approx(goal, abs=1e-8)
     assert (move.arguments["a"], move.arguments["v"]) == pytest.approx((acceleration, speed), abs=1e-6)
-    names = [call.name for call in first]
-    assert names == ([] if number is None else ["rtde_set_watchdog", "write_output_integer_register"])
-    assert number is None or first[1].arguments["value"] == number
+    if number is None:
+        assert first == []
+        return
+    watchdog, *shown, echo, wait = first
+    assert watchdog.arguments["min_frequency"] == 0.5
+    assert [call.arguments["output_register"] for call in shown] == list(range(24, 34))
+    assert tuple(call.arguments["value"] for call in shown) == program.told
+    assert echo.arguments == {"output_register": 46, "value": number}
+    assert wait.arguments == {"input_register": 47, "value": number}
+
+
+@given(st.integers(0, 10_000), st.integers(1, 9))
+def test_a_digit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(place: int, by: int) -> None:
+    """Whatever program arrives: it is not run, or tells what the driver did not say, or moves as it should."""
+    program = Program((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
+    text = program.text()
+    digits = [i for i, character in enumerate(text) if character.isdecimal()]
+    at = digits[place % len(digits)]
+    spoiled = text[:at] + str((int(text[at]) + by) % 10) + text[at + 1 :]
+    assert not elsewhere(program, spoiled)
+
+
+@pytest.mark.parametrize("bit", range(7))
+def test_a_bit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(bit: int) -> None:
+    program = Program((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
+    text = program.text()
+    for at, character in enumerate(text):
+        spoiled = text[:at] + chr(ord(character) ^ (1 << bit)) + text[at + 1 :]
+        assert not elsewhere(program, spoiled), spoiled
+
+
+def elsewhere(program: Program, text: str) -> bool:
+    """Whether a controller moves by another target or speed than it told, and told what the driver expects."""
+    try:
+        calls = [
+            call for lines in ScriptReader().feed(text.encode("latin-1")) for call in parse_program(lines)
+        ]
+    except ScriptError:
+        return False
+    told = {call.arguments["output_register"]: call.arguments["value"] for call in calls if "value" in call.arguments
+            and "output_register" in call.arguments}  # fmt: skip
+    expected = dict(enumerate(program.told, start=24)) | {46: program.number}
+    if any(told.get(register) != value for register, value in expected.items()):
+        return False
+    moves = [call.arguments for call in calls if call.name == "movej"]
+    wanted = program.told[:6], program.told[6], program.told[7]
+    return any((tuple(move["q"]), move["a"], move["v"]) != wanted for move in moves)
 
 
 @given(st.text(max_size=40))

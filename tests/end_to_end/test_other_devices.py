@@ -149,14 +149,15 @@ def test_bridge_that_refuses_our_version() -> None:
     assert "versions of MBP" in caught.value.what_to_do
 
 
-def test_robot_program_of_another_version() -> None:
-    main = [CALSRV_MAIN[0], (b"200 #", b"200 1 CAL 2 5 #\n")]
+@pytest.mark.parametrize("version", [1, 3])
+def test_robot_program_of_another_version(version: int) -> None:
+    main = [CALSRV_MAIN[0], (b"200 #", b"200 1 CAL %d 5 #\n" % version)]
     with ExpectedDevice(main) as device:
         robot = abb_arm(f"tcp://127.0.0.1:{device.port}")
-        with pytest.raises(ProtocolError, match="another version") as caught:
+        with pytest.raises(ProtocolError, match=f"program version {version}, needed 2") as caught:
             robot.connect()
     assert (caught.value.code, caught.value.device) == (1003, "abb")
-    assert "program version" in caught.value.what_to_do
+    assert "Load CALSRV.mod" in caught.value.what_to_do
 
 
 def test_controller_of_another_version() -> None:

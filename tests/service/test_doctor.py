@@ -111,7 +111,7 @@ LOOKS = {
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
     "fanuc": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
     # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for the serial number
-    "ur": rb"(\x00.[VvOSP].*)|get serial number\n",
+    "ur": rb"([\x00\x01].[VvOSP].*)|get serial number\n",
 }
 
 

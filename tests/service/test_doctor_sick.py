@@ -368,3 +368,34 @@ def test_sqlite(faro: Bench, monkeypatch: pytest.MonkeyPatch, version: tuple[int
 def test_the_worst_fault_is_the_exit_code(found: list[int], code: int) -> None:
     findings = [Finding("robot", "x", "fault", "", exit_code=each) for each in found]
     assert Examination("cell", False, 1.0, findings).exit_code == code
+
+
+# -- what a wire cannot see, and where weather is told -------------------------------------------------------------
+
+
+def test_a_bridge_without_checksums_and_a_dialect_without_confirmation_are_named(tmp_path: Path) -> None:
+    with bench("irb120_faro", tmp_path, robot_driver="abb-simple") as made:
+        made.simulators.do("sums", on=False)
+        found = made.examine()
+    assert not found.faults
+    wires = {each.device: each.found for each in found.notes if each.check == "wire"}
+    assert "simple_message has no checksum" in wires["robot"]
+    assert "the bridge sends no checksums" in wires["instrument"]
+
+
+def test_nothing_is_said_of_wires_that_see_everything(faro: Bench) -> None:
+    assert not [each for each in faro.examine().findings if each.check == "wire"]
+
+
+@pytest.mark.parametrize("driver", ["faro", "leica"])
+def test_weather_is_asked_for_where_status_lacks_it(tmp_path: Path, driver: str) -> None:
+    """As docs/bridge.md allows: STATUS may tell the state alone."""
+    with bench("irb120_faro", tmp_path, instrument_driver=driver) as made:
+        made.simulators.do("status_weather", on=False)
+        found = made.examine()
+        made.simulators.do("weather", on=False)
+        without = made.examine()
+    weather = [each for each in found.findings if each.check == "weather"]
+    assert [(each.level, each.found[:3]) for each in weather] == [("ok", "air")]
+    assert ("instrument", "weather") not in faults(found)
+    assert ("instrument", "weather") in faults(without)

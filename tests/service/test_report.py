@@ -24,6 +24,7 @@ from service.report.errors import Errors, common_bins
 from service.report.follow_up import middle_step_in_words
 from service.report.panels import of_effect
 from service.report.residuals import MDEG, Sample
+from service.report.scope import scope_of
 from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
 HOSTILE = "<script>alert(1)</script>"
@@ -251,3 +252,13 @@ def test_every_kind_of_effect_has_its_picture(effect: str, tmp_path: Path) -> No
         assert panel.x_label
         assert panel.y_label
     Elements(diagnosis_report(result, documents.of_diagnosis(result), simulated=True))
+
+
+def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:
+    data = write_data(tmp_path)
+    plain = read_dataset(data)
+    header = data.with_suffix(".toml")
+    header.write_text('unprotected = "robot: <moves> at once"\n' + header.read_text("utf-8"), "utf-8")
+    scope = dict(scope_of(read_dataset(data)))
+    assert scope["Not protected against damage on the wire"] == "robot: <moves> at once"
+    assert len(scope_of(plain)) == len(scope) - 1

@@ -102,7 +102,7 @@ MODULE CALBACK
     blank:=StrFind(text,1," #");
     ok:=StrToVal(StrPart(text,1,blank-1),code);
     IF ok AND code=200 THEN
-      send "200 1 CAL 1 5 #";
+      send "200 1 CAL 2 5 #";
       RETURN;
     ENDIF
     next:=StrFind(text,blank+1," #");

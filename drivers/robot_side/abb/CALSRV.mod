@@ -5,11 +5,15 @@ MODULE CALSRV
   !
   ! Needs: options PC Interface and Multitasking; CALBACK.mod in a second, non-motion task (TCP 5001);
   !        a system output "Emergency Stop" named doCalEStop and one "Motors On" named doCalMotors.
-  ! Requests: "<code> <p1> ... <pn> #". Codes below 100 answer as open_abb does, without end mark.
-  ! Codes from 200 echo a sequence number 1..9999 and end with " #" and a line feed:
+  ! Program version 2. Requests: "<code> <p1> ... <pn> #". Codes 0, 4 and 98 answer as open_abb does, without end
+  ! mark; 2 is refused, for nothing moves here on one request. Codes from 200 echo a sequence number 1..9999 and end
+  ! with " #" and a line feed:
   !   good     "<code> 1 <seq> <data> #"
   !   refused  "<code> 0 <errno> <seq> #"   1 parameters, 2 range, 3 stopped, 4 mode or motors,
-  !                                         5 interrupted, 9 unknown code
+  !                                         5 interrupted, 6 not the target that was sent, 9 unknown code
+  ! A move takes two requests. 201 brings the target, which is kept and shown back; nothing moves. 209 brings the sum
+  ! that the client has of its request 201. Only when it is that of the request as it arrived here does the robot
+  ! move, once: a target that was damaged on its way moves nothing.
   ! An emergency stop or a supervision stop silences this task; CALBACK goes on answering.
 
   ! Shared with CALBACK, same names and types there.
@@ -35,7 +39,10 @@ MODULE CALSRV
   VAR num code:=0;
   VAR num params{10};
   VAR num nParams:=0;
-  VAR num pendingSeq:=0;              ! of a 201 that was interrupted
+  VAR num heardSum:=0;                ! of the request in hand
+  VAR jointtarget kept;               ! target of the last 201
+  VAR num keptSum:=-1;                ! of that request; -1: there is no target to go to
+  VAR num pendingSeq:=0;              ! of a 209 that was interrupted
   VAR num settleS:=0;
 
   PROC main()
@@ -47,10 +54,11 @@ MODULE CALSRV
     ConfL\Off;
     SingArea\Wrist;
     calMoving:=FALSE;
+    keptSum:=-1;
     IF NOT connected listen;
     IF pendingSeq>0 THEN
       ! Here after ExitCycle in the trap: the move of this number ended before its target.
-      refuse 201,calWhy,pendingSeq;
+      refuse 209,calWhy,pendingSeq;
       pendingSeq:=0;
     ENDIF
     WHILE TRUE DO
@@ -108,6 +116,7 @@ MODULE CALSRV
       mark:=StrFind(heard,1,"#");
     ENDWHILE
     calWord:=TRUE;
+    heardSum:=sumOf(StrPart(heard,1,mark));
     parse StrPart(heard,1,mark);
     IF mark<StrLen(heard) THEN
       heard:=StrPart(heard,mark+1,StrLen(heard)-mark);
@@ -115,6 +124,17 @@ MODULE CALSRV
       heard:="";
     ENDIF
   ENDPROC
+
+  ! Fletcher's sum modulo 251: any one character that is wrong changes it, and it fits a num.
+  FUNC num sumOf(string text)
+    VAR num low:=0;
+    VAR num high:=0;
+    FOR i FROM 1 TO StrLen(text) DO
+      low:=(low+StrToByte(StrPart(text,i,1)\Char)) MOD 251;
+      high:=(high+low) MOD 251;
+    ENDFOR
+    RETURN 256*high+low;
+  ENDFUNC
 
   ! nParams = -1: not a request.
   PROC parse(string text)
@@ -155,38 +175,40 @@ MODULE CALSRV
     TEST code
     CASE 0:
       old nParams=0,"";
-    CASE 2:
-      IF nParams=6 move 1;
-      old nParams=6,"";
     CASE 4:
       old nParams=0,joints(2);
-    CASE 8:
-      IF nParams=2 OR nParams=4 THEN
-        calSpeed.v_tcp:=params{1};
-        calSpeed.v_ori:=params{2};
-      ENDIF
-      old nParams=2 OR nParams=4,"";
-    CASE 9:
-      old nParams=4,"";               ! every move of this server ends in a stop point
     CASE 98:
       old nParams=0,GetSysInfo(\SerialNo)+"*"+GetSysInfo(\SWVersion)+"*"+GetSysInfo(\RobotType);
     CASE 99:
       hangUp;
       ExitCycle;
     CASE 200:
-      send "200 1 CAL 1 5 #";
+      send "200 1 CAL 2 5 #";
     CASE 201:
+      keptSum:=-1;
       IF nParams<>7 THEN
         refuse 201,1,sequence();
-      ELSEIF OpMode()<>OP_AUTO OR DOutput(doCalMotors)=0 THEN
-        refuse 201,4,params{1};
       ELSEIF NOT reachable() THEN
         refuse 201,2,params{1};
       ELSE
+        kept:=asked(2);
+        keptSum:=heardSum;
+        good 201,params{1},shown(kept,5);
+      ENDIF
+    CASE 209:
+      IF nParams<>2 THEN
+        refuse 209,1,sequence();
+      ELSEIF keptSum<0 OR params{2}<>keptSum THEN
+        keptSum:=-1;
+        refuse 209,6,params{1};
+      ELSEIF OpMode()<>OP_AUTO OR DOutput(doCalMotors)=0 THEN
+        refuse 209,4,params{1};
+      ELSE
+        keptSum:=-1;                  ! one go, one move
         pendingSeq:=params{1};
-        move 2;
+        move;
         pendingSeq:=0;
-        good 201,params{1},"";
+        good 209,params{1},"";
       ENDIF
     CASE 202:
       IF nParams<>1 THEN
@@ -206,11 +228,14 @@ MODULE CALSRV
         refuse 206,1,sequence();
       ENDIF
     CASE 208:
-      IF nParams=2 THEN
-        calWatchdogS:=params{2}/1000;
-        good 208,params{1},"";
-      ELSE
+      ! Watchdog ms, speed mm/s, speed deg/s; shown back, so that the client sees what it set.
+      IF nParams<>4 OR params{2}<0 OR params{3}<=0 OR params{4}<=0 THEN
         refuse 208,1,sequence();
+      ELSE
+        calWatchdogS:=params{2}/1000;
+        calSpeed.v_tcp:=params{3};
+        calSpeed.v_ori:=params{4};
+        good 208,params{1},NumToStr(params{2},0)+" "+NumToStr(params{3},1)+" "+NumToStr(params{4},1);
       ENDIF
     DEFAULT:
       IF code<100 THEN
@@ -226,11 +251,9 @@ MODULE CALSRV
     RETURN 0;
   ENDFUNC
 
-  PROC move(num first)
-    VAR jointtarget target;
-    target:=asked(first);
+  PROC move()
     calMoving:=TRUE;
-    MoveAbsJ target\NoEOffs,calSpeed,fine,calTool\WObj:=calWobj;
+    MoveAbsJ kept\NoEOffs,calSpeed,fine,calTool\WObj:=calWobj;
     WaitRob\ZeroSpeed;
     calMoving:=FALSE;
   ENDPROC
@@ -257,11 +280,13 @@ MODULE CALSRV
   ENDFUNC
 
   FUNC string joints(num decimals)
-    VAR jointtarget here;
-    here:=CJointT();
-    RETURN NumToStr(here.robax.rax_1,decimals)+" "+NumToStr(here.robax.rax_2,decimals)+" "
-      +NumToStr(here.robax.rax_3,decimals)+" "+NumToStr(here.robax.rax_4,decimals)+" "
-      +NumToStr(here.robax.rax_5,decimals)+" "+NumToStr(here.robax.rax_6,decimals);
+    RETURN shown(CJointT(),decimals);
+  ENDFUNC
+
+  FUNC string shown(jointtarget at,num decimals)
+    RETURN NumToStr(at.robax.rax_1,decimals)+" "+NumToStr(at.robax.rax_2,decimals)+" "
+      +NumToStr(at.robax.rax_3,decimals)+" "+NumToStr(at.robax.rax_4,decimals)+" "
+      +NumToStr(at.robax.rax_5,decimals)+" "+NumToStr(at.robax.rax_6,decimals);
   ENDFUNC
 
   PROC old(bool ok,string data)

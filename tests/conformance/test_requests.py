@@ -1,0 +1,54 @@
+"""Requests that are damaged on their way to the device: nothing wrong is recorded, and what is ours moves nothing.
+
+A digit or a bit is changed, half of a request is lost or all of it, or it comes twice. Our own programs on the
+controllers show a target and wait for a go: the arm is never sent where nobody asked it to go. The others move on one
+request, so there the arm may go elsewhere; but no reading may say that it stands where it was asked to go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from drivers import AcquisitionError
+from mocks.faultproxy import REQUEST_FAULTS
+from tests.conformance.rig import Rig
+from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
+from tests.conformance.test_faults import BRIDGED
+
+QUESTIONS = 20
+FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a question
+STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
+NO_SUM = {"leica-emscon"}  # a beam that is sent elsewhere may find another target there: acquisition.expected
+
+
+@pytest.fixture(scope="module", params=sorted(set(RIGS) - STATES_ONLY - NO_SUM))
+def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
+    with ExitStack() as stack:
+        yield request.param, RIGS[request.param](stack)
+
+
+@pytest.mark.parametrize("fault", sorted(REQUEST_FAULTS))
+def test_no_wrong_reading_and_no_motion_that_nobody_asked_for(named_rig: tuple[str, Rig], fault: str) -> None:
+    name, rig = named_rig
+    spoiled, right, failures = rig.proxy.spoiled, 0, []
+    spoiling = False
+    for i in range(QUESTIONS):
+        if not spoiling:
+            rig.start_again()
+            rig.hurry()
+            rig.proxy.spoil(fault, times=None, rate=0.3 if name in FEW_REQUESTS else 0.1)
+            spoiling = True
+        try:
+            assert rig.ask(i) <= rig.tolerance
+            right += 1
+        except AcquisitionError as error:
+            failures.append(error)
+            spoiling = False
+    assert rig.proxy.spoiled > spoiled
+    assert right > 0
+    assert all(error.device.startswith(rig.driver.name) and error.what_to_do for error in failures)
+    if name not in MOVE_AT_ONCE:
+        assert rig.elsewhere() == []

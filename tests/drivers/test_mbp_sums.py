@@ -1,0 +1,65 @@
+"""Checksums of MBP/1 on TCP: asked for always, insisted on once promised, and missed aloud where a bridge has none."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from drivers import FaroTracker, ProtocolError
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from mocks.mbp import line
+from tests.drivers.expected import ExpectedDevice, Pair
+
+FAST = CellFile(time_scale=10_000.0, effects=("none",))
+ASKED = line("1 HELLO proto=1 client=truepose crc=1")
+HELLO = "1 OK proto=1 kind=TRACKER vendor=FARO model=ION serial=1 fw=4.1 bridge=1.0 units=mm,deg,C,hPa sim=1"
+STATUS: Pair = (line("2 STATUS"), b"2 OK state=READY T=21.5 P=1013.2 H=45.0\n")
+
+
+def tracker(port: int) -> FaroTracker:
+    return FaroTracker(f"tcp://127.0.0.1:{port}", heartbeat_s=None)
+
+
+def test_a_bridge_that_promises_sums_must_send_one_with_its_promise() -> None:
+    """Else a damaged mark of the sum would end all checking."""
+    unsealed = [(ASKED, f"{HELLO} crc=1\n".encode())]
+    with ExpectedDevice(unsealed) as device, pytest.raises(ProtocolError, match="checksum missing"):
+        tracker(device.port).connect()
+
+
+def test_a_bridge_that_sends_sums_is_held_to_them_whatever_it_says() -> None:
+    with ExpectedDevice([(ASKED, line(f"{HELLO} crc=0")), STATUS]) as device:
+        faro = tracker(device.port)
+        faro.connect()
+        assert not faro.weakness
+        with pytest.raises(ProtocolError, match="checksum missing"):
+            faro.status()
+
+
+@pytest.mark.parametrize("crc", [" crc=0", ""])
+def test_a_bridge_without_sums_is_believed_and_named(crc: str, caplog: pytest.LogCaptureFixture) -> None:
+    with ExpectedDevice([(ASKED, f"{HELLO}{crc}\n".encode()), STATUS]) as device:
+        faro = tracker(device.port)
+        with caplog.at_level(logging.WARNING):
+            faro.connect()
+        assert faro.status().state == "READY"
+        assert "sends no checksums" in faro.weakness
+        faro.disconnect()
+    assert sum("sends no checksums" in record.message for record in caplog.records) == 1
+
+
+def test_the_simulator_without_sums() -> None:
+    with CellThread(FAST, devices=("faro",)) as cell:
+        cell.do("sums", on=False)
+        faro = tracker(cell.port("faro"))
+        faro.connect()
+        faro.arm()
+        assert faro.measure("T1", samples=10).target == "T1"
+        assert faro.weakness
+        faro.disconnect()
+        cell.do("sums", on=True)
+        faro.connect()
+        assert not faro.weakness
+        faro.disconnect()
