@@ -34,7 +34,16 @@ _KEYS = {
         "noise",
         "tool_targets",
     ),
-    *("base_targets", "base_targets_u_mm", "loads", "series", "holdout", "beyond_limits", "device", "unprotected"),
+    *(
+        "base_targets",
+        "base_targets_u_mm",
+        "loads",
+        "series",
+        "holdout",
+        "beyond_limits",
+        "device",
+        "unprotected",
+    ),
 }
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
 _NOISE_KEYS = {
