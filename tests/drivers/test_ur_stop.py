@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
-from drivers.ur_motion import move_program
+from drivers.ur_motion import Program
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
 from tests.drivers.ur_bench import FAR, FAST, PATIENT, SLOW, connected, creeping
@@ -189,9 +189,9 @@ def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
 
 
 def test_the_watchdog_is_given_a_frequency() -> None:
-    assert '"input_int_register_46", 0.500, "stop"' in move_program(
-        (0.0,) * 6, 1.0, 1.0, number=1, watchdog_s=2.0
-    )
+    text = Program((0.0,) * 6, 1.0, 1.0, number=1, watchdog_s=2.0).text()
+    assert "  guard = 0.500\n" in text
+    assert '"input_int_register_46", guard, "stop"' in text
 
 
 def test_reconnect_over_a_slow_link_after_a_move_that_was_cut(slow: CellThread) -> None:
