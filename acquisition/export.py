@@ -67,6 +67,7 @@ def export(record_dir: Path, out: Path) -> Path:
     Raises RecordError (no record, or no reading in it), StorageError, OSError.
     """
     with Store.reading(record_dir) as store:
+        simulated = bool(store.campaign["simulated"])
         rows = [dict(row) for row in store.database.query(_ROWS)]
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
         world = store.world
@@ -81,7 +82,7 @@ def export(record_dir: Path, out: Path) -> Path:
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     out = out.with_suffix(".csv")
     of_rows, devices = _series(rows, individuals)
-    header = tomli_w.dumps(_header(cell, station, unprotected) | {"device": devices})
+    header = tomli_w.dumps(_header(cell, station, unprotected, simulated=simulated) | {"device": devices})
     Table(_columns(rows, of_rows, cell.robot.model.joints), header).write(out)
     return out
 
@@ -166,12 +167,15 @@ def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def _header(cell: Cell, station_mm: tuple[float, ...], unprotected: str) -> dict[str, Any]:
+def _header(
+    cell: Cell, station_mm: tuple[float, ...], unprotected: str, *, simulated: bool
+) -> dict[str, Any]:
     balls = {"base_targets": {name: list(point) for name, point in cell.nests.items()}}
     return {
         "format": "truepose-dataset/1",
         "robot": cell.robot.model.name,
         "instrument": cell.instrument.name,
+        **({"simulated": True} if simulated else {}),
         "world": "nominal",
         "joint_coupling": cell.robot.coupling,
         "gravity_base": [0.0, 0.0, -9.81],

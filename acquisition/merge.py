@@ -109,6 +109,8 @@ def merge(
     rows = series.named(header, _rows(first))
     for number, part in enumerate(parts, start=2):
         other = tomllib.loads(_header(part.data))
+        if other.get("simulated") != header.get("simulated"):
+            raise RecordError("simulated and real readings do not belong into one data set")
         if _setup(other) != _setup(header):
             raise RecordError(f"{part.data}: was not measured in the cell of {first}")
         series.join(other, str(part.data))

@@ -41,6 +41,7 @@ _KEYS = {
         "series",
         "holdout",
         "beyond_limits",
+        "simulated",
         "device",
         "unprotected",
     ),
@@ -79,6 +80,7 @@ class Header:
     priors: Mapping[str, float] = field(
         default_factory=dict
     )  # parameter or group -> std in the parameter's unit
+    simulated: bool = False  # whether a simulated robot was measured by a simulated instrument
     beyond_limits: bool = False  # whether joints may stand beyond the limits of the robot file
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unprotected: str = ""  # what the wires of robot and instrument could not see while this was measured
@@ -195,6 +197,7 @@ def read_header(path: Path) -> Header:
         **_base_targets(table),
         hold=_names(table.table("model"), "hold"),
         priors=_priors(table.table("model").table("priors")),
+        simulated=table.flag("simulated"),
         beyond_limits=table.flag("beyond_limits"),
         devices=_devices(table),
         unprotected=table.text("unprotected", default=""),

@@ -86,6 +86,7 @@ def of_diagnosis(
         other["patch"] = _patch(patched)
     return {
         "format": DIAGNOSIS_FORMAT,
+        "simulated": diagnosis.dataset.header.simulated,
         "verdict": diagnosis.verdict,
         "effects": [_effect(found) for found in diagnosis.effects],
         **_fit_of(diagnosis.final),
@@ -187,6 +188,7 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "sha256": dataset.sha256,
         "robot": dataset.header.robot.name,
         "instrument": dataset.header.instrument,
+        "simulated": dataset.header.simulated,
         "readings": len(dataset),
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),

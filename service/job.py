@@ -22,7 +22,7 @@ def do(folder: Path) -> None:
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, simulated=job["simulated"], cell=job.get("cell"))
+            diagnosis(Path(job["data"]), folder, cell=job.get("cell"))
         else:
             identification(Path(job["data"]), folder)
     except DataError as error:
@@ -30,7 +30,7 @@ def do(folder: Path) -> None:
         replace_file(folder / PROBLEM, as_json(problem))
 
 
-def diagnosis(data: Path, folder: Path, *, simulated: bool, cell: str | None = None) -> None:
+def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
     from dataclasses import replace
 
@@ -48,9 +48,9 @@ def diagnosis(data: Path, folder: Path, *, simulated: bool, cell: str | None = N
     here = None if cell is None else cell_of_record(cell, str(folder / JOB))
     if here is not None and found.follow_up is not None and fits(here, found.final):
         found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
-    document = documents.of_diagnosis(found) | {"simulated": simulated}
+    document = documents.of_diagnosis(found)
     save_model(folder / MODEL, found.final, found)
-    replace_file(folder / REPORT, diagnosis_report(found, document, simulated=simulated))
+    replace_file(folder / REPORT, diagnosis_report(found, document))
     replace_file(folder / RESULT, as_json(document))
 
 

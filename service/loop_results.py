@@ -19,11 +19,11 @@ from service.job import MODEL, REPORT, RESULT
 TARGETS = "targets.csv"
 
 
-def write(result: LoopResult, folder: Path, *, simulated: bool, name: str = RESULT) -> dict[str, Any]:
+def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, Any]:
     """Write them, the result as `name` and last, so that with it everything is there. Returns it. Raises OSError."""
     from service.report import diagnosis_report  # drawing takes long to import
 
-    document = document_of(result, simulated=simulated)
+    document = document_of(result)
     if result.diagnosis.final.converged:
         save_model(folder / MODEL, result.diagnosis.final, result.diagnosis)
     replace_file(folder / TARGETS, targets_csv(result.targets))
@@ -32,7 +32,6 @@ def write(result: LoopResult, folder: Path, *, simulated: bool, name: str = RESU
         diagnosis_report(
             result.diagnosis,
             document,
-            simulated=simulated,
             verified=result.verification,
             followed_up=result.followed_up,
         ),
@@ -41,12 +40,11 @@ def write(result: LoopResult, folder: Path, *, simulated: bool, name: str = RESU
     return document
 
 
-def document_of(result: LoopResult, *, simulated: bool) -> dict[str, Any]:
+def document_of(result: LoopResult) -> dict[str, Any]:
     """The diagnosis (`truepose-diagnosis/1`) with `verification`, and `followed_up` where poses were added."""
     from service.report import verification
 
     document = documents.of_diagnosis(result.diagnosis) | {
-        "simulated": simulated,
         "verification": verification.document_of(result.verification),
     }
     if result.followed_up is not None:

@@ -39,6 +39,7 @@ def header_of(world: World, declared: float, fit: list[str]) -> dict[str, Any]:
         "format": "truepose-dataset/1",
         "robot": world.robot.name,
         "instrument": "faro-ion",
+        "simulated": True,
         "world": "nominal",
         "joint_coupling": "none",
         "gravity_base": [0.0, 0.0, -9.81],

@@ -141,7 +141,7 @@ def _on_the_cell(
 def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
     replace_file(out / "predictions.csv", predictions_csv(result.diagnosis))
     terminal.say("drawing the report")
-    return loop_results.write(result, out, simulated=True, name="diagnosis.json")
+    return loop_results.write(result, out, name="diagnosis.json")
 
 
 def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
@@ -192,7 +192,7 @@ def _in_memory(
     _simulate(seed, out, effect)
     dataset = read_dataset(out / "data.csv")
     diagnosis = diagnose(dataset, progress=terminal.say)
-    document = documents.of_diagnosis(diagnosis) | {"simulated": True}
+    document = documents.of_diagnosis(diagnosis)
     write_json(document, str(out / "diagnosis.json"))
     write_results(
         diagnosis,
@@ -200,7 +200,6 @@ def _in_memory(
         terminal,
         predictions=out / "predictions.csv",
         report=out / "report.html",
-        simulated=True,
     )
     hidden = json_module.loads((out / "truth.json").read_text(encoding="utf-8"))["effects"]
     terminal.rest()

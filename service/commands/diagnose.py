@@ -137,7 +137,6 @@ def write_results(
     model: Path | None = None,
     carried: CarryOver | None = None,
     patched: Patched | None = None,
-    simulated: bool = False,
 ) -> None:
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
     if predictions is not None:
@@ -149,7 +148,7 @@ def write_results(
         from service.report import diagnosis_report
 
         terminal.say("drawing the report")
-        replace_file(report, diagnosis_report(diagnosis, document, carried, patched, simulated=simulated))
+        replace_file(report, diagnosis_report(diagnosis, document, carried, patched))
 
 
 def show(

@@ -13,7 +13,6 @@ from typing import Any
 
 import acquisition
 from acquisition import read_status
-from acquisition.errors import RecordError
 from acquisition.individuals import Acceptance
 from acquisition.merge import export_together
 from calib.dataset import read_dataset
@@ -47,16 +46,16 @@ class Datasets:
             (folder / CSV).write_bytes(table)
             (folder / TOML).write_bytes(header)
 
-        return self._keep(write, name or "upload", run_id=None, simulated=False)
+        return self._keep(write, name or "upload", run_id=None)
 
-    def keep(self, data: Path, name: str, *, simulated: bool) -> dict[str, Any]:
+    def keep(self, data: Path, name: str) -> dict[str, Any]:
         """A copy of a data set that this program has made."""
 
         def write(folder: Path) -> None:
             shutil.copyfile(data, folder / CSV)
             shutil.copyfile(data.with_suffix(".toml"), folder / TOML)
 
-        return self._keep(write, name, run_id=None, simulated=simulated)
+        return self._keep(write, name, run_id=None)
 
     def export(
         self, records: Sequence[Path], name: str, accepted: Acceptance | None = None
@@ -67,9 +66,6 @@ class Datasets:
         measured in different cells, OtherIndividual.
         """
         first, *later = records
-        statuses = [read_status(record) for record in records]
-        if len({status.simulated for status in statuses}) > 1:
-            raise RecordError("simulated and real readings do not belong into one data set")
 
         def write(folder: Path) -> None:
             if later:
@@ -77,11 +73,9 @@ class Datasets:
             else:
                 acquisition.export(first, folder / CSV)
 
-        return self._keep(write, name or statuses[0].name, run_id=first.name, simulated=statuses[0].simulated)
+        return self._keep(write, name or read_status(first).name, run_id=first.name)
 
-    def _keep(
-        self, write: Callable[[Path], object], name: str, *, run_id: str | None, simulated: bool
-    ) -> dict[str, Any]:
+    def _keep(self, write: Callable[[Path], object], name: str, *, run_id: str | None) -> dict[str, Any]:
         own = new_id()
         coming = self._folder / f".{own}"  # not yet a data set; ids do not begin with a dot
         coming.mkdir()
@@ -94,7 +88,6 @@ class Datasets:
                 "name": name,
                 "created_utc": utc_text(time.time()),
                 "run_id": run_id,
-                "simulated": simulated,
             }
             replace_file(coming / ABOUT, as_json(document))
             coming.rename(self._folder / own)

@@ -60,7 +60,6 @@ class Jobs:
             "dataset_id": dataset["id"],
             "created_utc": utc_text(time.time()),
             "data": str(data),
-            "simulated": dataset["simulated"],
             "cell": None if cell is None else cell.source,
         }
         with self._changed:

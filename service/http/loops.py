@@ -108,8 +108,8 @@ class Loops:
         own, folder = document["id"], self._folder / document["id"]
 
         def done(result: LoopResult) -> Mapping[str, Any]:
-            loop_results.write(result, folder, simulated=self._simulated)
-            kept = self._datasets.keep(result.data, document["name"], simulated=self._simulated)
+            loop_results.write(result, folder)
+            kept = self._datasets.keep(result.data, document["name"])
             return {"dataset_id": kept["id"]}
 
         work = LoopWork(folder, document | _state(State.RUNNING), self._book, cell, devices, lease, done)

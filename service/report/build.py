@@ -43,7 +43,6 @@ def diagnosis_report(
     carried: CarryOver | None = None,
     patched: Patched | None = None,
     *,
-    simulated: bool = False,
     verified: Verification | None = None,
     followed_up: FollowedUp | None = None,
 ) -> str:
@@ -91,7 +90,6 @@ def diagnosis_report(
         dataset,
         final,
         document,
-        simulated=simulated,
         kind="Diagnosis",
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
         verdict_key=diagnosis.verdict,
@@ -144,7 +142,6 @@ def identification_report(
         dataset,
         found,
         document,
-        simulated=False,
         kind="Identification",
         verdict="Identified",
         verdict_key="identified",
@@ -168,9 +165,7 @@ def identification_report(
     )
 
 
-def _render(
-    dataset: Dataset, found: Identification, document: Mapping[str, Any], *, simulated: bool, **parts: Any
-) -> str:
+def _render(dataset: Dataset, found: Identification, document: Mapping[str, Any], **parts: Any) -> str:
     environment = Environment(
         loader=PackageLoader("service"),
         autoescape=True,
@@ -182,7 +177,7 @@ def _render(
     return environment.get_template("report.html.j2").render(
         dataset=dataset,
         robot=found.model.robot,
-        simulated=simulated,
+        simulated=dataset.header.simulated,
         now=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         fit_count=len(found.readings.rows),
         held_count=int(dataset.validation_rows.sum()),

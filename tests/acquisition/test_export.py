@@ -46,6 +46,7 @@ def test_a_reading_that_was_done_again_stays_but_does_not_count(tmp_path: Path) 
     assert again[0]["x_mm"] != ""
     assert len(rows(out)) == 2 * 12 + 1
     assert "station" not in rows(out)[0]
+    assert read_dataset(out).header.simulated  # as the record was
     assert int(read_dataset(out).usable.sum()) == 2 * 12
 
 

@@ -109,7 +109,7 @@ def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis
         *diagnosis.notes,
     ):
         assert piece in text
-    assert "SIMULATED" not in text
+    assert "SIMULATED" in text
 
 
 def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: Diagnosis) -> None:
@@ -251,7 +251,20 @@ def test_every_kind_of_effect_has_its_picture(effect: str, tmp_path: Path) -> No
         assert np.all(np.isfinite(panel.x))
         assert panel.x_label
         assert panel.y_label
-    Elements(diagnosis_report(result, documents.of_diagnosis(result), simulated=True))
+    Elements(diagnosis_report(result, documents.of_diagnosis(result)))
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_the_report_says_whether_the_data_set_was_simulated(simulated: bool, tmp_path: Path) -> None:
+    data = write_data(tmp_path, effects=(), n=60)
+    header = data.with_suffix(".toml")
+    text = header.read_text("utf-8")
+    assert "simulated = true" in text
+    header.write_text(text.replace("simulated = true", f"simulated = {str(simulated).lower()}"), "utf-8")
+    result = diagnose(read_dataset(data))
+    document = documents.of_diagnosis(result)
+    assert document["simulated"] is simulated
+    assert ("SIMULATED" in diagnosis_report(result, document)) is simulated
 
 
 def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:
