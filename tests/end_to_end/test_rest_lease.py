@@ -86,4 +86,4 @@ def test_a_run_obeys_who_has_the_secret_and_a_viewer_stops_it(tmp_path: Path) ->
             client.post(f"{path}/resume", headers=bert)
             service.until(path, "running")
             assert viewer.post(f"{path}/stop").status_code == 202
-            assert viewer.get(path).json()["state"] == "stopped"
+            service.until(path, "stopped")

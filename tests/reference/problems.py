@@ -65,6 +65,8 @@ class Plan:
             "noise": dict(self.noise),
             "tool_targets": {name: list(place) for name, place in self.targets.items()},
         }
+        if self.coupling != "none":
+            out["beyond_limits"] = True  # the ranges are those of the model's angles
         if self.bases:
             out["base_targets"] = {name: list(place) for name, place in self.bases.items()}
         if self.bases_u_mm:

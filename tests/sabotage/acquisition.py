@@ -52,8 +52,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/sequencer.py",
-        "        if off > DISPLACED_DEG:",
-        "        if off > 100 * DISPLACED_DEG:",
+        "        if off > DISPLACED_DEG:\n            raise Displaced",
+        "        if off > 100 * DISPLACED_DEG:\n            raise Displaced",
         "a joint turned by hand is not noticed",
         ("tests/acquisition/test_ballbar.py",),
     ),

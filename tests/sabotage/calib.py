@@ -78,9 +78,9 @@ CHANGES = (
         ("tests/calib/test_dataset.py", *_FIT),
     ),
     Change(
-        "calib/columns.py",
-        "enumerate(lines[1:], start=2)",
-        "enumerate(lines[1:], start=1)",
+        "calib/csv_text.py",
+        "out.append((reader.line_num, row))",
+        "out.append((reader.line_num - 1, row))",
         "a refusal names the line before the damaged one",
         ("tests/calib/test_bad_input.py",),
     ),
