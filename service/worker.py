@@ -20,9 +20,14 @@ from drivers.errors import AcquisitionError
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
+PATIENT = 10
+"""By how much a worker stands back for the service, which has to hear a stop; Windows knows no such thing."""
+
 
 def main() -> None:
     """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
+    if os.name == "posix":
+        os.nice(PATIENT)
     calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     requests = os.fdopen(os.dup(0), "rb")
