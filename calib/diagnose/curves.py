@@ -1,7 +1,7 @@
 """What the named effects leave on a joint's angle: a curve, where blocks of readings that were left out get better.
 
-Waves describe gears; teeth, bearings and cables are local. Where structure is left over a joint's angle and the
-readings are many, the joint gets a `gear_curve` beside its named effects, which stay as they were found: fitted
+Waves describe gears; teeth, bearings and cables are local. Where structure is left, whatever drives it, and the
+readings are many, a joint gets a `gear_curve` beside its named effects, which stay as they were found: fitted
 together, waves and curves would trade large amounts that cancel where readings are and nowhere else (on a UR10, 7 mm
 on a block that was left out, against 0.08). A curve stays only when it passes the F test and when its gain, summed
 over left-out stretches of the campaign, is positive: what does not carry over is not added.
@@ -34,9 +34,9 @@ _STEPS = 4
 def with_curves(
     dataset: Dataset, selection: Selection, structure: list[Structure], *, progress: Progress = silent
 ) -> Selection:
-    """The selection with a curve on every joint whose angle still shows structure, where that carries over."""
+    """The selection with a curve on every joint that left-out blocks confirm, where structure is left at all."""
     survey = Survey.of(selection.fitted, dataset)
-    joints = [k for k in survey.joint_numbers if any(s.where == f"joint {k} angle" for s in structure)]
+    joints = survey.joint_numbers if structure else ()
     curves = tuple(curve for k in joints if (curve := curve_for(survey, k)) is not None)
     if not curves:
         return selection
