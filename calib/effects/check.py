@@ -34,6 +34,10 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
         assert parameter.size is None or parameter.size > 0.0, (
             f"{parameter.name}: its size must be above zero"
         )
+    shown = {parameter.short for parameter in effect.parameters}
+    assert effect.group == "base model" or len(shown) == len(effect.parameters), (
+        f"{effect.label}: two parameters are shown under one name"
+    )
     assert {t.parameter for t in effect.terms} == {p.name for p in effect.parameters}, (
         f"{effect.label}: terms and parameters do not name each other"
     )

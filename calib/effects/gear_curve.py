@@ -27,7 +27,10 @@ def gear_curve(joint: int, low: float, high: float, spacing: float) -> Effect:
     count = max(4, round((high - low) / spacing) + 1)
     centres = np.linspace(low - spacing, high + spacing, count + 2)
     step = float(centres[1] - centres[0])
-    places = {f"at_{centre / DEG:.1f}": Bump(joint, float(centre), step) for centre in centres}
+    # Without a full stop, behind which the short name of a parameter would begin.
+    places = {
+        f"at_{centre / DEG:.1f}".replace(".", "_"): Bump(joint, float(centre), step) for centre in centres
+    }
     return effect(
         f"gear_curve:j{joint}",
         "transmission",

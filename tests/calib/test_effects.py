@@ -32,6 +32,7 @@ from calib.effects import (
 )
 from calib.effects.backlash import backlash
 from calib.effects.check import check_effect
+from calib.effects.gear_curve import gear_curve
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.kinematics import Array
@@ -87,6 +88,14 @@ def test_every_effect_of_the_library_conforms(name: str) -> None:
         assert {e.label.partition(":")[0] for e in effects if e.owner == owner} == names
     for effect in effects:
         check_effect(effect, model, conditions)
+
+
+def test_a_curve_conforms() -> None:
+    """It is offered only where readings are many; its places once shared their short names, and JSON lost most."""
+    model, conditions = situation("abb-irb120")
+    angle = conditions.joints[:, 3]
+    curve = gear_curve(4, float(angle.min()), float(angle.max()), float(np.ptp(angle)) / 6.0)
+    check_effect(curve, model, conditions)
 
 
 @pytest.mark.parametrize("name", built_in_robots())
