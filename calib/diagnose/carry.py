@@ -1,8 +1,9 @@
 """What carries over: the effects found on one series, judged on another set of readings of the same robot.
 
 Three models are fitted to the calibration rows of the other data set and judged on its validation rows: its own
-base model without effects; everything of the robot frozen as found, base and tool alone fitted; the same with
-the base model and the amplitudes of the effects fitted anew, at the orders found.
+base model without effects; everything of the robot frozen as found, its mounting alone fitted (base, tool, and what
+leans or loads the arm); the same with the base model and the amplitudes of the effects fitted anew, at the orders
+found.
 """
 
 from __future__ import annotations
@@ -85,8 +86,11 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
 
 
 def _carries(effect: Effect) -> bool:
-    """A robot keeps its gears; drifts, steps and temperatures belong to one session."""
-    return effect.owner == "robot" and effect.group != "thermal"
+    """A robot keeps its gears and its mounting; drifts, steps and temperatures belong to one session.
+
+    What leans or loads the arm shares its columns with the compliances: without it these would carry a part of it.
+    """
+    return effect.owner != "instrument" and effect.group != "thermal" and "rank" not in effect.shape
 
 
 def _fit(
