@@ -96,7 +96,7 @@ class Database:
             self.script(f"BEGIN IMMEDIATE; {SCRIPTS[number]} PRAGMA user_version = {number + 1}; COMMIT;")
 
     def _version(self) -> int:
-        """Of the scripts that the file has seen. Raises RecordError, DamagedRecord."""
+        """The number of migrations that the file has seen. Raises RecordError, DamagedRecord."""
         tables = {row[0] for row in self.query("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if tables and (missing := _TABLES - tables):
             raise damaged(
