@@ -68,6 +68,22 @@ def test_the_order_of_a_campaign(stage: Stage) -> None:
     assert "Look at the cell" not in caught.value.what_to_do
 
 
+def test_the_record_knows_of_a_move_before_the_robot_makes_it(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a crash the record must say that the robot may be anywhere."""
+    move = FakeArm.move_to
+    known: list[tuple[str, str]] = []
+
+    def seen(arm: FakeArm, joints_deg: Sequence[float]) -> JointReading:
+        known.append(stage.attempts()[-1][:2])
+        return move(arm, joints_deg)
+
+    monkeypatch.setattr(FakeArm, "move_to", seen)
+    assert stage.execute().state.value == "succeeded"
+    assert set(known) == {("arrive", "open")}
+
+
 def test_a_robot_that_is_read_back_elsewhere_is_approached_anew(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
