@@ -72,3 +72,29 @@ def test_a_stop_while_the_robot_is_armed_arms_nothing_else(tmp_path: Path) -> No
     with closing(stage.run):
         assert stage.execute().state.value == "stopped"
     assert stage.bench.log == ALL[:arming]
+
+
+class FullLengths(JumpingClock):
+    """A clock that keeps which of its waits an event would have cut short."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cut: list[bool] = []
+
+    def wait(self, seconds: float, wake: threading.Event) -> bool:
+        self.cut.append(wake.is_set())
+        return super().wait(seconds, wake)
+
+
+def test_a_pause_leaves_the_settling_its_whole_length_and_a_rest_does_not() -> None:
+    clock = FullLengths()
+    control = Control(clock)
+    control.pause()
+    control.settle(5.0)
+    assert clock.cut == [False]
+    control.rest("nobody answers")
+    with pytest.raises(Pausing):
+        control.check_stop()  # which stands before every motion
+    with pytest.raises(Pausing):
+        control.settle(5.0)
+    assert clock.cut == [False, True]
