@@ -85,14 +85,14 @@ CHANGES = (
         "        self._clock.wait(seconds, self._now)",
         "        self._clock.wait(seconds, self._any)",
         "a pause cuts the settling short, and the reading is taken all the same",
-        (*_SEQUENCER, "tests/acquisition/test_interrupt.py"),
+        ("tests/acquisition/test_interrupt.py", *_SEQUENCER),
     ),
     Change(
         "acquisition/control.py",
         "            self._reason = reason\n        self._now.set()\n",
         "            self._reason = reason\n",
         "a robot for which nobody answers any more begins another motion",
-        ("tests/acquisition/test_lease.py", *_SEQUENCER),
+        ("tests/acquisition/test_interrupt.py", "tests/acquisition/test_lease.py", *_SEQUENCER),
     ),
     Change(
         "acquisition/store.py",
