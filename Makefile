@@ -49,9 +49,10 @@ conformance: $(VENV)/.installed
 sabotage: $(VENV)/.installed
 	$(BIN)/python -m tests.sabotage
 
-# Every test with a thread, a socket, a process or a device, again and again beside busy processes; hours.
+# Every test with a thread, a socket, a process or a device, again and again beside busy processes: hours, in as many
+# sessions as one likes. What is through stands in .steady.jsonl; remove it to begin anew.
 steady: $(VENV)/.installed
-	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4
+	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4 --log .steady.jsonl
 
 # What is run before an issue is closed, beside `make test`; half a night.
 long: conformance sabotage steady

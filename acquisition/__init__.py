@@ -1,17 +1,19 @@
-"""Acquisition: what to measure, in which order, and a record that loses nothing. `acquisition.run` is the door."""
+"""Acquisition: what to measure, in which order, and a record that loses nothing. `Run` is the door."""
 
 from acquisition.campaign import Campaign, campaign_from, read_campaign
-from acquisition.cell import Cell, cell_from, read_cell
-from acquisition.clock import Clock, ScaledClock
-from acquisition.devices import Devices, open_devices
-from acquisition.event import Event
-from acquisition.export import export, export_events
-from acquisition.interrupt import pausing_on_interrupt
-from acquisition.lease import Lease
-from acquisition.outcome import Outcome
-from acquisition.run import Run, checked_plan
-from acquisition.states import State
-from acquisition.status import RunStatus, read_status
+from acquisition.cell import Cell, Devices, cell_from, open_devices, read_cell
+from acquisition.record import Event, State, export, export_events
+from acquisition.run import (
+    Clock,
+    Lease,
+    Outcome,
+    Run,
+    RunStatus,
+    ScaledClock,
+    checked_plan,
+    pausing_on_interrupt,
+    read_status,
+)
 
 __all__ = [
     "Campaign",

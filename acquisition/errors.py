@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, StorageError, Unmeasurable
+from calib.errors import DataError
+from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, Unmeasurable
+
+
+@contextmanager
+def as_config_error(place: str = "") -> Iterator[None]:
+    """Whatever a file or a plan is refused for inside is a ConfigError with the same sentence, after `place`."""
+    try:
+        yield
+    except DataError as error:
+        raise ConfigError(f"{place}{error}") from error
 
 
 class RecordInUse(Busy):
@@ -24,14 +36,27 @@ class RobotInUse(AcquisitionError):
 
 
 class OtherIndividual(ConfigError):
-    """Another robot or instrument answers than the one the record was measured with."""
+    """Another robot or instrument answers than the one the record was measured with.
+
+    serial: the serial number of the one that answers, by which it can be accepted.
+    """
 
     code = 6103
     exit_code = 5
     advice = (
-        "Connect the device of the record, or start a new record. Only where both are to stand together: accept it by "
+        "Connect the device of the record, or start a new record. Only where both belong together: accept it by "
         "its serial number and with a reason (--accept-other SERIAL --reason TEXT)."
     )
+
+    def __init__(
+        self, message: str, *, serial: str = "", device: str = "", command: str = "", raw: bytes = b""
+    ) -> None:
+        super().__init__(message, device=device, command=command, raw=raw)
+        self.serial = serial
+
+    def as_dict(self) -> dict[str, object]:
+        """The error for JSON, with the serial number."""
+        return super().as_dict() | {"serial": self.serial}
 
 
 class UnsafePlan(Refused):
@@ -46,7 +71,7 @@ class UnsafePlan(Refused):
 
 
 class NoClearWay(Refused):
-    """The straight way to a pose, and every other that was tried, touches the table, a keep-out box or a fixture."""
+    """The straight move to a pose, and every other that was tried, touches the table, a keep-out box or a fixture."""
 
     code = 3108
     exit_code = 5
@@ -60,8 +85,16 @@ class Displaced(Refused):
     """The robot was moved while somebody put the ballbar on."""
 
     code = 3109
+    advice = "Keep the robot where it is while the bar is put on; confirm, and it approaches the pose anew."
+
+
+class OtherBalls(Refused):
+    """A leg of the ballbar is not as long as the calibration of stage 1 says."""
+
+    code = 3110
     advice = (
-        "Keep the robot where it stands while the bar is put on; confirm, and it approaches the pose anew."
+        "Look whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved; "
+        "confirm to measure again, skip to leave the leg out."
     )
 
 
@@ -77,7 +110,7 @@ class WronglySeated(Refused):
 
     code = 3107
     advice = (
-        "Seat the SMR in the target named, then confirm. If the robot stands elsewhere than the cell file says, "
+        "Seat the SMR in the target named, then confirm. If the robot is elsewhere than the cell file says, "
         "correct its world.nests or raise instrument.expected_within_mm."
     )
 
@@ -87,7 +120,7 @@ class Misplaced(Unmeasurable):
 
     code = 2101
     advice = (
-        "Cover the SMRs that the beam may find instead. If the robot stands elsewhere than the cell file says, "
+        "Cover the SMRs that the beam may find instead. If the robot is elsewhere than the cell file says, "
         "correct its world.nests or raise instrument.expected_within_mm."
     )
 
@@ -104,6 +137,13 @@ class IllegalTransition(Refused):
 
     code = 3105
     advice = "Look at the state of the campaign: a finished one cannot be run again."
+
+
+class StorageError(AcquisitionError):
+    """The record cannot be written."""
+
+    code = 5000
+    advice = "Make room on the disk or correct its permissions, then resume the campaign."
 
 
 class RecordTaken(StorageError):

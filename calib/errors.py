@@ -1,4 +1,4 @@
-"""What the numbers can refuse: one error class for input that a person must correct.
+"""The error of the numerical part: one error class for input that a person must correct.
 
 A `DataError` names the file, and where it can the line or the key, says what is wrong and what to do.
 The command line turns it into exit code 2, the HTTP service into a problem document.

@@ -1,17 +1,18 @@
-"""Drivers: from bytes on a wire to a reading, one flat file per maker. `drivers.interfaces` has the verbs."""
+"""Drivers: from bytes on a wire to a reading, a folder a maker, each declaring itself. `drivers.interfaces` has
+the verbs, `drivers.registry` the table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
-
-from drivers.abb import AbbArm
-from drivers.abb_conversation import AbbDeadlines
-from drivers.abb_simple import AbbSimpleArm
-from drivers.abb_simple_stream import AbbSimpleDeadlines
-from drivers.b5r import BallbarTest, read_b5r
-from drivers.ctrack import CTrack
-from drivers.emscon import EmsconDeadlines, EmsconTracker
+from drivers.abb.arm import AbbArm
+from drivers.abb.conversation import AbbDeadlines
+from drivers.abb.simple import AbbSimpleArm
+from drivers.abb.simple_stream import AbbSimpleDeadlines
+from drivers.creaform.ctrack import CTrack
+from drivers.deadlines import InstrumentDeadlines
+from drivers.declaration import InstrumentDriver, RobotDriver
+from drivers.details import Details
+from drivers.dh_numbers import DhNumbers
+from drivers.endpoint import endpoints
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -36,16 +37,16 @@ from drivers.errors import (
     ProtocolError,
     Refused,
     SafetyStop,
-    StorageError,
     TargetNotSeen,
     Unmeasurable,
     WrongMode,
 )
-from drivers.fanuc import FanucArm
-from drivers.fanuc_controller import FanucDeadlines
-from drivers.faro import FaroTracker
+from drivers.fanuc.arm import FanucArm
+from drivers.fanuc.controller import FanucDeadlines
+from drivers.faro.ion import FaroTracker
 from drivers.interfaces import (
     Answer,
+    Candid,
     Device,
     Identity,
     InstrumentStatus,
@@ -53,69 +54,39 @@ from drivers.interfaces import (
     LengthMeter,
     LengthReading,
     Operator,
+    Paced,
     PointMeter,
     PointReading,
     PoseMeter,
     PoseReading,
     Prompt,
+    Reading,
     RobotArm,
     RobotStatus,
+    Sample,
+    Streams,
+    weakness_of,
 )
-from drivers.leica import LeicaTracker
+from drivers.leica.at960 import LeicaTracker
+from drivers.leica.emscon import EmsconTracker
 from drivers.link import WireLog, WireSink
-from drivers.mbp_session import MbpDeadlines
 from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt
-from drivers.qc20w import Qc20w
-from drivers.ur import UrArm
-from drivers.ur_deadlines import UrDeadlines
-from drivers.ur_secondary import DhNumbers, Factory
-
-_T = TypeVar("_T")
-
-ROBOTS: Mapping[str, Callable[..., RobotArm]] = {
-    "abb": AbbArm,
-    "abb-simple": AbbSimpleArm,
-    "fanuc": FanucArm,
-    "ur": UrArm,
-}
-INSTRUMENTS: Mapping[str, Callable[..., PointMeter]] = {
-    "ctrack": CTrack,
-    "emscon": EmsconTracker,
-    "faro": FaroTracker,
-    "leica": LeicaTracker,
-}
-LENGTH_METERS: Mapping[str, Callable[..., LengthMeter]] = {"qc20w": Qc20w}
-
-
-def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
-    """A robot by the name of its driver, not yet connected. Raises ConfigError."""
-    return _make("robot", ROBOTS, driver, url, options)
-
-
-def open_instrument(driver: str, url: str, **options: Any) -> PointMeter:
-    """An instrument by the name of its driver, not yet connected. Raises ConfigError."""
-    return _make("instrument", INSTRUMENTS, driver, url, options)
-
-
-def open_length_meter(driver: str, url: str, **options: Any) -> LengthMeter:
-    """A ballbar by the name of its driver, not yet connected. Raises ConfigError."""
-    return _make("length meter", LENGTH_METERS, driver, url, options)
-
-
-def _make(
-    kind: str, table: Mapping[str, Callable[..., _T]], name: str, url: str, options: Mapping[str, Any]
-) -> _T:
-    if name not in table:
-        raise ConfigError(f"{kind} driver {name!r} unknown; there are {', '.join(sorted(table))}")
-    try:
-        return table[name](url, **options)
-    except TypeError as error:
-        raise ConfigError(f"{kind} driver {name!r}: {error}") from error
-
+from drivers.registry import (
+    INSTRUMENTS,
+    ROBOTS,
+    instrument_driver,
+    open_instrument,
+    open_robot,
+    robot_driver,
+)
+from drivers.renishaw.b5r import BallbarTest, read_b5r
+from drivers.renishaw.qc20w import Qc20w
+from drivers.ur.arm import UrArm
+from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.secondary import Factory
 
 __all__ = [
     "INSTRUMENTS",
-    "LENGTH_METERS",
     "ROBOTS",
     "AbbArm",
     "AbbDeadlines",
@@ -127,13 +98,14 @@ __all__ = [
     "BeamBroken",
     "Busy",
     "CTrack",
+    "Candid",
     "CannotStop",
     "CommandRefused",
     "ConfigError",
+    "Details",
     "Device",
     "DhNumbers",
     "EmergencyStop",
-    "EmsconDeadlines",
     "EmsconTracker",
     "EnableLost",
     "Factory",
@@ -141,6 +113,8 @@ __all__ = [
     "FanucDeadlines",
     "FaroTracker",
     "Identity",
+    "InstrumentDeadlines",
+    "InstrumentDriver",
     "InstrumentStatus",
     "JointLimit",
     "JointReading",
@@ -150,7 +124,6 @@ __all__ = [
     "LinkError",
     "LinkLost",
     "LinkTimeout",
-    "MbpDeadlines",
     "MotionStopped",
     "NoOperator",
     "NoisyMeasurement",
@@ -159,6 +132,7 @@ __all__ = [
     "NotReady",
     "Operator",
     "OutOfRange",
+    "Paced",
     "PointMeter",
     "PointReading",
     "PoseMeter",
@@ -167,13 +141,16 @@ __all__ = [
     "ProtectiveStop",
     "ProtocolError",
     "Qc20w",
+    "Reading",
     "Refused",
     "RehearsalOperator",
     "RemoteOperator",
     "RobotArm",
+    "RobotDriver",
     "RobotStatus",
     "SafetyStop",
-    "StorageError",
+    "Sample",
+    "Streams",
     "TargetNotSeen",
     "TerminalOperator",
     "UnknownPrompt",
@@ -183,8 +160,11 @@ __all__ = [
     "WireLog",
     "WireSink",
     "WrongMode",
+    "endpoints",
+    "instrument_driver",
     "open_instrument",
-    "open_length_meter",
     "open_robot",
     "read_b5r",
+    "robot_driver",
+    "weakness_of",
 ]

@@ -4,12 +4,12 @@
     Unmeasurable   2xxx   retry, then skip the pose
     Refused        3xxx   pause and ask the operator
     SafetyStop     4xxx   stop everything; never resume by itself
-    StorageError   5xxx   pause
+    StorageError   5xxx   pause; that of a record, `acquisition.errors`
     ConfigError    6xxx   refuse to start
     NoOperator     7xxx   nobody there to answer a prompt: end with exit code 4
 
 The numeric codes are part of the record (database, HTTP, reports) and never change their meaning.
-Every error names the device, the command that was under way and the raw reply, and tells the operator
+Every error names the device, the command that was under way and the raw reply, and says to the operator
 in one sentence what to do.
 """
 
@@ -46,6 +46,11 @@ class AcquisitionError(Exception):
         during = f" (during {self.command})" if self.command else ""
         reply = f", reply {self.raw!r}" if self.raw else ""
         return f"{where}{self.message}{during}{reply} [{self.code}]"
+
+    @property
+    def sentence(self) -> str:
+        """The error in words: what happened and what to do, for the person at the cell."""
+        return f"{self.message.rstrip('.')}. {self.what_to_do}"
 
     def as_dict(self) -> dict[str, object]:
         """Plain values for the audit log and for problem+json; raw bytes as latin-1 text."""
@@ -177,7 +182,7 @@ class MotionStopped(Refused):
 
 
 class CannotStop(Refused):
-    """The device has no way to be stopped through the network."""
+    """The device cannot be stopped through the network."""
 
     code = 3007
     exit_code = 5
@@ -221,13 +226,6 @@ class EnableLost(SafetyStop):
     """Enabling device released or safeguard opened."""
 
     code = 4003
-
-
-class StorageError(AcquisitionError):
-    """The record cannot be written."""
-
-    code = 5000
-    advice = "Make room on the disk or correct its permissions, then resume the campaign."
 
 
 class ConfigError(AcquisitionError):

@@ -1,4 +1,4 @@
-"""What the sequencer may ask of a device: small protocols, one per capability, and what they answer.
+"""The interfaces that the sequencer may ask a device for: small protocols, one per capability, and what they answer.
 
 Verbs are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so asking again
 after a fault is safe. Nothing moves on `connect`. `stop` halts motion (it does not disconnect), may be called
@@ -8,7 +8,8 @@ and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol, runtime_checkable
@@ -16,7 +17,7 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who answers at the address. `simulated` is None where the protocol does not say."""
+    """The identity of the device at an address. `simulated` is None where the protocol does not say."""
 
     maker: str
     model: str
@@ -37,7 +38,7 @@ class JointReading:
 
 @dataclass(frozen=True, slots=True)
 class RobotStatus:
-    """State of the controller; None means that this dialect cannot tell."""
+    """State of the controller; None means that this dialect does not report it."""
 
     mode: str  # "auto", "manual" or "unknown"
     motors_on: bool | None
@@ -121,8 +122,22 @@ Reading = PointReading | LengthReading
 """What an instrument answers; a PoseReading is a PointReading with a turn."""
 
 
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
+
+    `t_s`: device clock (s); `number`: how the device counts its samples, None where it does not; `doubt`: why this
+    sample is not believed, empty where it is.
+    """
+
+    t_s: float
+    values: tuple[float, ...]
+    number: int | None = None
+    doubt: str = ""
+
+
 class Answer(Enum):
-    """What the operator can say to a prompt."""
+    """The answers of an operator to a prompt."""
 
     CONFIRM = "confirm"
     SKIP = "skip"
@@ -163,7 +178,7 @@ class Candid(Protocol):
 
 
 def weakness_of(device: Device) -> str:
-    """What the wire of a connected device cannot see: a damaged request, or a damaged answer. Empty: nothing."""
+    """The weakness of the wire of a connected device: a damaged request, or a damaged answer. Empty: nothing."""
     return device.weakness if isinstance(device, Candid) else ""
 
 
@@ -205,13 +220,34 @@ class PoseMeter(Device, Protocol):
 class LengthMeter(Device, Protocol):
     """Measures the length between a ball on the tool and a ball on the base, both by name.
 
-    `zero` reads the sensor in its calibrator (mm) and takes that as the zero of later readings.
+    `zero` reads the sensor in its calibrator (mm) and takes that as the zero of later readings. `build`: a person has
+    built the bar to another length (mm); it is disarmed, and arming holds that against its calibration.
     """
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading: ...
     def zero(self) -> float: ...
+    def build(self, nominal_mm: float) -> None: ...
     def stop(self) -> None: ...
     def status(self) -> InstrumentStatus: ...
+
+
+@runtime_checkable
+class Streams(Protocol):
+    """A robot or an instrument that sends samples while the robot moves (`streams` of its declaration).
+
+    The samples of a robot flow beside `move_to`, over a connection of their own; an instrument answers nothing else
+    meanwhile, and sends the target that it measured last. The iterator gives None when nothing has come for a moment,
+    so that whoever reads may look around; it raises LinkError, and MotionStopped after `stop`.
+    """
+
+    def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]: ...
+
+
+@runtime_checkable
+class Paced(Protocol):
+    """A robot that can be recorded in motion, and drives more slowly for a while; never faster than it was made for."""
+
+    def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]: ...
 
 
 @runtime_checkable

@@ -1,4 +1,4 @@
-"""Is the robot where it was sent? The joints read back are held against the request, as exactly as the wire shows them.
+"""Checks of the joints read back: they are held against the request, as exactly as the wire shows them.
 
 A reading of the campaign is filed under the angles that were commanded. So these must be the ones that the controller
 carried out: a joint that is read back further from its target than half a step of the reply, plus what a servo may be

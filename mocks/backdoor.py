@@ -19,8 +19,8 @@ from collections.abc import Awaitable, Callable, Mapping
 from inspect import isawaitable
 from typing import Any, Protocol
 
-from mocks.abb import MODES, AbbController
-from mocks.tracker_device import TrackerDevice
+from mocks.abb.controller import MODES, AbbController
+from mocks.shared.tracker_device import TrackerDevice
 
 Order = Callable[[dict[str, Any]], dict[str, Any] | Awaitable[None] | None]
 

@@ -10,26 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from mocks.abb import AbbController
-from mocks.abb_simple import SimpleMessageServers
-from mocks.arm_device import ArmDevice
+from mocks.abb.controller import AbbController
+from mocks.abb.simple import SimpleMessageServers
 from mocks.backdoor import BackDoor
 from mocks.cell_file import CellFile
-from mocks.clock import CellClock, DeviceClock
-from mocks.ctrack import CTrackBridge, CTrackDevice
-from mocks.emscon import EmsconServer
-from mocks.fanuc import Fanuc
-from mocks.faro import FaroBridge
-from mocks.leica import LeicaBridge
-from mocks.leica_device import LeicaDevice
-from mocks.mbp_bridge import MbpBridge
-from mocks.qc20w import BallbarBridge, BallbarDevice
-from mocks.sockets import Endpoint, Servers
-from mocks.tracker_device import TrackerDevice
-from mocks.ur import UrController
+from mocks.creaform.ctrack import CTrackBridge, CTrackDevice
+from mocks.fanuc.wires import Fanuc
+from mocks.faro.bridge import FaroBridge
+from mocks.leica.bridge import LeicaBridge
+from mocks.leica.device import LeicaDevice
+from mocks.leica.emscon import EmsconServer
+from mocks.misplaced import offsets, true_nests
+from mocks.renishaw.qc20w import BallbarBridge, BallbarDevice
+from mocks.shared.arm_device import ArmDevice
+from mocks.shared.clock import CellClock, DeviceClock
+from mocks.shared.mbp_bridge import MbpBridge
+from mocks.shared.sockets import Endpoint, Servers
+from mocks.shared.tracker_device import TrackerDevice
+from mocks.ur.controller import UrController
 from mocks.world import Session, World, random_label, robot_named
 
-LABEL_STREAM = 22
+LABEL_STREAM, CLOCK_STREAM = 22, 23
 
 
 def make_world(cell: CellFile) -> World:
@@ -45,6 +46,7 @@ def make_world(cell: CellFile) -> World:
         size=cell.effect_size,
         station_mm=cell.station_mm,
         targets=cell.targets,
+        misplaced_mm=offsets(cell),
         tool_mass_kg=cell.tool_mass_kg,
         tool_cog_mm=None if cog is None else (cog[0], cog[1], cog[2]),
         session=Session(cell.readings, cell.seconds_per_reading),
@@ -65,7 +67,8 @@ class Cell:
         self.clock = clock or CellClock(cell.time_scale)
         self.world = make_world(cell)
         self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
-        self.tracker = TrackerDevice(self.world, self.arm, self.clock, cell.nests)
+        nests = true_nests(cell)
+        self.tracker = TrackerDevice(self.world, self.arm, self.clock, nests)
         self.abb = AbbController(self.arm, self.clock, stock=stock)
         self.abb_simple = SimpleMessageServers(self.arm, self.clock)
         robot = self.world.robot
@@ -73,11 +76,9 @@ class Cell:
         self.ur_clock = DeviceClock(self.clock)
         self.ur = UrController(self.arm, self.ur_clock, self.world)
         self.faro = FaroBridge(self.tracker, self.clock)
-        self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, cell.nests, cell.normals))
-        self.qc20w = BallbarBridge(
-            BallbarDevice(self.world, self.arm, self.clock, cell.nests, cell.ballbar_mm)
-        )
-        self.at960 = LeicaDevice(self.world, self.arm, self.clock, cell.nests, cell.normals)
+        self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, nests, cell.normals))
+        self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, nests, cell.ballbar_mm))
+        self.at960 = LeicaDevice(self.world, self.arm, self.clock, nests, cell.normals)
         self.leica, self.emscon = LeicaBridge(self.at960), EmsconServer(self.at960)
         self.backdoor = BackDoor(
             self.abb,
@@ -96,6 +97,10 @@ class Cell:
         )
         self.devices = devices
         self._servers = Servers()
+        rng = np.random.default_rng([cell.seed, CLOCK_STREAM])
+        for own in self._clocks:
+            own.offset_s = float(rng.uniform(-1.0, 1.0)) * cell.clock_offset_s
+            own.rate = float(rng.uniform(-1.0, 1.0)) * 1e-6 * cell.clock_rate_ppm
 
     # -- orders of the back door that mean every device ----------------------------------------------------
 
@@ -103,6 +108,10 @@ class Cell:
     def _bridges(self) -> tuple[MbpBridge, ...]:
         alone = (each.bridge for each in (self.faro, self.leica, self.ctrack, self.qc20w))
         return *alone, self.qc20w.serial
+
+    @property
+    def _clocks(self) -> tuple[DeviceClock, ...]:
+        return self.ur_clock, *(bridge.clock for bridge in self._bridges)
 
     async def _reboot(self, order: dict[str, Any]) -> None:
         """Power off and on: connections reset, counters and clocks begin anew, instruments not initialised."""
@@ -118,7 +127,7 @@ class Cell:
 
     def _clock_step(self, order: dict[str, Any]) -> None:
         """Every device's own clock jumps by so many seconds."""
-        for clock in (self.ur_clock, *(bridge.clock for bridge in self._bridges)):
+        for clock in self._clocks:
             clock.offset_s += float(order["by_s"])
 
     def _careless_stream(self, order: dict[str, Any]) -> None:
@@ -231,7 +240,7 @@ class CellThread:
     def url(self, device: str) -> str:
         return f"tcp://127.0.0.1:{self.port(device)}"
 
-    def do(self, what: str, **order: object) -> dict[str, object]:
+    def do(self, what: str, **order: Any) -> dict[str, Any]:
         """An order of the back door, carried out in the cell's own loop."""
         assert self._loop is not None
         assert self.cell is not None

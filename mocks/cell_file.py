@@ -24,6 +24,10 @@ class CellFile:
     instrument_driver: str = "faro"
     tool_mass_kg: float | None = None
     tool_cog_mm: tuple[float, ...] | None = None
+    u_mm: dict[str, float] = field(default_factory=dict)  # stated of nests and targets, 1 sigma per axis
+    misplaced_mm: dict[str, tuple[float, ...]] = field(
+        default_factory=dict
+    )  # how far off they are, else drawn
     seed: int = 1
     time_scale: float = 1.0
     effects: tuple[str, ...] = ()
@@ -31,6 +35,10 @@ class CellFile:
     effect_size: float = 3.0  # RMS of the effect's displacement per axis over the noise
     readings: int = 300  # length of the campaign that steps and drifts are scaled to
     seconds_per_reading: float = 20.0
+    clock_offset_s: float = (
+        0.0  # how far the clock of a device may be off, to either side: drawn from the seed
+    )
+    clock_rate_ppm: float = 0.0
 
 
 def read_cell(path: Path) -> CellFile:
@@ -45,6 +53,8 @@ def read_cell(path: Path) -> CellFile:
         "nests": table.get("world", {}).get("nests"),
         "targets": tool.get("targets"),
         "normals": tool.get("normals"),
+        "u_mm": _stated(table.get("world", {}), "nests") | _stated(tool, "targets"),
+        "misplaced_mm": simulation.get("misplaced_mm"),
         "ballbar_mm": table.get("instrument", {}).get("nominal_mm"),
         "robot_driver": robot.get("driver"),
         "instrument_driver": table.get("instrument", {}).get("driver"),
@@ -52,8 +62,17 @@ def read_cell(path: Path) -> CellFile:
         "tool_cog_mm": tool.get("cog_mm"),
         **{
             key: simulation.get(key)
-            for key in ("seed", "time_scale", "effect_size", "readings", "seconds_per_reading")
+            for key in (
+                *("seed", "time_scale", "effect_size", "readings", "seconds_per_reading"),
+                *("clock_offset_s", "clock_rate_ppm"),
+            )
         },
         "effects": tuple(simulation.get("effects", ())),
     }
     return CellFile(**{key: value for key, value in values.items() if value is not None})
+
+
+def _stated(table: dict[str, Any], names: str) -> dict[str, float]:
+    """Stated uncertainty of everything under `names`: by name, else that of all."""
+    known: dict[str, float] = dict.fromkeys(table.get(names, {}), float(table.get("u_mm", 0.0)))
+    return known | table.get(f"{names}_u_mm", {})

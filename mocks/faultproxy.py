@@ -15,7 +15,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from types import TracebackType
 
-from mocks.sockets import Servers, drop
+from mocks.shared.sockets import Servers, drop
 
 GAP_S = 0.01
 STEP_S = 3600.0

@@ -34,18 +34,15 @@ def _run(arguments: Sequence[str] | None) -> int:
         # A Windows console that cannot show a letter shows '?', instead of ending the program.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-    from calib.errors import DataError
-    from drivers.errors import AcquisitionError
+    from service import refusals
     from service.commands import app
 
     try:
         app(args=None if arguments is None else list(arguments), prog_name="truepose")
     except SystemExit as end:  # how Typer hands over the code of every command, 130 after an interrupt
         return end.code if isinstance(end.code, int) else exit_codes.DONE
-    except DataError as error:
-        return _complain(str(error), exit_codes.USAGE)
-    except AcquisitionError as error:
-        return _complain(f"{error.message.rstrip('.')}. {error.what_to_do}", error.exit_code)
+    except refusals.REFUSALS as error:
+        return _complain(refusals.sentence(error), refusals.exit_code(error))
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}.", exit_codes.FAILED)
     return exit_codes.DONE

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.files import replace_file
+from calib.text import replace_file
 
 STANDARD_OUTPUT = "-"
 

@@ -1,4 +1,4 @@
-"""Runs a command that must not outlive its parent: `python -m service.guard COMMAND ...`.
+"""The guard runs a command that must not outlive its parent: `python -m service.guard COMMAND ...`.
 
 The parent holds the other end of our standard input. When it closes, by intent or because the parent was killed,
 the command is ended. A signal handler in the parent could not do this: nothing runs after `kill -9`.
@@ -28,7 +28,7 @@ def main(command: Sequence[str]) -> int:
                 child.wait(GRACE_S)
             child.kill()
 
-        def told(number: int, frame: FrameType | None) -> None:
+        def on_signal(number: int, frame: FrameType | None) -> None:
             threading.Thread(target=end, daemon=True).start()
 
         def watch() -> None:
@@ -38,7 +38,7 @@ def main(command: Sequence[str]) -> int:
             end()
 
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, told)
+            signal.signal(number, on_signal)
         threading.Thread(target=watch, daemon=True).start()
         return child.wait()
 

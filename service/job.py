@@ -1,4 +1,4 @@
-"""One identification or diagnosis, for a worker process of the service.
+"""One identification, diagnosis, alignment or regression, for a worker process of the service.
 
 The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
 cannot be used.
@@ -7,26 +7,31 @@ cannot be used.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
+ROBOT, TRACKER, PICTURE = "robot.csv", "tracker.csv", "picture.svg"
 
 
 def do(folder: Path) -> None:
     """Do the job of a folder."""
     from calib.errors import DataError
-    from calib.files import replace_file
-    from calib.json_text import read_json
+    from calib.text import read_json, replace_file
+    from service import refusals
     from service.files import as_json
-    from service.http.problems import data_place, data_text
 
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
             diagnosis(Path(job["data"]), folder, cell=job.get("cell"))
+        elif job["kind"] == "alignment":
+            alignment(folder, job["order"], job["name"])
+        elif job["kind"] == "regression":
+            regression(Path(job["data"]), folder, job["order"])
         else:
             identification(Path(job["data"]), folder)
     except DataError as error:
-        problem = {"text": data_text(error), "do": error.do, **data_place(error)}
+        problem = {"text": refusals.cause(error), "do": error.do, **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
 
 
@@ -35,28 +40,61 @@ def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     from dataclasses import replace
 
     from acquisition.cell import cell_of_record
-    from acquisition.follow_up import fits, in_cell
-    from calib.dataset import read_dataset
-    from calib.diagnose.diagnosis import diagnose
-    from calib.files import replace_file
-    from calib.model_file import save_model
-    from service import documents
+    from acquisition.loop import fits, in_cell
+    from calib.data import read_dataset
+    from calib.diagnose import diagnose
+    from calib.saved import save_model
+    from calib.text import replace_file
     from service.files import as_json
     from service.report import diagnosis_report
+    from service.results import documents
 
     found = diagnose(read_dataset(data))
     here = None if cell is None else cell_of_record(cell, str(folder / JOB))
     if here is not None and found.follow_up is not None and fits(here, found.final):
         found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
     document = documents.of_diagnosis(found)
-    save_model(folder / MODEL, found.final, found)
+    if found.final.converged:
+        save_model(folder / MODEL, found.final, found)
     replace_file(folder / REPORT, diagnosis_report(found, document))
     replace_file(folder / RESULT, as_json(document))
 
 
 def identification(data: Path, folder: Path) -> None:
     """Identify, save the model, draw the report. Raises DataError."""
-    from service.commands.identify import identify_command
+    from calib.saved import save_model
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.identified import Identified
 
-    # The command writes its JSON last, so a result always has its report.
-    identify_command(data, json=str(folder / RESULT), model=folder / MODEL, report=folder / REPORT)
+    result = Identified.of(data)
+    if result.found.converged:
+        save_model(folder / MODEL, result.found)
+    replace_file(folder / REPORT, result.report())
+    replace_file(folder / RESULT, as_json(result.document()))
+
+
+def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
+    """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.regressed import Regressed
+
+    result = Regressed.of(data, **order)
+    result.save(folder / MODEL)
+    replace_file(folder / REPORT, result.report())
+    replace_file(folder / RESULT, as_json(result.document))
+
+
+def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
+    """Align the streams of the folder, keep their standstills as a data set, draw the picture. Raises DataError."""
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.kept_dataset import CSV, keep_dataset
+    from service.report.motion import motion_picture
+    from service.results.alignment import Order, aligned_of, document
+
+    result = aligned_of(folder / ROBOT, folder / TRACKER, Order(**{**order, "tool": tuple(order["tool"])}))
+    replace_file(folder / PICTURE, motion_picture(result))
+    kept = keep_dataset(folder.parents[1] / "datasets", lambda at: result.table.write(at / CSV), name)
+    replace_file(folder / RESULT, as_json({**document(result), "dataset_id": kept["id"]}))

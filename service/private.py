@@ -1,4 +1,4 @@
-"""What nobody else on this computer may read: records, and the files that hold tokens.
+"""Private files, which nobody else on this computer may read: records, and the files that hold tokens.
 
 Modes are those of POSIX; on Windows the folder's access list decides, which a folder below the user's own inherits.
 """

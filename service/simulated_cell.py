@@ -23,7 +23,7 @@ _LAST = "backdoor"  # printed after all others
 
 
 class SimulatedDevices:
-    """Where the simulators of a cell listen."""
+    """The addresses at which the simulators of a cell listen."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
         self.ports = ports
@@ -79,7 +79,7 @@ def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
         while _LAST not in ports:
             line = lines.readline()
             if not line:
-                raise ConfigError("the simulators of the cell did not start; their message stands above")
+                raise ConfigError("the simulators of the cell did not start; their message is above")
             endpoint = json.loads(line)
             ports[endpoint["device"]] = endpoint["port"]
     finally:
@@ -88,7 +88,7 @@ def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Closing its input tells the guard, which ends the simulators and then itself."""
+    """Closing its input is the signal for the guard, which ends the simulators and then itself."""
     for stream in (process.stdin, process.stdout):
         assert stream is not None
         stream.close()

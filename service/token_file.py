@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from calib.errors import DataError
-from service.http.roles import Tokens
+from service.http.access.roles import Tokens
 from service.private import make_secret, read_secret
 
 NAME = "tokens"

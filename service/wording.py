@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from calib.dataset import Dataset
-from calib.diagnose.diagnosis import Diagnosis, Found
-from calib.diagnose.patch import Patch
-from calib.statistics import ErrorStatistics
+from calib.data import Dataset
+from calib.diagnose import ACTS_ON, EACH_POSE, Diagnosis, Found, Patch, Structure
+from calib.fit import ErrorStatistics
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
@@ -31,12 +30,12 @@ POSITION_ERROR = "Position error"
 
 
 def error_kind(dataset: Dataset) -> str:
-    """What the errors of a data set are of."""
+    """The quantity that the errors of a data set belong to."""
     return POSITION_ERROR if dataset.pointed.any() else "Error of the distance"
 
 
 def holdout_in_words(kind: str) -> str:
-    """What kind of hold-out the figures stand on."""
+    """The kind of hold-out that the figures are based on."""
     return HOLDOUTS.get(kind, kind)
 
 
@@ -125,6 +124,36 @@ def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None)
     )
 
 
+def structure_in_words(left: Structure) -> str:
+    """One place where structure is left, and how sure that is."""
+    share, sure = f"{left.explained_variance:.1%}", f"(p {chance(left.p_value)})"
+    if left.acts_on == ACTS_ON:
+        return f"The readings left out lie together: {left.where} explains {share} of which they are {sure}."
+    return f"Structure is left: {left.where} explains {share} of what is left {sure}."
+
+
+def structure_caption(left: Structure) -> str:
+    """What the picture of a place of structure shows."""
+    if left.acts_on == ACTS_ON:
+        return f"The readings that were left out among the others, over {left.where}: gross errors would lie anywhere."
+    means = "rings are means with their expanded uncertainty (k = 2)"
+    if left.where.startswith("region"):
+        return (
+            "What is left in the workspace: means of neighbouring readings as arrows, many times their size."
+        )
+    if left.where.endswith(" angles"):
+        return f"What is left over {left.where}: means of its three parts in the world, in squares of both angles."
+    if left.where == EACH_POSE:
+        return (
+            "What is left at the poses that were visited again, those with the largest errors of their own first: "
+            f"{means} over their visits."
+        )
+    if left.where == "tool target":
+        return f"What is left at every tool target, its three parts in the world: {means}."
+    axes = "along the axes of the tool" if "down" in left.where else "in the world"
+    return f"What is left over {left.where}, its three parts {axes}, one dot a reading; {means}."
+
+
 def verdict_in_words(diagnosis: Diagnosis) -> str:
     """The verdict as a plain sentence or two, with what it gains."""
     names = [found.effect.label for found in diagnosis.effects]
@@ -134,20 +163,32 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     lost = bool(names) and before is not None and after is not None and after.rms > before.rms
     where = "; ".join(f"{s.where}, acting on {s.acts_on}" for s in diagnosis.structure[:2])
     head = {
-        "complete": "Nothing is missing: the base model explains these readings to the declared noise.",
+        "complete": "Nothing was found: the base model explains these readings to the noise. "
+        "How large an effect must be to show in them is in the report.",
         "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
         + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
         + ". No structure shows where it comes from: the noise is larger"
         + " than declared, or a law outside the library is at work.",
         "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
-        "ambiguous": f"Found {effects}: {listed}. These poses cannot tell "
+        "ambiguous": f"Found {effects}: {listed}. These poses cannot distinguish "
         "at least one of them from its rivals, which are listed.",
         "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
         + f"Structure is left that none explains ({where}).",
     }[diagnosis.verdict]
+    gain, warning = gain_in_words(before, after), _not_carried(lost, diagnosis.harmful, len(names))
+    parts = (warning, gain, head) if lost else (warning, head, gain)
+    return " ".join(part for part in (*parts, _stretched(diagnosis.stretch)) if part)
+
+
+def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
+    """What held-out readings say against the effects found; empty where they say nothing."""
     if lost:
-        head += f" {'The effects do' if len(names) > 1 else 'The effect does'} not carry over to the held-out readings."
-    return f"{head} {gain_in_words(before, after)} {_stretched(diagnosis.stretch)}".strip()
+        which = "The effects found do" if count > 1 else "The effect found does"
+        return f"{which} not carry over to the held-out readings."
+    if not harmful:
+        return ""
+    listed = ", ".join(harmful[:3]) + (f" and {len(harmful) - 3} more" if len(harmful) > 3 else "")
+    return f"Held-out readings speak against {listed}: each makes their error larger."
 
 
 def _stretched(stretch: float | None) -> str:

@@ -8,9 +8,12 @@ is printed with the line that reproduces it. The profile `fuzz` draws 100,000 ne
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy; processes that tests start inherit it
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
@@ -37,3 +40,11 @@ settings.load_profile("truepose")
 # Hypothesis mixes in numbers that it finds in the source of whatever modules are loaded: then the examples of a test
 # depend on which tests ran before it in the same process, whatever `derandomize` says. There is no setting for it.
 providers._get_local_constants = Constants
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A process beside others has a folder of its own for locks: their simulated robots may bear one serial number."""
+    if hasattr(config, "workerinput"):
+        folder = tempfile.mkdtemp(prefix="truepose-tests-")
+        tempfile.tempdir = os.environ["TMPDIR"] = folder  # programs that tests start inherit it
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))

@@ -1,4 +1,4 @@
-"""`examine`: reach every device of a cell, read-only, and write down what stands against a campaign.
+"""`examine`: reach every device of a cell, read-only, and write down what prevents a campaign.
 
 Robot, instrument and computer are examined at the same time, each to its end even where another fails. Nothing is
 armed, moved or set. While a campaign of this computer moves the robot its devices are left in peace.
@@ -12,15 +12,15 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from pathlib import Path
 
-from acquisition.cell import Cell
-from acquisition.devices import Devices
+from acquisition.cell.cell import Cell
+from acquisition.cell.devices import Devices
 from acquisition.errors import ClockJumped, RobotInUse
 from acquisition.examination.computer import examine_computer
 from acquisition.examination.finding import Chart, Examination, Finding
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
 from acquisition.examination.robot import examine_robot
-from acquisition.mover import Mover
+from acquisition.run.mover import Mover
 
 __all__ = ["Examination", "Finding", "examine"]
 
@@ -35,7 +35,7 @@ def examine(
     simulated: bool = False,
     tell: Callable[[str], None] = lambda step: None,
 ) -> Examination:
-    """Everything that can be told of the cell now. `record`: where its records are to be made.
+    """Everything that can be found out about the cell now. `record`: where its records are to be made.
 
     simulated: the devices are simulators, whose clocks run as fast as the cell file says.
     tell: hears what is asked next; from several threads.

@@ -1,8 +1,8 @@
 """A device's clock against the steady clock of this computer: does it run, and at which rate?
 
 The moment at which the device looked at its clock lies somewhere between question and answer; half of that time is
-the uncertainty. Two readings half a second apart tell a clock that stands, or that counts in other units than it
-says; they cannot tell a slow crystal. Seconds.
+the uncertainty. Two readings half a second apart show a clock that is stopped, or that counts in other units than it
+says; they cannot show a slow crystal. Seconds.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ClockReading:
 
     @property
     def at_s(self) -> float:
-        """Half way between question and answer."""
+        """Midway between question and answer."""
         return 0.5 * (self.asked_s + self.answered_s)
 
 
@@ -49,7 +49,7 @@ def examine_clock(chart: Chart, first: ClockReading, second: ClockReading, time_
         chart.fault(
             "clock",
             ProtocolError(
-                f"the device's clock stands at {second.device_s:.3f} s",
+                f"the device's clock is stopped at {second.device_s:.3f} s",
                 what_to_do="Start the device or its bridge anew: readings without a running clock are refused.",
             ),
         )

@@ -14,14 +14,15 @@ import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
-from acquisition.cell import Cell
+from acquisition.cell.cell import Cell
+from acquisition.errors import StorageError
 from acquisition.examination.finding import Chart
-from acquisition.run import LEAST_FREE_BYTES
-from drivers.errors import LinkLost, StorageError
+from acquisition.run.run import LEAST_FREE_BYTES
+from drivers.errors import LinkLost
 
 _FIXED = (3, 51, 3)
 _MEGABYTE = 1_000_000
-_EARLIEST = datetime(2026, 11, 1, tzinfo=UTC)  # no computer that runs this program can stand before it
+_EARLIEST = datetime(2026, 11, 1, tzinfo=UTC)  # no computer that runs this program can have a clock before it
 
 
 def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
@@ -93,7 +94,7 @@ def _operator(cell: Cell, chart: Chart) -> None:
 
 
 def _serial_port(chart: Chart, role: str, port: str) -> None:
-    if os.name != "posix":  # COM5 is no file; opening it tells
+    if os.name != "posix":  # COM5 is no file; only opening it shows whether it is there
         return
     if not Path(port).exists():
         chart.fault(

@@ -1,4 +1,4 @@
-"""What an examination writes down: one finding a check, with what was found and what to do about it.
+"""The findings of an examination: one finding a check, with what was found and what to do about it.
 
 ok     as it should be
 note   a campaign can run; somebody should know
@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
-from drivers.errors import AcquisitionError, ConfigError, LinkError, SafetyStop, StorageError
+from acquisition.errors import StorageError
+from drivers.errors import AcquisitionError, ConfigError, LinkError, SafetyStop
 
 Level = Literal["ok", "note", "fault"]
 Tell = Callable[[str], None]
@@ -49,7 +50,7 @@ class Chart:
         self._tell = tell
 
     def tell(self, check: str) -> None:
-        """What is asked now, for people who wait."""
+        """Report what is asked now, for people who wait."""
         self._tell(f"{self.device}: {check}")
 
     def ok(self, check: str, found: str) -> None:
@@ -86,7 +87,7 @@ class Chart:
 
 
 def exit_code_of(error: AcquisitionError) -> int:
-    """Of the command line, by the family of the error."""
+    """The exit code of the command line, by the family of the error."""
     if isinstance(error, SafetyStop):
         return UNSAFE
     if isinstance(error, ConfigError):
@@ -105,12 +106,12 @@ class Examination:
 
     @property
     def faults(self) -> list[Finding]:
-        """What stands against a campaign."""
+        """The faults: what prevents a campaign."""
         return [finding for finding in self.findings if finding.level == "fault"]
 
     @property
     def notes(self) -> list[Finding]:
-        """What somebody should know."""
+        """The notes: what somebody should know."""
         return [finding for finding in self.findings if finding.level == "note"]
 
     @property

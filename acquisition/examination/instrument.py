@@ -1,6 +1,6 @@
 """The instrument: who answers, is it ready or still warming, its weather, clock, battery, and what it measures with.
 
-Nothing is armed, pointed or set. A tracker's reflector is told to it when it is armed and not before: which SMR sits
+Nothing is armed, pointed or set. A tracker's reflector is set when it is armed and not before: which SMR sits
 in which nest is for a person to see.
 """
 
@@ -10,24 +10,21 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
-from acquisition.cell import Cell
+from acquisition.cell.cell import Cell
+from acquisition.cell.identity import match_instrument
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
-from acquisition.identity import match_instrument
-from drivers.details import Details, details_of
+from drivers.details import Details
 from drivers.errors import Busy, ConfigError, EmergencyStop, LinkError, NotReady
 from drivers.interfaces import InstrumentStatus, LengthMeter, PointMeter
-from drivers.qc20w import STROKE_MM
 
 Instrument = PointMeter | LengthMeter
-_TRACKERS = ("emscon", "faro", "leica")  # whose wavelength depends on the air
 _USUAL: Mapping[str, tuple[str, str, float, float]] = {
     "t_air_c": ("air", "degC", 10.0, 40.0),
     "pressure_hpa": ("pressure", "hPa", 700.0, 1080.0),
     "humidity_percent": ("humidity", "%", 5.0, 95.0),
 }
 _BATTERY_LOW, _BATTERY_EMPTY = 20.0, 5.0
-_REFERENCE, _REFERENCE_LEAST = "base", 12  # body on the robot's foot, and targets that it needs
 
 
 def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: Place) -> None:
@@ -36,31 +33,32 @@ def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: 
         if meet(instrument, chart, place, lambda who: match_instrument(cell, who)):
             _examine(cell, instrument, chart, place.time_scale)
     except LinkError:
-        return  # it stands in the chart, and nothing more can be asked
+        return  # it is in the chart, and nothing more can be asked
     finally:
         instrument.disconnect()
 
 
 def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float) -> None:
-    first = read_clock(instrument, chart)
+    declared = cell.instrument.declared
+    clock = partial(declared.clock_s, instrument)
+    first = read_clock(clock, chart)
     status = chart.ask("status", instrument.status)
     if status is not None:
-        told = chart.ask("details", partial(details_of, instrument, status)) or Details()
+        details = chart.ask("details", partial(declared.details, instrument, status)) or Details()
         _state(chart, status.state)
-        if told.weather_station is False:  # what is told then is old
+        if details.weather_station is False:  # what is reported then is old
             status = replace(status, t_air_c=None, pressure_hpa=None, humidity_percent=None)
-        _weather(chart, status, needed=cell.instrument.driver in _TRACKERS)
-        if told.battery_percent is not None:
-            _battery(chart, told.battery_percent)
-        if told.bar_mm is not None and cell.instrument.measures_lengths:
-            _bar(chart, told.bar_mm, cell.instrument.nominal_mm)
-        if told.bodies:
-            _bodies(cell, chart, told)
-    untold = [] if compare_clocks(instrument, chart, first, time_scale) else ["clock"]
-    if cell.instrument.driver in _TRACKERS:
-        untold.append("which SMR is seated")
+        _weather(chart, status, needed=declared.needs_weather)
+        if details.battery_percent is not None:
+            _battery(chart, details.battery_percent)
+        if details.bar_mm is not None and declared.stroke_mm is not None:
+            _bar(chart, details.bar_mm, cell.instrument.nominal_mm, declared.stroke_mm)
+        if details.bodies:
+            _bodies(cell, chart, details)
+    untold = [] if compare_clocks(clock, chart, first, time_scale) else ["clock"]
+    untold.extend(declared.untold)
     if untold:
-        chart.ok("untold", f"this protocol does not tell: {', '.join(untold)}")
+        chart.ok("untold", f"this protocol does not report: {', '.join(untold)}")
 
 
 def _state(chart: Chart, state: str) -> None:
@@ -94,23 +92,23 @@ def _state(chart: Chart, state: str) -> None:
 
 
 def _weather(chart: Chart, status: InstrumentStatus, *, needed: bool) -> None:
-    told = {name: getattr(status, name) for name in _USUAL}
+    values = {name: getattr(status, name) for name in _USUAL}
     shown = ", ".join(
-        f"{what} {told[name]:.1f} {unit}"
+        f"{what} {values[name]:.1f} {unit}"
         for name, (what, unit, *_) in _USUAL.items()
-        if told[name] is not None
+        if values[name] is not None
     )
-    missing = [what for name, (what, *_) in _USUAL.items() if told[name] is None]
+    missing = [what for name, (what, *_) in _USUAL.items() if values[name] is None]
     odd = [
         what
         for name, (what, _, low, high) in _USUAL.items()
-        if told[name] is not None and not low <= told[name] <= high
+        if values[name] is not None and not low <= values[name] <= high
     ]
     if needed and missing:
         chart.fault(
             "weather",
             NotReady(
-                f"the weather station does not tell {', '.join(missing)}",
+                f"the weather station does not report {', '.join(missing)}",
                 what_to_do="Plug the weather station in and switch it on: 1 degC of air is 1 um/m of distance.",
             ),
         )
@@ -133,8 +131,8 @@ def _battery(chart: Chart, percent: float) -> None:
         chart.ok("battery", f"{percent:.0f} %")
 
 
-def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float) -> None:
-    if abs(calibrated_mm - nominal_mm) > STROKE_MM:
+def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float, stroke_mm: float) -> None:
+    if abs(calibrated_mm - nominal_mm) > stroke_mm:
         chart.fault(
             "ballbar",
             NotReady(
@@ -146,27 +144,28 @@ def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float) -> None:
         chart.ok("ballbar", f"calibrated to {calibrated_mm:.4f} mm, the cell needs {nominal_mm:g} mm")
 
 
-def _bodies(cell: Cell, chart: Chart, told: Details) -> None:
+def _bodies(cell: Cell, chart: Chart, details: Details) -> None:
     """A camera knows bodies by their names: those of the tool and of the nests must be among them."""
-    unknown = [name for name in (*cell.tool.targets, *cell.nests) if name not in told.bodies]
-    least = told.bodies.get(_REFERENCE, 0)
+    unknown = [name for name in (*cell.tool.targets, *cell.nests) if name not in details.bodies]
+    reference, needed = details.reference
+    found = details.bodies.get(reference, 0)
     if unknown:
         chart.fault(
             "bodies",
             ConfigError(
-                f"no body {', '.join(unknown)}; the instrument knows {', '.join(told.bodies)}",
+                f"no body {', '.join(unknown)}; the instrument knows {', '.join(details.bodies)}",
                 what_to_do="Teach these bodies in the instrument's program, or use its names in the cell file.",
             ),
         )
-    elif least < _REFERENCE_LEAST:
+    elif found < needed:
         chart.fault(
             "bodies",
             NotReady(
-                f"reference '{_REFERENCE}' has {least} targets, needed {_REFERENCE_LEAST}",
+                f"reference '{reference}' has {found} targets, needed {needed}",
                 what_to_do="Stick more reflective targets on the base and teach the reference body again.",
             ),
         )
     else:
         chart.ok(
-            "bodies", f"reference of {least} targets; all of the cell's {len(told.bodies) - 1} are known"
+            "bodies", f"reference of {found} targets; all of the cell's {len(details.bodies) - 1} are known"
         )

@@ -1,4 +1,4 @@
-"""What is asked of every device alike: does it answer, who is it, and what does its clock say?
+"""The questions to every device alike: does it answer, who is it, and what does its clock say?
 
 Nothing is armed, moved or set; connecting greets, and nothing more.
 """
@@ -9,17 +9,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from acquisition.cell.identity import Match, OtherDevice
 from acquisition.examination.clocks import APART_S, ClockReading, examine_clock
 from acquisition.examination.finding import Chart
-from acquisition.identity import Match, OtherDevice
-from drivers.details import clock_of
 from drivers.errors import AcquisitionError, SafetyStop
 from drivers.interfaces import Device, Identity, weakness_of
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a device is looked for, and how fast its clock should run: 1, but for simulators."""
+    """The place of a device: where it is looked for, and how fast its clock should run: 1, but for simulators."""
 
     name: str
     simulated: bool = False
@@ -59,7 +58,7 @@ def meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity],
 def _compare(chart: Chart, who: Identity, match: Match) -> None:
     parts = (
         f"{who.maker} {who.model}".strip(),
-        f"serial {who.serial}" if who.serial else "no serial number told",
+        f"serial {who.serial}" if who.serial else "no serial number reported",
         f"software {who.firmware}" if who.firmware else "",
         who.protocol,
     )
@@ -72,19 +71,21 @@ def _compare(chart: Chart, who: Identity, match: Match) -> None:
         chart.fault("model", OtherDevice(match.text))
 
 
-def read_clock(device: Device, chart: Chart) -> ClockReading | None:
-    """None where the device does not tell its clock. Raises LinkError."""
+def read_clock(clock_s: Callable[[], float | None], chart: Chart) -> ClockReading | None:
+    """A reading of the device's clock; None where it does not report one. Raises LinkError."""
     asked, utc = time.monotonic(), time.time()
-    told = chart.ask("clock", lambda: clock_of(device))
-    return None if told is None else ClockReading(told, asked, time.monotonic(), utc)
+    device_s = chart.ask("clock", clock_s)
+    return None if device_s is None else ClockReading(device_s, asked, time.monotonic(), utc)
 
 
-def compare_clocks(device: Device, chart: Chart, first: ClockReading | None, time_scale: float) -> bool:
+def compare_clocks(
+    clock_s: Callable[[], float | None], chart: Chart, first: ClockReading | None, time_scale: float
+) -> bool:
     """A second reading, APART_S after the first; whether there was one to compare. Raises LinkError."""
     if first is None:
         return False
     time.sleep(max(0.0, first.answered_s + APART_S - time.monotonic()))
-    second = read_clock(device, chart)
+    second = read_clock(clock_s, chart)
     if second is not None:
         examine_clock(chart, first, second, time_scale)
     return True

@@ -1,24 +1,25 @@
-"""The robot: who answers, is it the one of the cell file, could it move, can it be stopped, where does it stand?
+"""The robot: who answers, is it the one of the cell file, could it move, can it be stopped, where is it?
 
-Nothing is armed, moved or set. What its protocol does not tell is said in one line, so that silence is not taken for
+Nothing is armed, moved or set. What its protocol does not report is said in one line, so that silence is not taken for
 good news.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from acquisition.cell import Cell
+from acquisition.cell.cell import Cell
+from acquisition.cell.identity import OtherDevice, match_robot
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
-from acquisition.identity import OtherDevice, match_robot
 from calib.units import DEG
-from drivers.details import Details, details_of
+from drivers.details import Details
+from drivers.dh_numbers import DhNumbers
 from drivers.errors import Busy, CannotStop, EmergencyStop, LinkError, SafetyStop, WrongMode
 from drivers.interfaces import RobotArm, RobotStatus
-from drivers.ur_secondary import DhNumbers
 
 _MOVED_DEG = 0.02
 _DH_OFF_MM = 0.5
@@ -30,57 +31,58 @@ def examine_robot(cell: Cell, robot: RobotArm, chart: Chart, place: Place) -> No
         if meet(robot, chart, place, lambda who: match_robot(cell, who)):
             _examine(cell, robot, chart, place.time_scale)
     except LinkError:
-        return  # it stands in the chart, and nothing more can be asked
+        return  # it is in the chart, and nothing more can be asked
     finally:
         robot.disconnect()
 
 
 def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> None:
-    stood = chart.ask("position", robot.position)
-    first = read_clock(robot, chart)
+    first_read = chart.ask("position", robot.position)
+    clock = partial(cell.robot.declared.clock_s, robot)
+    first = read_clock(clock, chart)
     status = chart.ask("status", robot.status)
     if status is not None:
-        told = chart.ask("details", lambda: details_of(robot, status)) or Details()
-        _fitness(chart, status, told)
-        _warmth(chart, told)
-        if told.nominal is not None:
-            _geometry(cell, chart, told.nominal)
-    if stood is not None:
-        _position(cell, chart, stood.joints_deg)
+        details = chart.ask("details", partial(cell.robot.declared.details, robot, status)) or Details()
+        _fitness(chart, status, details)
+        _warmth(chart, details)
+        if details.nominal is not None:
+            _geometry(cell, chart, details.nominal)
+    if first_read is not None:
+        _position(cell, chart, first_read.joints_deg)
     _stop(robot, chart)
-    has_clock = compare_clocks(robot, chart, first, time_scale)
-    stands = chart.ask("motion", robot.position)
-    if status is not None and stood is not None and stands is not None:
-        _motion(chart, status, _apart(stood.joints_deg, stands.joints_deg))
+    has_clock = compare_clocks(clock, chart, first, time_scale)
+    second_read = chart.ask("motion", robot.position)
+    if status is not None and first_read is not None and second_read is not None:
+        _motion(chart, status, _apart(first_read.joints_deg, second_read.joints_deg))
     if status is not None:
         _untold(chart, status, has_clock=has_clock)
 
 
-def _fitness(chart: Chart, status: RobotStatus, told: Details) -> None:
+def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
     """Mode, safety and motors, each in its own line."""
     if status.mode == "manual":
         chart.fault("mode", WrongMode("controller in manual mode"))
     elif status.mode == "auto":
         chart.ok("mode", "automatic")
-    stopped = isinstance(told.trouble, SafetyStop)
-    if told.trouble is not None and (stopped or not status.emergency_stop):
-        chart.fault("safety" if stopped else "program", told.trouble)
+    stopped = isinstance(details.trouble, SafetyStop)
+    if details.trouble is not None and (stopped or not status.emergency_stop):
+        chart.fault("safety" if stopped else "program", details.trouble)
     elif status.emergency_stop:
         chart.fault("safety", EmergencyStop("emergency stop pressed"))
     elif status.emergency_stop is not None:
         chart.ok("safety", "no emergency stop")
     if status.motors_on:
         chart.ok("motors", "on")
-    elif status.motors_on is not None and (status.emergency_stop or told.trouble is not None):
-        chart.note("motors", "off", "They come back when what stands above is put in order.")
+    elif status.motors_on is not None and (status.emergency_stop or details.trouble is not None):
+        chart.note("motors", "off", "They come back when what is named above is put in order.")
     elif status.motors_on is not None:
         chart.fault("motors", WrongMode("motors off"))
-    if told.trouble is None and not status.emergency_stop and status.error_number:
+    if details.trouble is None and not status.emergency_stop and status.error_number:
         chart.note("alarm", f"the controller shows number {status.error_number}", "Read it on the pendant.")
-    if told.speed_share is not None and told.speed_share < 1.0:
+    if details.speed_share is not None and details.speed_share < 1.0:
         chart.note(
             "speed",
-            f"the speed slider stands at {told.speed_share:.0%}",
+            f"the speed slider is at {details.speed_share:.0%}",
             "Push it up, or every move takes longer than the forecast says.",
         )
 
@@ -100,7 +102,7 @@ def _geometry(cell: Cell, chart: Chart, nominal: DhNumbers) -> None:
 
 
 def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
-    """Where no such robot can stand, it is another one or its joint matrix is; the cell's limits are narrower."""
+    """The posture must be one that this robot can take: else the robot or its joint matrix is another one."""
     robot = cell.robot.model
     shown = " ".join(f"{q:.2f}" for q in joints_deg) + " deg"
     joints = np.array(joints_deg)
@@ -117,7 +119,7 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
         chart.fault(
             "position",
             OtherDevice(
-                f"joint {i + 1} stands at {joints[i]:.2f} deg, {robot.name} reaches {reach[0, i]:g} to {reach[1, i]:g}",
+                f"joint {i + 1} is at {joints[i]:.2f} deg, {robot.name} reaches {reach[0, i]:g} to {reach[1, i]:g}",
                 what_to_do="Check model and joint_coupling of the cell file, and the robot's own zero marks.",
             ),
         )
@@ -126,7 +128,7 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
         chart.note(
             "position",
             f"{shown}; joint {i + 1} is outside the cell's {low[i]:g} to {high[i]:g}",
-            "Jog the robot within the limits before a campaign: nobody has checked its way there.",
+            "Jog the robot within the limits before a campaign: nobody has checked the path there.",
         )
     elif contact is not None:
         chart.note(
@@ -158,10 +160,10 @@ def _motion(chart: Chart, status: RobotStatus, moved_deg: float) -> None:
         chart.ok("motion", "it stands still")
 
 
-def _warmth(chart: Chart, told: Details) -> None:
-    """Where the controller tells it. Whether the arm is warm enough, the readings of a campaign show."""
-    if told.temperatures_c:
-        low, high = (f"{of(told.temperatures_c):.0f}" for of in (min, max))
+def _warmth(chart: Chart, details: Details) -> None:
+    """The motor temperatures where they are reported; whether the arm is warm, the readings of a campaign show."""
+    if details.temperatures_c:
+        low, high = (f"{of(details.temperatures_c):.0f}" for of in (min, max))
         chart.ok("warm_up", f"joints at {low if low == high else f'{low} to {high}'} degC")
 
 
@@ -173,11 +175,11 @@ def _untold(chart: Chart, status: RobotStatus, *, has_clock: bool) -> None:
         "motors": status.motors_on is None,
     }
     silent = [name for name, untold in unfit.items() if untold]
-    told = ", ".join([*silent, *([] if has_clock else ["clock"])])
+    missing = ", ".join([*silent, *([] if has_clock else ["clock"])])
     if silent:
-        chart.note("untold", f"this protocol does not tell: {told}", "Look at the pendant.")
-    elif told:
-        chart.ok("untold", f"this protocol does not tell: {told}")
+        chart.note("untold", f"this protocol does not report: {missing}", "Look at the pendant.")
+    elif missing:
+        chart.ok("untold", f"this protocol does not report: {missing}")
 
 
 def _apart(one: Sequence[float], other: Sequence[float]) -> float:

@@ -7,21 +7,17 @@ from calib.compensate.carried import Carried, carried, constant_slots, joint_ori
 from calib.compensate.controller import model_sides
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
-from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, nominal_poses
 from calib.compensate.targets import PoseCorrection, correct_poses, stands_of
 
 __all__ = [
-    "FLANGE",
     "REASONS",
     "Bounds",
     "Calibrated",
     "Carried",
     "Correction",
     "PoseCorrection",
-    "StatedConditions",
     "Status",
     "carried",
-    "conditions_at",
     "constant_slots",
     "correct",
     "correct_poses",
@@ -29,7 +25,6 @@ __all__ = [
     "joint_origins",
     "model_sides",
     "nominal_of",
-    "nominal_poses",
     "refuse_unlikely",
     "stands_of",
 ]

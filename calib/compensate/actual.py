@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correct import checked, refused
 from calib.compensate.correction import Correction
 from calib.compensate.inverse import nominal_inverse, pose_difference
-from calib.compensate.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
-from calib.kinematics import Array
-from calib.model import RobotModel
+from calib.model.model import RobotModel
+from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
+from calib.regression.regression import Regression
 
 
 def nominal_of(
@@ -26,8 +27,9 @@ def nominal_of(
     target: str = FLANGE,
     limits: Array | None = None,
     coupling: str = "none",
+    regression: Regression | None = None,
 ) -> Correction:
-    """Joints (n, N) at which the nominal robot stands where the real one stands at `joints` (n, N), rad.
+    """Joints (n, N) at which the nominal robot is in the pose that the real one takes at `joints` (n, N), rad.
 
     Arguments, refusals and errors raised are those of `correct`.
     """
@@ -35,11 +37,11 @@ def nominal_of(
     joints, limits = checked(robot, joints, limits)
     tool = tool_point(model, series_of(model, stated), target)
     known = np.all(np.isfinite(joints), axis=1)
-    stands = Calibrated(model, estimate, stated, target).poses(joints[known])
+    reached = Calibrated(model, estimate, stated, target, regression).poses(joints[known])
     found = np.full_like(joints, np.nan)
-    found[known] = nominal_inverse(robot, stands, joints[known], tool)
-    miss = pose_difference(stands, nominal_poses(model, found[known], tool))
+    found[known] = nominal_inverse(robot, reached, joints[known], tool)
+    miss = pose_difference(reached, nominal_poses(model, found[known], tool))
     landed, turned = np.full(len(joints), np.inf), np.full(len(joints), np.inf)
     landed[known], turned[known] = (np.linalg.norm(part, axis=1) for part in (miss[:, :3], miss[:, 3:]))
-    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool)
+    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool, regression, joints[None])
     return Correction.of(found, refusals, landed, turned, known.astype(np.int64))

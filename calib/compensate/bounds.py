@@ -1,7 +1,7 @@
-"""How far a correction may go before it says more about the model than about the robot.
+"""Bounds on a correction: how far it may go before it says more about the model than about the robot.
 
 Robots that were identified are off by some tenths of a degree and some millimetres; 10 deg in a joint is a file that
-was changed, a model of another robot, or a fit that went astray. What is compared is where the flange stands, with
+was changed, a model of another robot, or a fit that went astray. What is compared is where the flange is, with
 the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
 """
 
@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.array import Array
 from calib.compensate.calibrated import Calibrated
-from calib.compensate.stated import StatedConditions, nominal_poses
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.model import RobotModel
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions, nominal_poses
 from calib.units import DEG
 
-STANDS = 200
+_SAMPLES = 200
 _SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where none is stated
 
 
@@ -45,7 +45,7 @@ def refuse_unlikely(
     estimate: (m,) internal units. Conditions that are not stated are those of a usual room.
     """
     robot = model.robot
-    counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (STANDS, robot.joints))
+    counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
     joints = robot.model_angles(counted, coupling)
     nominal = nominal_poses(model, joints, np.zeros(3))
     stated = replace(

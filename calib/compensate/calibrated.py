@@ -3,6 +3,7 @@
 It holds what belongs to the robot and to its mounting, never what belongs to the instrument. Where the world is the
 nominal base frame, the identified base is part of the error; where the base was placed by the fit (a model with
 placements), the world is arbitrary, and the identified base frame takes its place: its parameters are left out.
+A regression that is based on the model shifts every target by what it says of its own point: it knows no turn.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.compensate.stated import FLANGE, StatedConditions, conditions_at, series_of
+from calib.arm.kinematics import Frames
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array, Frames
-from calib.model import Design, RobotModel
+from calib.model.model import Design, RobotModel
+from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
+from calib.regression.regression import Regression, world_points
 
 CORRECTED_OWNERS = ("robot", "mounting")
 
@@ -22,29 +25,32 @@ CORRECTED_OWNERS = ("robot", "mounting")
 class Calibrated:
     """The calibrated robot at stated conditions, with the base as the nominal frame where the fit placed it.
 
-    estimate: (m,) of the model, zero where a parameter is the instrument's or only tells where the base was put.
+    estimate: (m,) of the model, zero where a parameter is the instrument's or only says where the base was put.
     """
 
     def __init__(
-        self, model: RobotModel, estimate: Array, stated: StatedConditions, target: str = FLANGE
+        self,
+        model: RobotModel,
+        estimate: Array,
+        stated: StatedConditions,
+        target: str = FLANGE,
+        regression: Regression | None = None,
     ) -> None:
         series = series_of(model, stated)
         owned = model.owned(CORRECTED_OWNERS)
         if series in model.placements:
-            own = [
-                e for e in model.effects if e.label.partition("[")[0] == "base" and e.group == "base model"
-            ]
-            owned[[i for e in own for i in model.positions(e)]] = 0.0
+            owned[model.of_base] = 0.0
         self.estimate = np.where(owned > 0.0, estimate, 0.0)
         targets = {name: {FLANGE: (0.0, 0.0, 0.0), **known} for name, known in model.targets.items()}
-        # `turns` say how a measuring tool is mounted, not how the flange stands.
+        # `turns` say how a measuring tool is mounted, not where the flange is.
         self._model = replace(model, targets=targets, placements={}, turns={})
         self._plain = model
         self._stated = stated
         self._target = target
+        self._regression = regression
 
     def design(self, joints: Array) -> Design:
-        """The model at n stands. Raises DataError when it needs a condition that was not stated."""
+        """The model in n poses. Raises DataError when it needs a condition that was not stated."""
         design = Design(self._model, conditions_at(self._plain, joints, self._stated, self._target))
         for position, _, drive in design.terms:
             if self.estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
@@ -58,7 +64,13 @@ class Calibrated:
 
     def poses(self, joints: Array) -> Array:
         """(n, 4, 4) at model angles (n, N), rad. Raises DataError like `design`."""
-        return poses_of(self.design(joints).frames(self.estimate, record=()), len(joints))
+        design = self.design(joints)
+        poses = poses_of(design.frames(self.estimate, record=()), len(joints))
+        if self._regression is not None:
+            _, base = world_points(self._model, self.estimate, design.conditions)
+            shift = self._regression.shift(self._model.robot, joints)
+            poses[:, :3, 3] += np.einsum("nij,nj->ni", base, shift)
+        return poses
 
 
 def poses_of(frames: Frames, n: int) -> Array:

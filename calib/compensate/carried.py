@@ -1,9 +1,9 @@
-"""What a table of constants can carry of a model, and what the rest costs.
+"""The part of a model that a table of constants can carry, and what the rest costs.
 
 A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some effects are
 such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the backlash at the stated
 side. What follows the joints (compliance, gear errors, encoder scale) is left out. Nothing here asks which effect it
-is: a term is carried if what drives it is the same at every stand, and the table holds its slot.
+is: a term is carried if what drives it is the same in every pose, and the table holds its slot.
 
     loss = |FK_full(q) - FK_carried(q)| of the flange, over random q within the joint limits
 """
@@ -15,14 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.arm.kinematics import TOOL, Chain, Placement, nominal_values, propagate
+from calib.arm.robot import Robot
+from calib.array import Array
 from calib.compensate.calibrated import Calibrated, poses_of
-from calib.compensate.stated import StatedConditions
-from calib.kinematics import TOOL, Array, Chain, Placement, nominal_values, propagate
-from calib.model import RobotModel
-from calib.robot import Robot
-from calib.statistics import ErrorStatistics, statistics_of
+from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
 
-STANDS = 1000
+_SAMPLES = 1000
 _AXES = np.eye(3)
 
 
@@ -30,7 +31,7 @@ _AXES = np.eye(3)
 class Carried:
     """values: slot -> change from nominal, rad or mm. left_out: names of the parameters of which something is lost.
 
-    loss: of the flange's position, mm; nominal: what the nominal robot is off by at the same stands.
+    loss: of the flange's position, mm; nominal: what the nominal robot is off by in the same poses.
     """
 
     values: dict[str, float]
@@ -48,10 +49,10 @@ def carried(
     coupling: str = "none",
     seed: int = 1,
 ) -> Carried:
-    """What of a model, estimate (m,), the slots can carry. Raises DataError for a condition that is missing."""
+    """The part of a model, estimate (m,), that the slots carry. Raises DataError for a condition that is missing."""
     robot = model.robot
     rng = np.random.default_rng(seed)
-    counted = rng.uniform(robot.lower, robot.upper, (STANDS, robot.joints))
+    counted = rng.uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
     joints = robot.model_angles(counted, coupling)
     calibrated = Calibrated(model, estimate, stated)
     design = calibrated.design(joints)
@@ -65,12 +66,12 @@ def carried(
             values[slot] = values.get(slot, 0.0) + float(np.mean(amounts))
         else:
             lost[model.parameters[position].name] = None
-    full = poses_of(design.frames(calibrated.estimate, record=()), STANDS)[:, :3, 3]
+    full = poses_of(design.frames(calibrated.estimate, record=()), _SAMPLES)[:, :3, 3]
 
     def off(changes: dict[str, float]) -> ErrorStatistics:
         reached = propagate(Chain.of(robot), changed(robot, joints, changes), Placement(), record=())
-        found = statistics_of(np.linalg.norm(full - poses_of(reached, STANDS)[:, :3, 3], axis=1))
-        assert found is not None  # there are STANDS of them
+        found = statistics_of(np.linalg.norm(full - poses_of(reached, _SAMPLES)[:, :3, 3], axis=1))
+        assert found is not None  # there are _SAMPLES of them
         return found
 
     return Carried(values, tuple(lost), off(values), off({}))

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.kinematics import Array
-from calib.robot import Robot
+from calib.arm.robot import Robot
+from calib.array import Array
 
 
 def model_sides(robot: Robot, sides: Array, coupling: str) -> Array:

@@ -1,12 +1,12 @@
-"""Corrected targets: joint angles at which the real robot stands where the nominal robot would have stood.
+"""Corrected targets: joint angles at which the real robot takes the pose that the nominal robot would have taken.
 
 The controller keeps its nominal model, so it is sent a false target F instead of the wanted pose T:
 
     F = T;   F <- F . FK_cal(IK_nom(F))^-1 . T
 
-until the calibrated robot at IK_nom(F) stands in T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
+until the calibrated robot at IK_nom(F) is in T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
 target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
-(`calib.compensate.stated`).
+(`calib.model.stated`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.robot import Robot
+from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correction import Correction, Status
 from calib.compensate.inverse import (
@@ -23,17 +25,15 @@ from calib.compensate.inverse import (
     pose_difference,
 )
 from calib.compensate.mixing import Memory
-from calib.compensate.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
-from calib.kinematics import Array
-from calib.model import RobotModel
-from calib.robot import Robot
+from calib.model.model import RobotModel
+from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
+from calib.regression.regression import Regression
 from calib.units import DEG
 
-MOST_ITERATIONS = 16  # all of 1000 poses of the thesis's robot land within so many; 98 % after 4
+MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many; 98 % after 4
 LANDED_MM, LANDED_RAD = 1e-7, 1e-9
-FARTHEST = (
-    30.0 * DEG
-)  # tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
+# Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
+FARTHEST = 30.0 * DEG
 SINGULAR = 0.004
 """Least over largest singular value below which a target is refused: the wrist within some 2 deg of singular."""
 
@@ -47,19 +47,21 @@ def correct(
     target: str = FLANGE,
     limits: Array | None = None,
     coupling: str = "none",
+    regression: Regression | None = None,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Correction:
     """Correct joint targets (n, N), model angles, rad: `target` then lands in the pose the nominal robot would take.
 
     estimate: (m,) of the model, internal units. target: a tool target by name, or the flange, which carries all
-    targets with it. limits: (N, 2) rad as the controller counts, default the robot's; coupling: how it counts. Rows
-    that are NaN are out of reach. Raises DataError for a condition that is missing, ValueError for arrays of the
-    wrong shape, an unknown target or series.
+    targets with it. limits: (N, 2) rad as the controller counts, default the robot's; coupling: how it counts.
+    regression: one that is based on the model; targets outside its region are refused. Rows that are NaN are out of
+    reach. Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
+    target or series.
     """
     robot = model.robot
     joints, limits = checked(robot, joints, limits)
     tool = tool_point(model, series_of(model, stated), target)
-    calibrated = Calibrated(model, estimate, stated, target)
+    calibrated = Calibrated(model, estimate, stated, target, regression)
 
     found = joints.copy()
     landed, turned = np.full(len(joints), np.inf), np.full(len(joints), np.inf)
@@ -69,21 +71,22 @@ def correct(
     wanted[known] = nominal_poses(model, joints[known], tool)
     left, memory = np.flatnonzero(known), Memory(len(joints), robot.joints)
     for done in range(most_iterations + 1):
-        stands = calibrated.poses(found[left])
-        miss = pose_difference(wanted[left], stands)
+        reached = calibrated.poses(found[left])
+        miss = pose_difference(wanted[left], reached)
         landed[left], turned[left] = (np.linalg.norm(part, axis=1) for part in (miss[:, :3], miss[:, 3:]))
         # Only rows that are still in question go on; a wild one is given up, or it would spoil the products.
         sane = np.all(np.abs(found[left] - joints[left]) < FARTHEST, axis=1)
         on = ((landed[left] > LANDED_MM) | (turned[left] > LANDED_RAD)) & sane
-        left, stands = left[on], stands[on]
+        left, reached = left[on], reached[on]
         if not len(left) or done == most_iterations:
             break
         iterations[left] = done + 1
         here = found[left]
-        false_target = nominal_poses(model, here, tool) @ inverse_poses(stands) @ wanted[left]
+        false_target = nominal_poses(model, here, tool) @ inverse_poses(reached) @ wanted[left]
         shifted = nominal_inverse(robot, false_target, here, tool)
         found[left] = memory.next(left, here, shifted)
-    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool)
+    asked = np.stack([joints, found])
+    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool, regression, asked)
     return Correction.of(found, refusals, landed, turned, iterations)
 
 
@@ -107,8 +110,16 @@ def refused(
     limits: Array,
     coupling: str,
     tool: Array,
+    regression: Regression | None,
+    asked: Array,
 ) -> list[tuple[Status, NDArray[np.bool_]]]:
-    """Which of the corrections `found` of `joints`, both (n, N), must not be driven, by reason."""
+    """The corrections `found` of `joints`, both (n, N), that must not be driven: masks (n,) by reason.
+
+    asked: (k, n, N) joints at which the regression, if there is one, had to know the robot.
+    """
+    outside = np.zeros(len(joints), dtype=bool)
+    if regression is not None:
+        outside = ~np.all([regression.region.holds(there) for there in asked], axis=0)
     unknown = ~np.all(np.isfinite(joints), axis=1)
     counted = robot.controller_angles(found, coupling)
     beyond = np.any((counted < limits[:, 0]) | (counted > limits[:, 1]), axis=1)
@@ -122,6 +133,7 @@ def refused(
     return [
         (Status.BEYOND_LIMITS, beyond),
         (Status.NOT_CONVERGED, ~(kept & close & (moved < FARTHEST))),
+        (Status.OUTSIDE_REGION, outside),
         (Status.SINGULAR, singular),
         (Status.OUT_OF_REACH, unknown),
     ]

@@ -1,4 +1,4 @@
-"""What became of every target of a correction: the joints to drive, or why it must not be driven."""
+"""The outcome of a correction, target by target: the joints to drive, or why it must not be driven."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.kinematics import Array
+from calib.array import Array
 
 
 class Status(StrEnum):
-    """What became of one target."""
+    """The outcome of one target."""
 
     CORRECTED = "corrected"
     OUT_OF_REACH = "out of reach"
     SINGULAR = "singular"
     BEYOND_LIMITS = "beyond limits"
     NOT_CONVERGED = "not converged"
+    OUTSIDE_REGION = "outside the region of the regression"
 
 
 ALL = tuple(Status)
@@ -28,6 +29,8 @@ REASONS = {
     Status.OUT_OF_REACH: "the arm does not reach the target in its branch within the joint limits",
     Status.SINGULAR: "close to a singular pose, where a small correction needs a large turn of the joints",
     Status.BEYOND_LIMITS: "the target or its correction lies beyond a joint limit",
+    Status.OUTSIDE_REGION: "outside the joint angles that the regression in the model was trained at, where it means "
+    "nothing",
     Status.NOT_CONVERGED: "the iteration did not end near the target: it would change the branch, or the model is wild",
 }
 
@@ -36,7 +39,7 @@ REASONS = {
 class Correction:
     """Corrected targets. `joints` (n, N) rad, NaN where refused: a refused target must never be driven.
 
-    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model stands at `joints`;
+    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`;
     iterations (n,): how many the target took.
     """
 
@@ -65,7 +68,7 @@ class Correction:
         turned: Array,
         iterations: NDArray[np.int64],
     ) -> Correction:
-        """A correction from the rows that were refused, by reason, the weightiest last: it stands."""
+        """A correction from the rows that were refused, by reason, the weightiest last: it is the one that is kept."""
         status = np.zeros(len(joints), dtype=np.int64)
         for reason, rows in refusals:
             status[rows] = ALL.index(reason)

@@ -1,4 +1,4 @@
-"""Inverse kinematics of the nominal robot near a pose it stands in: Newton's method on the exact chain, batched.
+"""Inverse kinematics of the nominal robot near a pose that it is in: Newton's method on the exact chain, batched.
 
     J(q) dq = twist from FK(q) to the wanted pose,   q <- q + dq
 
@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.kinematics import Array, Chain, Placement, nominal_values, propagate
-from calib.robot import Robot
+from calib.arm.kinematics import Chain, Placement, nominal_values, propagate
+from calib.arm.robot import Robot
+from calib.array import Array
 
 LEVER_MM = 300.0
 """Length that turns an error of orientation into one of position: about an arm's link."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.kinematics import Array
+from calib.array import Array
 
 
 class Memory:

@@ -8,19 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.inverse_kinematics import branch_index, inverse_kinematics, nearest_branch, within_limits
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot
+from calib.array import Array
 from calib.compensate.correct import checked, correct, inverse_poses
 from calib.compensate.correction import Correction
-from calib.compensate.stated import StatedConditions
-from calib.inverse_kinematics import branch_index, inverse_kinematics, nearest_turns
-from calib.kinematics import Array, forward
-from calib.model import RobotModel
-from calib.robot import Robot
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
 
 
 @dataclass(frozen=True)
 class PoseCorrection:
     """Corrected pose targets. nominal: (n, 6) model angles, rad, of the targets as they were, NaN out of reach;
-    branch: (n,) index into `calib.inverse_kinematics.BRANCHES`, -1 out of reach; poses: (n, 4, 4) the false targets
+    branch: (n,) index into `calib.arm.inverse_kinematics.BRANCHES`, -1 out of reach; poses: (n, 4, 4) the false targets
     of the tool point, mm, NaN where refused.
     """
 
@@ -82,18 +83,16 @@ def stands_of(
     near, limits = checked(robot, np.zeros((n, 6)) if seed is None else seed, limits)
     # Whole turns are counted where the limits are: in the controller's angles.
     counted = robot.controller_angles(solutions.joints, coupling)
-    seeded = robot.controller_angles(near, coupling)[:, None, :]
-    turned = nearest_turns(counted, seeded, limits[:, 0], limits[:, 1])
-    reached = np.all(np.isfinite(turned), axis=2)
+    seeded = robot.controller_angles(near, coupling)
+    turned = within_limits(counted, seeded[:, None, :], limits[:, 0], limits[:, 1])
     if branch is None:
-        away = np.where(reached, np.sum((np.nan_to_num(turned) - seeded) ** 2, axis=2), np.inf)
-        chosen = np.argmin(away, axis=1)
+        chosen = nearest_branch(turned, seeded)
     else:
         if len(branch) != n:
             raise ValueError(f"{len(branch)} branches for {n} poses")
         chosen = np.array([branch_index(name) for name in branch], dtype=np.int64)
     rows = np.arange(n)
     joints = np.full((n, 6), np.nan)
-    found = reached[rows, chosen]
+    found = np.isfinite(turned[rows, chosen, 0])
     joints[found] = robot.model_angles(turned[rows, chosen][found], coupling)
     return joints, np.where(found, chosen, -1)

@@ -1,8 +1,8 @@
-"""Importers of foreign data, by the name that `truepose convert --from` takes."""
+"""Importers of foreign data, and of legs as poses, by the name that `truepose convert --from` takes."""
 
-from calib.convert import ipa_ur10
+from calib.convert import hexapod_legs, ipa_ur10
 from calib.convert.table import Holdout, Table
 
-IMPORTERS = {"ipa-ur10": ipa_ur10.read}
+IMPORTERS = {"hexapod-legs": hexapod_legs.read, "ipa-ur10": ipa_ur10.read}
 
 __all__ = ["IMPORTERS", "Holdout", "Table"]

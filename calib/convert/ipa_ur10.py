@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.convert.table import Table
-from calib.csv_text import rows_of
 from calib.errors import DataError
-from calib.header import FARTHEST_MM
-from calib.text_file import read_text
+from calib.text.csv_text import rows_of
+from calib.text.text_file import read_text
+from calib.text.toml_table import FARTHEST_MM
 
 _PUBLISHED = {
     "timestamp": "Timestamp",

@@ -1,4 +1,4 @@
-"""A foreign file on its way to a data set: columns of text, a header, and which rows are held out."""
+"""A foreign file that becomes a data set: columns of text, a header, and which rows are held out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from calib.errors import DataError
-from calib.files import replace_file
+from calib.text.files import replace_file
 
 Holdout = Literal["random", "block"]
 BLOCKS = 20
@@ -57,17 +57,24 @@ class Table:
         return replace(self, columns=columns, header=header)
 
     def _poses(self) -> list[int]:
-        """The pose of every row, numbered as they appear: rows whose commanded joints are written the same."""
+        """The pose of every row, numbered as they appear: its waypoint, or its joints as they are written."""
         joints = [cells for name, cells in self.columns.items() if _JOINT.fullmatch(name)]
+        if "waypoint" in self.columns:
+            joints = [self.columns["waypoint"]]
         seen: dict[tuple[str, ...], int] = {}
         rows = zip(*joints, strict=True) if joints else ((str(i),) for i in range(len(self)))
         return [seen.setdefault(row, len(seen)) for row in rows]
 
-    def write(self, path: Path) -> None:
-        """Write `path` and the `.toml` beside it; neither is left half-written."""
+    @property
+    def text(self) -> str:
+        """The columns as CSV, their names in the first line."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.columns)
         writer.writerows(zip(*self.columns.values(), strict=True))
+        return text.getvalue()
+
+    def write(self, path: Path) -> None:
+        """Write `path` and the `.toml` beside it; neither is left half-written."""
         replace_file(path.with_suffix(".toml"), self.header)
-        replace_file(path, text.getvalue())
+        replace_file(path, self.text)

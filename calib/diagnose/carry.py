@@ -1,4 +1,4 @@
-"""What carries over: the effects found on one series, judged on another set of readings of the same robot.
+"""The carry-over of a finding: the effects found on one series, judged on another set of readings of the same robot.
 
 Three models are fitted to the calibration rows of the other data set and judged on its validation rows: its own
 base model without effects; everything of the robot frozen as found, its mounting alone fitted (base, tool, and what
@@ -12,20 +12,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib import robust
-from calib.dataset import Dataset
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
-from calib.effects.effect import Effect
+from calib.effects import gear_orders
 from calib.errors import DataError
-from calib.held_out import errors_on
-from calib.identification import Identification
-from calib.identify import carry, identify
-from calib.kinematics import Array
-from calib.least_squares import find_dependent, solve
-from calib.model import Design, RobotModel
-from calib.placing import base_model_of, place_nominal
-from calib.readings import readings_of
-from calib.statistics import ErrorStatistics, statistics_of
+from calib.fit import robust
+from calib.fit.held_out import errors_on
+from calib.fit.identification import Identification
+from calib.fit.identify import carry, identify
+from calib.fit.least_squares import Linearisation, find_dependent, solve
+from calib.fit.placing import base_model_of, place_nominal
+from calib.fit.readings import readings_of
+from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.model.effect import Effect
+from calib.model.model import Design, RobotModel
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class CarryOver:
 
     @property
     def finding(self) -> str:
-        """What carries over, in a sentence; empty where the other set has no validation rows."""
+        """The carry-over in a sentence; empty where the other set has no validation rows."""
         if self.base is None or self.frozen is None or self.refitted is None:
             return ""
         frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
@@ -63,6 +64,7 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
         )
     own = identify(other)
     effects = tuple(f.effect for f in diagnosis.effects if _carries(f.effect))
+    effects = (*(e for e in effects if not _sized(e)), *(e for e in effects if _sized(e)))
     base = base_model_of(other)
     model = replace(base, effects=(*base.effects, *effects))
     placed, placed_estimate = place_nominal(other, base)
@@ -93,6 +95,11 @@ def _carries(effect: Effect) -> bool:
     return effect.owner != "instrument" and effect.group != "thermal" and "rank" not in effect.shape
 
 
+def _sized(effect: Effect) -> bool:
+    """Whether an effect is the curve of a gear, whose sizes the readings have said."""
+    return effect.label.startswith(gear_orders.LABEL)
+
+
 def _fit(
     other: Dataset, model: RobotModel, start: Array, free: list[int] | range, own: Identification
 ) -> Array:
@@ -102,12 +109,16 @@ def _fit(
     readings = readings_of(other, belongs, model, start)
     design = Design(model, readings.conditions)
     observed = readings.observed
-    active, _ = find_dependent(design, observed, start)
+    # The sizes that evidence gave the curves of gears hold what these readings leave open of them.
+    others = replace(model, effects=tuple(e for e in model.effects if not _sized(e)))
+    active = np.ones(len(start), dtype=bool)
+    count = len(others.parameters)
+    active[:count], dropped = find_dependent(
+        Linearisation(Design(others, readings.conditions), observed, start[:count])
+    )
     allowed = np.zeros(len(start), dtype=bool)
     allowed[list(free)] = True
-    estimate = start
+    at = Linearisation(design, observed, start)
     for _ in range(2):
-        residual = observed.residual(design.frames(estimate, ()))
-        scale = robust.noise_scale(residual, observed.freedom)
-        estimate = solve(design, observed, estimate, active & allowed, scale=scale).estimate
-    return estimate
+        at = solve(at, active & allowed, dropped, scale=robust.noise_scale(at.residual, observed.freedom)).at
+    return at.estimate

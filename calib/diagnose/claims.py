@@ -1,8 +1,14 @@
-"""How sure a claim is where rows are not independent, or few: the whole scan, repeated on what chance makes of it.
+"""The certainty of a claim where rows are not independent, or few: the whole scan, repeated on what chance makes of it.
 
 Where poses repeat, or several targets are read in one, the rows of a pose share its repeatability; where poses are few,
 the tails of the residual count. Then the largest of all candidates at all places of their scans is taken on each of
 the drawn residuals (`calib.diagnose.null`), and a claim must exceed those, not only its F test.
+
+An F test also takes the noise for equal in all directions. What a law outside the library leaves is not: play that a
+load closes leaves errors of one joint alone, and the best of three thousand waves of that joint looks sure beside the
+little that is left elsewhere. So a gain is measured against what is left along the very direction in which the effect
+acts, pose by pose, and stretch by stretch in time: beside a drift that no law describes every step looks sure. Sources:
+White 1980, Newey and West 1987 (variance of an estimate where noise is not alike, or lasts).
 """
 
 from __future__ import annotations
@@ -12,17 +18,19 @@ import math
 import numpy as np
 from scipy import stats
 
-from calib.diagnose.null import Chance, draws, poses_of
-from calib.diagnose.scan import ABSORBED, Scores
-from calib.kinematics import Array
+from calib.array import Array
+from calib.diagnose.null import Chance, draws
+from calib.scan.scores import ABSORBED, Scores
+from calib.scan.space import Space
 
 _FEW = 150  # poses below which rows alone do not say how sure a claim is
+_STRETCHES = 16  # of the campaign, by which what lasts is known
 
 
 def chance_by_pose(scores: Scores) -> Chance | None:
-    """What the scan finds where there is nothing; None where poses are many, each with one reading."""
+    """The chance of a gain with poses as the units; None where poses are many, each with one reading."""
     space = scores.space
-    pose = poses_of(space.fitted.readings.conditions)
+    pose = space.fitted.readings.conditions.pose
     count = int(pose.max()) + 1
     if count >= _FEW and count == len(pose):
         return None
@@ -62,3 +70,18 @@ def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
     left = np.maximum(freedom - columns, 1)
     ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
     return np.where(columns > 0, stats.f.logsf(ratio, np.maximum(columns, 1), left), 0.0)
+
+
+def against_own_noise(space: Space, directions: Array, left: Array) -> float:
+    """Factor, at most 1, of the gain along orthonormal directions (size, p) of an effect, where what the whole model
+    leaves (size,) is larger along them than elsewhere."""
+    k, n = space.residual.shape
+    conditions = space.fitted.readings.conditions
+    acting = (directions * left[:, None]).reshape(k, n, -1).sum(axis=0)
+    in_time = np.argsort(np.argsort(conditions.order, kind="stable"), kind="stable")
+    square = max(
+        float(np.sum(np.array([np.bincount(group, column) for column in acting.T]) ** 2))
+        for group in (conditions.pose, in_time * _STRETCHES // n)
+    )
+    along = square / max(float(np.sum(directions**2)), 1e-300)
+    return min(1.0, float(left @ left) / space.rows / max(along, 1e-300))

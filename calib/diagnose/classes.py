@@ -13,25 +13,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.diagnose.evidence import CLASS_WIDTH, p_value
+from calib.array import Array
+from calib.diagnose.claims import against_own_noise
 from calib.diagnose.null import Chance
-from calib.diagnose.refine import one_order
-from calib.diagnose.scan import HarmonicScores, Score, Scores, gain_of
 from calib.diagnose.select import candidates, leave_one_out
-from calib.diagnose.space import Space
-from calib.effects.effect import Effect
-from calib.kinematics import Array
+from calib.model.effect import Effect
+from calib.scan.evidence import CLASS_WIDTH, p_value
+from calib.scan.harmonics import one_order
+from calib.scan.scores import Score, Scores, gain_of
+from calib.scan.space import Space
 
 CERTAIN = 0.95
-_TWIN = (
-    1e-4  # share of what an effect does that a twin may fail to do: rounding of angles, no reading shows it
-)
+# Share of what an effect does that a twin may fail to do: rounding of angles, no reading shows it
+_TWIN = 1e-4
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for one effect of the model, all others being there."""
+    """The evidence for one effect of the model, all others being there."""
 
     candidates: dict[str, float]  # label -> weight, heaviest first
     effects: dict[str, Effect]  # label -> the candidate itself
@@ -40,7 +40,7 @@ class Evidence:
     explained_variance: float
 
     def at_most_as_sure_as(self, chance: Chance) -> Evidence:
-        """The same with the p-value that the whole scan has by chance, where that is larger."""
+        """The evidence with the p-value that the whole scan has by chance, where that is larger."""
         log_p = math.log(max(self.p_value, 1e-300))
         return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
 
@@ -54,6 +54,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
     """The class of one effect and the evidence for it. `scores` are those of the whole model."""
     without, gain, columns = leave_one_out(space, scores, effect)
     tries = scores.multiplicity_of(effect)
+    counts = against_own_noise(space, space.own_direction(effect)[0], space.residual.ravel())
     own = without.own(effect, gain)
     twins = _twins(without, effect)
     costs, effects = {effect.label: 0.0}, {effect.label: effect}
@@ -81,7 +82,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
         candidates={label: weights[label] / total for label in ranked},
         effects={label: effects[label] for label in ranked},
         delta_bic=own,
-        p_value=p_value(gain, columns, without.rss, without.freedom, tries),
+        p_value=p_value(gain, columns, without.rss, without.freedom, tries, counts),
         explained_variance=gain / without.rss,
     )
 
@@ -89,13 +90,13 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
 def _twins(scores: Scores, effect: Effect) -> list[Score]:
     """Candidates whose columns, by what the rest of the model leaves of them, hold all that the effect does here.
 
-    Harmonics are not looked at: every one has two columns, and its fit says it.
+    Families without twins are not looked at.
     """
     directions, coefficients = scores.space.own_direction(effect)
     does: Array = directions @ (coefficients / np.linalg.norm(coefficients))
     found = []
     for index, family in enumerate(scores.families):
-        if isinstance(family, HarmonicScores):
+        if not family.twins:
             continue
         shared = family.shared(scores.space, does[:, None])[:, :, 0]
         share, _ = gain_of(scores.a[index], shared, family.raw)
@@ -110,15 +111,14 @@ def _whole_orders(scores: Scores) -> list[Score]:
     """Every whole order that is nearly as good as the best of its joint: neighbours that a short range confuses."""
     found = []
     for index, family in enumerate(scores.families):
-        if not isinstance(family, HarmonicScores):
+        if not family.rivals.any():
             continue
         gain, freedom = scores.gains(index)
-        orders = family.family.orders
         left = np.maximum(scores.rss - gain, 1e-300)
         near = scores.space.rows * np.log(left / left.min()) < _FIT_WIDTH
-        whole = np.abs(orders - np.round(orders)) < 1e-9
         found += [
-            scores.at(index, int(i), float(gain[i]), int(freedom[i])) for i in np.flatnonzero(near & whole)
+            scores.at(index, int(i), float(gain[i]), int(freedom[i]))
+            for i in np.flatnonzero(near & family.rivals)
         ]
     return found
 

@@ -6,43 +6,51 @@ end, by the nominal robot in its place, by the base model, and by the model with
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from calib.dataset import Dataset
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.diagnose.carriers import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
 from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
-from calib.diagnose.curves import with_curves
-from calib.diagnose.evidence import CLAIM, p_value
 from calib.diagnose.follow_up import FollowUp, Rival, follow_up
+from calib.diagnose.held_blocks import Blocks, carried_gains
+from calib.diagnose.outlying import together
 from calib.diagnose.power import Visible, visible
-from calib.diagnose.scan import Scores
+from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
-from calib.diagnose.space import Space
-from calib.diagnose.structure import NOISY, Structure, left_over, p_beyond_repeats, p_lack_of_fit
+from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
+from calib.diagnose.without import error_without
 from calib.effects import Survey, offers
-from calib.effects.effect import Effect
-from calib.held_out import errors_on
-from calib.identification import Identification
-from calib.identify import Progress, fit, identify, silent
-from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.placing import base_model_of, place_nominal
-from calib.readings import readings_of
-from calib.statistics import ErrorStatistics, statistics_of
+from calib.fit.held_out import errors_on
+from calib.fit.identification import Identification
+from calib.fit.identify import Progress, fit, fit_plain, identify, silent
+from calib.fit.least_squares import Dropped
+from calib.fit.left_out import all_readings
+from calib.fit.placing import base_model_of, place_nominal
+from calib.fit.readings import readings_of
+from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.model.effect import Effect
+from calib.model.model import Design, RobotModel
+from calib.scan.evidence import CLAIM, p_value
+from calib.scan.scores import Scores
+from calib.scan.space import Space
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 _SCREENINGS = 3
-_MOST_RIVALS = 5  # of an effect, and of all of them together, for which poses are sought that tell them apart
+_MOST_RIVALS = 5  # of an effect, and of all of them together, that poses are sought for to distinguish
 _MOST_PAIRS = 12
+_HARM = 0.02  # share by which the held-out error must be smaller without an effect that does harm
 
 
 @dataclass(frozen=True)
 class Found:
-    """One effect that was found, with what speaks for it."""
+    """An effect that was found, with the evidence for it."""
 
     effect: Effect
     evidence: Evidence
@@ -69,9 +77,9 @@ class Diagnosis:
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
-    power: tuple[
-        Visible, ...
-    ]  # the smallest size of everything looked for that these readings would have shown
+    # The smallest size of everything looked for that these readings would have shown
+    power: tuple[Visible, ...]
+    harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
     seconds: float
 
     @property
@@ -90,29 +98,19 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
     begin = time.perf_counter()
     base = identify(dataset, progress=progress)
     nominal, nominal_estimate = place_nominal(dataset, base_model_of(dataset))
-    progress("searching")
-    selection = Selection(base, ())
-    for _ in range(_SCREENINGS):
-        selection = select(dataset, selection.fitted, progress=progress, most=most)
-        if not selection.effects:
-            break
-        progress("screening readings again with the effects in the model")
-        screened = _screen(dataset, base, selection)
-        unchanged = screened.faulty_rows == selection.fitted.faulty_rows
-        selection = replace(selection, fitted=screened)
-        if unchanged:
-            break
+    selection, carried = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
     selection, space, named, power = _judged(dataset, selection)
-    final, found = selection.fitted, list(named)
-    structure = left_over(space)
-    curved = with_curves(dataset, selection, structure, progress=progress)
-    if curved.effects != selection.effects:
-        final = curved.fitted
-        space = Space.of(final)
-        structure = left_over(space)
-        found += [_curve(space, effect) for effect in curved.effects[len(selection.effects) :]]
-    chance = p_lack_of_fit(space)
+    structure = _structure(dataset, space)
+    if carried is not None:
+        carried = beside(selection.fitted, carried.sizes)
+    elif structure:
+        carried = with_gears(dataset, selection.fitted, gears_to_carry(base, dataset), progress=progress)
+        space = space if carried is None else Space.of(carried.held)
+        structure = structure if carried is None else _structure(dataset, space)
+    final = selection.fitted if carried is None else carried.fitted
+    curves = [] if carried is None else [_curve(carried, curve) for curve in carried.curves.values()]
+    found = sorted([*curves, *named], key=lambda f: -f.evidence.explained_variance)
     rows = dataset.validation_rows
     return Diagnosis(
         dataset=dataset,
@@ -121,26 +119,66 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         nominal=nominal,
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
-        verdict=_verdict(found, structure, _fits(space, chance)),
+        verdict=_verdict(found, structure, _fits(space)),
         structure=tuple(structure),
-        p_lack_of_fit=chance,
+        p_lack_of_fit=p_lack_of_fit(space),
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
         error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         notes=_notes(dataset),
         follow_up=_follow_up(dataset, selection.fitted, named),
         power=power,
+        harmful=_harmful(dataset, final, found),
         seconds=time.perf_counter() - begin,
     )
+
+
+def _search(
+    dataset: Dataset, base: Identification, most: int, progress: Progress
+) -> tuple[Selection, Carried | None]:
+    """The effects that stay when readings are screened again, and the curves of gears that they were found beside."""
+    progress("searching")
+    joints = gears_to_carry(base, dataset)
+    selection = _screened(dataset, Selection(base, ()), most, MANY_WAVES if joints else math.inf, progress)
+    if not selection.crowded:
+        return selection, None
+    carried = with_gears(dataset, base, joints, progress=progress)
+    if carried is None:
+        return _screened(dataset, Selection(base, ()), most, math.inf, progress), None
+    progress("searching on what the curves leave")
+    held = carried.held
+    names = tuple(e for e in held.model.effects if e.group != "base model")
+    start = Selection(refit(dataset, held, names), names)
+    return _screened(dataset, start, most, math.inf, progress), carried
+
+
+def _screened(
+    dataset: Dataset, selection: Selection, most: int, crowd: float, progress: Progress
+) -> Selection:
+    """Search, screen the readings again, and so on until they stay the same."""
+    dropped = selection.fitted.dropped
+    for _ in range(_SCREENINGS):
+        selection = select(dataset, selection.fitted, progress=progress, most=most, crowd=crowd)
+        if not selection.effects or selection.crowded:
+            break
+        progress("screening readings again with the effects in the model")
+        screened = _screen(dataset, dropped, selection)
+        unchanged = screened.faulty_rows == selection.fitted.faulty_rows
+        selection = replace(selection, fitted=screened)
+        if unchanged:
+            break
+    return selection
 
 
 def _judged(
     dataset: Dataset, selection: Selection
 ) -> tuple[Selection, Space, list[Found], tuple[Visible, ...]]:
-    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first;
-    before them, one at a time, those that it left where physics forbids them."""
+    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first,
+    and so do those from which left-out blocks of the readings do not gain; before them, one at a time, those that it
+    left where physics forbids them."""
     while True:
-        fitted = selection.fitted
+        fitted = _arrived(dataset, selection.fitted)
+        selection = replace(selection, fitted=fitted)
         space = Space.of(fitted)
         forbidden = [effect for effect in selection.effects if space.forbids(effect)]
         if forbidden:
@@ -153,7 +191,9 @@ def _judged(
         if chance is not None:
             found = [replace(f, evidence=f.evidence.at_most_as_sure_as(chance)) for f in found]
         found.sort(key=lambda f: -f.evidence.explained_variance)
-        weak = [f for f in found if f.evidence.p_value > CLAIM]
+        carried = carried_gains(space, selection.effects, Blocks.dealt(space)).sum(axis=1)
+        idle = {e.label for e, gain in zip(selection.effects, carried, strict=True) if gain <= 0.0}
+        weak = [f for f in found if f.evidence.p_value > CLAIM or f.effect.label in idle]
         if not weak:
             return selection, space, found, visible(scores)
         gone = weak[len(weak) // 2 :]
@@ -161,11 +201,27 @@ def _judged(
         selection = Selection(refit(dataset, fitted, kept), kept)
 
 
-def _screen(dataset: Dataset, base: Identification, selection: Selection) -> Identification:
+def _arrived(dataset: Dataset, fitted: Identification) -> Identification:
+    """A fit taken to its end: between choices it takes a few steps only, too few where what was found is large."""
+    if fitted.converged:
+        return fitted
+    return fit_plain(
+        dataset,
+        fitted.model,
+        fitted.readings,
+        fitted.estimate,
+        np.diag(fitted.covariance) > 0.0,
+        fitted.dropped,
+        fitted.faulty_rows,
+        fitted.relabelled_rows,
+    )
+
+
+def _screen(dataset: Dataset, dropped: tuple[Dropped, ...], selection: Selection) -> Identification:
     """Fit the chosen model to all readings again, those included that the base model could not place."""
     model = selection.fitted.model
     readings = readings_of(dataset, dataset.fit_rows, model, selection.fitted.estimate)
-    return fit(dataset, model, readings, selection.fitted.estimate, settled=base.dropped)
+    return fit(dataset, model, readings, selection.fitted.estimate, settled=dropped)
 
 
 def _found(
@@ -186,29 +242,35 @@ def _found(
     )
 
 
-def _curve(space: Space, curve: Effect) -> Found:
-    """A curve beside the named effects: what it explains that they do not; it has no rivals."""
-    _, coefficients = space.own_direction(curve)
-    gain, columns = float(coefficients @ coefficients), len(coefficients)
-    rss, freedom = space.rss + gain, space.freedom + columns
-    positions = space.fitted.model.positions(curve)
+def _curve(carried: Carried, curve: Effect) -> Found:
+    """The curve of a gear: what it explains that nothing else does; it has no rivals."""
+    fitted = carried.fitted
+    positions = fitted.model.positions(curve)
+    values, covariance = fitted.estimate[positions], fitted.covariance[np.ix_(positions, positions)]
+    noise = max(fitted.noise_scale, 1.0) ** 2
+    gain = noise * float(values @ np.linalg.solve(covariance, values))
+    columns = max(round(float(carried.determined[positions].sum())), 1)
+    rss = float(np.sum(fitted.residual**2)) + gain
+    rows = fitted.readings.observed.count
     return Found(
         effect=curve,
         evidence=Evidence(
             candidates={curve.label: 1.0},
             effects={curve.label: curve},
-            delta_bic=space.rows * float(np.log(rss / space.rss)) - columns * float(np.log(space.rows)),
-            p_value=p_value(gain, columns, rss, freedom, space.fitted.model.robot.joints),
+            delta_bic=rows * float(np.log(rss / (rss - gain))) - columns * float(np.log(rows)),
+            p_value=p_value(
+                gain, columns, rss, fitted.degrees_of_freedom + columns, fitted.model.robot.joints
+            ),
             explained_variance=gain / rss,
         ),
-        values=space.fitted.estimate[positions],
-        covariance=space.fitted.covariance[np.ix_(positions, positions)],
+        values=values,
+        covariance=covariance,
         index=None,
     )
 
 
 def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> FollowUp | None:
-    """Poses that would tell the members of every class apart; the weightiest rivals of the strongest effects first."""
+    """Poses that would distinguish the members of every class; the weightiest rivals of the strongest effects first."""
     effects = tuple(f.effect for f in found)
     pairs = [
         (f.effect, f.evidence.effects[label])
@@ -228,14 +290,25 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
     return follow_up(final, rivals) if rivals else None
 
 
-def _fits(space: Space, chance: float) -> bool:
+def _structure(dataset: Dataset, space: Space) -> list[Structure]:
+    """The structure that is left: along the drivers, those readings included that the fit left out, in where these lie,
+    and in the poses by themselves."""
+    alarm = ALARM if _fits(space) else SUSPECT
+    readings, out = all_readings(dataset, space.fitted)
+    if not out.any():
+        return left_over(space, alarm) or each_pose(space)
+    whole = Space.of(replace(space.fitted, readings=readings))
+    return [*left_over(whole, alarm), *together(whole, out)] or each_pose(space)
+
+
+def _fits(space: Space) -> bool:
     """Whether noise leaves so much: noise as declared or, where readings repeat, as they show it."""
     repeats = p_beyond_repeats(space)
-    return chance >= NOISY or (repeats is not None and repeats >= NOISY)
+    return p_lack_of_fit(space) >= NOISY or (repeats is not None and repeats >= NOISY)
 
 
 def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verdict:
-    """No cause is told for certain, and no class, where more is left than noise explains."""
+    """The verdict. No cause is named for certain, and no class, where more is left than noise explains."""
     if structure:
         return "unexplained"
     if not fits:
@@ -243,6 +316,15 @@ def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verd
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
     return "attributed" if found else "complete"
+
+
+def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tuple[str, ...]:
+    """The effects without which the held-out error would be smaller; they stay, since validation decides nothing."""
+    whole = statistics_of(errors_on(dataset, dataset.validation_rows, final.model, final.estimate))
+    if whole is None:
+        return ()
+    without = {f.effect.label: error_without(dataset, final, f.effect) for f in found}
+    return tuple(label for label, e in without.items() if e is not None and e.rms < (1.0 - _HARM) * whole.rms)
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Poses that would tell rival explanations apart: what to measure next when a diagnosis is ambiguous.
+"""Poses that would distinguish rival explanations: what to measure next when a diagnosis is ambiguous.
 
 Each rival b of an effect a is fitted in its place. Where the two models predict d(x) apart at a pose x, and the
 rival's parameters with covariance C may still adapt themselves (columns J), a reading with noise S separates them by
@@ -17,12 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.compensate.stated import StatedConditions, conditions_at
-from calib.conditions import Conditions
-from calib.header import Header
-from calib.identification import Identification
-from calib.kinematics import Array
-from calib.model import Design
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.header import Header
+from calib.effects import kind_of
+from calib.effects.kind import SECOND_TARGET, told_apart
+from calib.fit.identification import Identification
+from calib.model.model import Design
+from calib.model.stated import StatedConditions, conditions_at
 from calib.units import DEG
 
 POSES = 12
@@ -39,7 +41,7 @@ APPROACHES = (5.0 * DEG, 15.0 * DEG)
 
 @dataclass(frozen=True)
 class Rival:
-    """One explanation in the place of another: the model refitted with it."""
+    """A rival of an effect: another explanation in its place, and the model refitted with it."""
 
     instead_of: str
     label: str
@@ -48,11 +50,11 @@ class Rival:
 
 @dataclass(frozen=True)
 class FollowUp:
-    """What to measure: joints (n, N) rad as the controller counts them, sides (n,) +1 from below or -1 from above on
-    every joint, approach (n,) rad, the length of the last move, targets (n,) by name; and what it would bring.
+    """The poses to measure next: joints (n, N) rad as the controller counts them, sides (n,) +1 from below or -1 from
+    above on every joint, approach (n,) rad, the length of the last move, targets (n,) by name; and what it would bring.
 
     separations: (label, rival) -> squared distance in units of the noise, once all poses are measured.
-    procedures: what no pose can do. rivals: what is to be told apart, to choose among other poses.
+    procedures: what no pose can do. rivals: what is to be distinguished, to choose among other poses.
     """
 
     joints: Array
@@ -72,7 +74,7 @@ class FollowUp:
 def stands(
     found: Identification, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
 ) -> Conditions:
-    """Conditions of stands at joints (n, N) rad as the controller counts them, after everything that was measured.
+    """Conditions of visits at joints (n, N) rad as the controller counts them, after everything that was measured.
 
     sides (n,) +1 or -1 on every joint, approach (n,) rad: length of the last move; targets (n,) names of targets of
     the last series. Temperature and time are those of the last reading. Raises ValueError for an unknown target.
@@ -101,7 +103,7 @@ def stands(
 
 
 def candidates(found: Identification, limits: Array, count: int = _CANDIDATES, seed: int = 0) -> Conditions:
-    """Stands drawn evenly within limits (N, 2), rad, as the controller counts: either side of approach, a short or a
+    """Visits drawn evenly within limits (N, 2), rad, as the controller counts: either side of approach, a short or a
     long last move, any target of the last series."""
     rng = np.random.default_rng(seed)
     sides = rng.choice((-1.0, 1.0), count)
@@ -165,7 +167,7 @@ def follow_up(
 def separating(
     found: Identification, rivals: Sequence[Rival], among: Conditions, count: int = POSES
 ) -> FollowUp:
-    """The same, chosen among given stands: those that a cell can take, for instance."""
+    """The follow-up chosen among given visits: those that a cell can take, for instance."""
     chosen, total = choose(found, rivals, among, count)
     few = among.take(np.array(chosen))
     robot, coupling = found.model.robot, found.header.coupling
@@ -183,14 +185,14 @@ def separating(
 
 
 def _procedures(rivals: Sequence[Rival], found: Identification) -> tuple[str, ...]:
-    """What else would separate the pairs that no pose separates, a sentence for each kind of advice."""
+    """Procedures that would separate the pairs that no pose separates, a sentence for each kind of advice."""
     pairs: dict[str, dict[str, list[str]]] = {}
     for rival in rivals:
         for advice in _advice(rival, found):
             pairs.setdefault(advice, {}).setdefault(rival.instead_of, []).append(rival.label)
     return tuple(
-        f"To tell {'; '.join(f'{label} from {_listed(others)}' for label, others in told.items())}: {advice}"
-        for advice, told in pairs.items()
+        f"To distinguish {'; '.join(f'{label} from {_listed(others)}' for label, others in pair.items())}: {advice}"
+        for advice, pair in pairs.items()
     )
 
 
@@ -199,38 +201,10 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _advice(rival: Rival, found: Identification) -> list[str]:
-    labels = {rival.instead_of.partition(":")[0], rival.label.partition(":")[0]}
-    out = []
-    if labels & _OF_SIDE:
-        out.append("visit the same poses from the other side, after moves of other lengths.")
-    if labels & _OF_WARMTH and not labels <= _OF_DRIFT:
-        out.append(
-            "pause until the air has another temperature, or measure in another order, "
-            "so that temperature no longer follows the clock."
-        )
-    if labels & _OF_LOAD:
-        out.append("measure some poses with another payload, declared in the header.")
-    if labels & _OF_TOOL and len(set(found.readings.conditions.target.tolist())) == 1:
-        out.append("measure a second tool target, 50 mm or more off the axis of the last joint.")
-    if labels & _OF_INSTRUMENT:
-        out.append("measure the world nests again, or from another station.")
-    return out or ["no pose within the limits does; they are one effect for every use of the model."]
-
-
-_OF_SIDE = {"backlash", "lost_motion", "settling", "dead_zone"}
-_OF_WARMTH = {"thermal_growth", "thermal_joint", "warm_up", "drift_translation", "drift_rotation"}
-_OF_DRIFT = {"drift_translation", "drift_rotation"}
-_OF_LOAD = {
-    "payload_mass",
-    "payload_cog",
-    "joint_compliance",
-    "cubic_stiffness",
-    "pedestal",
-    "bearing_tilt",
-    "link_torsion",
-}
-_OF_TOOL = {"tool_offset", "tool_tilt", "target_offset", "tool_shift"}
-_OF_INSTRUMENT = {"tracker_scale", "base_shift", "drift_translation", "drift_rotation"}
+    procedures = told_apart(kind_of(rival.instead_of), kind_of(rival.label))
+    if len(set(found.readings.conditions.target.tolist())) > 1:
+        procedures = [each for each in procedures if each != SECOND_TARGET]
+    return procedures or ["no pose within the limits does; they are one effect for every use of the model."]
 
 
 def _noise(found: Identification, conditions: Conditions) -> Array:

@@ -1,4 +1,4 @@
-"""What chance makes of these residuals: the same readings with the sign of whole poses drawn anew.
+"""The null distribution of these residuals: the same readings with the sign of whole poses drawn anew.
 
 Readings of one pose share its repeatability and what the model lacks there, and real residuals have tails; neither is
 in an F test that takes every row for itself. The residuals of a pose keep their sizes and what they have in common,
@@ -22,32 +22,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.conditions import Conditions
-from calib.diagnose.space import Space
-from calib.kinematics import Array
-from calib.units import DEG
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.scan.space import Space
 
-_DRAWS, _FEWEST_DRAWS = 199, 59
+DRAWS, _FEWEST_DRAWS = 199, 59
 _MOST_NUMBERS = 4_000_000  # of the drawn residuals: 32 MB
 _TERMS = 40  # of the series of (1 - b)^-1/2: to 1 % where the fit hides 90 % of an error
 _CLIP = 3.0
 _TAIL = 0.2  # share of the draws from which the tail is taken
-_SAME_POSE = 1e-4 * DEG
 
 
-def poses_of(conditions: Conditions) -> NDArray[np.int64]:
-    """(n,) number of the pose of every reading: the same joint angles, whenever and from wherever."""
-    places = np.round(conditions.joints / _SAME_POSE).astype(np.int64)
-    _, pose = np.unique(places, axis=0, return_inverse=True)
-    return pose.reshape(-1)
+def visits_of(conditions: Conditions) -> NDArray[np.int64]:
+    """(n,) number of the visit of every reading: readings of one pose with no other pose between them, whatever their
+    target. They share where the robot came to rest."""
+    in_time = np.argsort(conditions.order, kind="stable")
+    begins = np.diff(conditions.pose[in_time], prepend=-1) != 0
+    visit = np.empty(len(in_time), dtype=np.int64)
+    visit[in_time] = np.cumsum(begins) - 1
+    return visit
 
 
-def draws(space: Space, seed: int = 0, *, clipped: bool = False) -> Array:
-    """(size, 1 + B) the residuals with all signs as they are, then as chance would have them; B up to 199, fewer where
-    readings are many. clipped: readings far larger than most count as three times the median, so that a few of them
-    neither make structure nor hide it."""
-    pose = poses_of(space.fitted.readings.conditions)
-    count = int(np.clip(_MOST_NUMBERS // space.size, _FEWEST_DRAWS, _DRAWS))
+def draws(space: Space, seed: int = 0, *, clipped: bool = False, most: int = DRAWS) -> Array:
+    """(size, 1 + B) the residuals with all signs as they are, then as chance would have them; B up to `most`, fewer
+    where readings are many. clipped: readings far larger than most count as three times the median, so that a few of
+    them neither make structure nor hide it."""
+    pose = space.fitted.readings.conditions.pose
+    count = int(np.clip(_MOST_NUMBERS // space.size, _FEWEST_DRAWS, most))
     signs = np.ones((pose.max() + 1, 1 + count))
     signs[:, 1:] = np.random.default_rng(seed).choice((-1.0, 1.0), signs[:, 1:].shape)
     errors = _errors(space, pose)
@@ -83,7 +84,7 @@ class Chance:
 
     @classmethod
     def of(cls, log_p: Array) -> Chance:
-        """From log p (places, B) of the draws, every place counted in full, so that p may exceed 1."""
+        """The chances given log p (places, B) of the draws; every place counts in full, so p may exceed 1."""
         return cls(np.sort(-np.min(log_p, axis=0)))
 
     def p_value(self, log_p: float) -> float:

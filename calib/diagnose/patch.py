@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.conditions import Conditions
-from calib.dataset import Dataset
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.held_out import errors_on
-from calib.identification import Identification
-from calib.kinematics import Array
-from calib.statistics import ErrorStatistics, statistics_of
+from calib.fit.held_out import errors_on
+from calib.fit.identification import Identification
+from calib.fit.statistics import ErrorStatistics, statistics_of
 
 _LANDMARKS = 400
 _BLOCKS = 5
@@ -90,7 +90,7 @@ def patch_of(dataset: Dataset, found: Identification, seed: int = 0) -> Patch:
     return Patch(landmarks, weights, width, ridge, without, float(np.sqrt(square / n)))
 
 
-def error_with(dataset: Dataset, found: Identification, patch: Patch) -> ErrorStatistics | None:
+def error_with_patch(dataset: Dataset, found: Identification, patch: Patch) -> ErrorStatistics | None:
     """Position error on the measured validation points with the patch added."""
     rows = dataset.validation_rows & dataset.pointed
     conditions = dataset.conditions.take(rows)
@@ -98,8 +98,8 @@ def error_with(dataset: Dataset, found: Identification, patch: Patch) -> ErrorSt
     return statistics_of(np.linalg.norm(moved - dataset.points[rows], axis=1))
 
 
-def error_without(dataset: Dataset, found: Identification) -> ErrorStatistics | None:
-    """The same without it."""
+def error_without_patch(dataset: Dataset, found: Identification) -> ErrorStatistics | None:
+    """The held-out error without the patch."""
     rows = dataset.validation_rows & dataset.pointed
     return statistics_of(errors_on(dataset, rows, found.model, found.estimate))
 

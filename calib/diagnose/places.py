@@ -1,7 +1,8 @@
-"""Where structure may live: what may drive it, and along which directions it may act.
+"""The places where structure may live: what may drive it, and along which directions it may act.
 
 Each driver is some smooth functions of the conditions, weighted so that the slow ones count most; they claim no cause.
-An error acts at the tool point along the world's axes or the tool's, or turns one joint.
+An error acts at the tool point along the world's axes or the tool's, along the line of sight, on all lengths of the
+arm, or turns one joint.
 """
 
 from __future__ import annotations
@@ -10,15 +11,22 @@ from itertools import combinations
 
 import numpy as np
 
-from calib.conditions import Conditions
-from calib.diagnose.space import Space
-from calib.kinematics import Array
+from calib.arm.kinematics import gravity_at_flange, gravity_torques
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.scan.space import Space
 
 TOGETHER = "joint angles together"
+TIME = "time"
+QUICK = "time, from one reading to the next"
+SIGHT = "the line of sight"
+LENGTHS = "the lengths of the arm"
 _WAVES = 5
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
 _STILL = 1e-6
+_SLOW, _SLOW_TO = 5.0, 12  # half waves over a campaign: as of a drift, of warmth
+_QUICK_FROM, _QUICK, _QUICK_TO = 6, 20.0, 80
 
 
 def drivers(space: Space) -> dict[str, Array]:
@@ -32,16 +40,21 @@ def drivers(space: Space) -> dict[str, Array]:
         found[f"joint {j + 1} and joint {k + 1} angles"] = _products(waves[j][:, :6], waves[k][:, :6])
     if len(moving) > 2:
         found[TOGETHER] = _field(conditions.joints[:, moving])
+    before = gravity_torques(
+        space.fitted.model.robot, conditions.previous, space.fitted.header.loads, space.fitted.header.gravity
+    )
     for k in joints:
         load = _powers(conditions.torque[:, k], 5)
         found |= _named(f"torque about joint {k + 1}", load)
         found |= _named(f"moment across joint {k + 1}", _quadratic(conditions.moment[:, k]))
         if k in waves:
             side = conditions.side[:, k, None]
-            beside = np.column_stack([waves[k][:, :4], load[:, :2]])
+            beside = np.column_stack([waves[k][:, :8], load[:, :3]])
             found |= _named(f"side of approach of joint {k + 1}", np.column_stack([side, side * beside]))
             moved = _powers(conditions.joints[:, k] - conditions.previous[:, k], 4)
             found |= _named(f"last move of joint {k + 1}", moved)
+            unloaded = _powers(conditions.torque[:, k] - before[:, k], 4)
+            found |= _named(f"last change of torque about joint {k + 1}", unloaded)
     found |= _named("overturning moment", _quadratic(conditions.overturning))
     return found | _outside_the_arm(space, conditions)
 
@@ -50,7 +63,8 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     frames, n = space.frames, len(conditions)
     found: dict[str, Array] = {}
     if np.all(np.isfinite(conditions.time)) and np.ptp(conditions.time) > 0.0:
-        found["time"] = np.column_stack([_powers(conditions.order, 5), _waves(conditions.order, 8)])
+        found[TIME] = _lasting(conditions.order, 1, _SLOW_TO, _SLOW)
+        found[QUICK] = _lasting(conditions.order, _QUICK_FROM, _QUICK_TO, _QUICK)
         found |= _named("time since the last move", _powers(np.log1p(_pauses(conditions)), 3))
     if np.all(np.isfinite(conditions.temperature)):
         found |= _named("temperature", _powers(conditions.temperature, 3))
@@ -61,8 +75,11 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     view = point - np.array(space.fitted.model.station)
     distance = np.linalg.norm(view, axis=1, keepdims=True)
     found |= _named("direction of view", _quadratic(view / np.maximum(distance, 1e-9)))
-    found |= _named("tool target", np.eye(len(conditions.target_names))[conditions.target])
-    return found
+    target = np.eye(len(conditions.target_names))[conditions.target]
+    found |= _named("tool target", target)
+    down = gravity_at_flange(space.fitted.model.robot, conditions.joints, space.fitted.header.gravity)
+    found |= _named("side of the tool that is down", _quadratic(down))
+    return found | _named("tool target and the side that is down", _products(target, _quadratic(down)))
 
 
 def directions(space: Space) -> dict[str, Array]:
@@ -75,9 +92,29 @@ def directions(space: Space) -> dict[str, Array]:
         name: observed.displaced(frames, axes)
         for name, axes in (("the tool point", world), ("the tool point, along the tool's axes", tool))
     }
+    view = np.broadcast_to(frames.p, (3, n)) - np.array(space.fitted.model.station)[:, None]
+    found[SIGHT] = observed.displaced(frames, (view / np.maximum(np.linalg.norm(view, axis=0), 1e-9))[None])
+    found[LENGTHS] = _growth(space)[None]
     for k in range(conditions.joints.shape[1]):
         found[f"joint {k + 1}"] = space.slot(f"theta{k + 1}")[None]
     return found
+
+
+def _growth(space: Space) -> Array:
+    """(k, n) whitened change of the readings when every link grows in proportion, by 1 mm where it is longest."""
+    robot = space.fitted.model.robot
+    lengths = {f"{kind}{k + 1}": float(getattr(robot, kind)[k]) for kind in "ad" for k in range(robot.joints)}
+    longest = max(max(abs(length) for length in lengths.values()), 1e-9)
+    grown = [length / longest * space.slot(slot) for slot, length in lengths.items() if length != 0.0]
+    return np.sum(grown, axis=0) if grown else np.zeros(space.residual.shape)
+
+
+def likely(driver: str, direction: str) -> bool:
+    """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
+    a joint where that joint's own angle, load or arrival drives it, and the lengths or the sight by time and warmth."""
+    if direction in (SIGHT, LENGTHS):
+        return driver in (TIME, QUICK, "temperature")
+    return not direction.startswith("joint ") or direction in driver
 
 
 def along(axis: Array, rows: Array) -> Array:
@@ -96,6 +133,14 @@ def _waves(angle: Array, orders: int) -> Array:
     """cos and sin over the measured range, 1 to `orders` half waves, (n, 2 orders)."""
     phase = (angle - angle.min()) / np.ptp(angle) * np.pi
     return np.column_stack([f(k * phase) / k for k in range(1, orders + 1) for f in (np.cos, np.sin)])
+
+
+def _lasting(order: Array, first: int, last: int, corner: float) -> Array:
+    """Half waves over the campaign, by rank in time: the shape of an error that lasts from reading to reading."""
+    rank = np.argsort(np.argsort(order, kind="stable"), kind="stable")
+    waves = np.arange(first, max(min(len(order) // 4, last), first) + 1)
+    phase = (rank + 0.5) / len(order) * np.pi
+    return np.cos(np.outer(phase, waves)) * np.sqrt(2.0 / (1.0 + (waves / corner) ** 2))
 
 
 def _products(one: Array, other: Array) -> Array:
@@ -128,8 +173,10 @@ def _field(coordinates: Array, width: float = _WIDTH) -> Array:
 
 
 def _region(point: Array) -> Array:
+    """Smooth fields over the workspace (n, m), as wide as the spread of the points and narrower."""
     spread = np.maximum(np.sqrt(np.mean(np.var(point, axis=0))), 1e-9)
-    return 0.3 * _field((point - point.mean(axis=0)) / spread, 1.0)
+    place = (point - point.mean(axis=0)) / spread
+    return np.column_stack([0.4 * _field(place, width) for width in (1.0, 0.6)])
 
 
 def _pauses(conditions: Conditions) -> Array:

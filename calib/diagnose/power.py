@@ -1,4 +1,4 @@
-"""What the readings would have shown: the smallest size of every effect that a claim would have found, 95 times in 100.
+"""The power of the readings: the smallest size of every effect that a claim would have found, 95 times in 100.
 
 With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of amplitudes b
 raises the fall of the residual squares by lambda = b'A b / s^2, and a claim needs a fall that chance reaches once in
@@ -15,9 +15,9 @@ import numpy as np
 from scipy import stats
 from scipy.special import chndtrinc
 
-from calib.diagnose.evidence import CLAIM
-from calib.diagnose.scan import ABSORBED, Scores
-from calib.kinematics import Array
+from calib.array import Array
+from calib.scan.evidence import CLAIM
+from calib.scan.scores import ABSORBED, Scores
 from calib.units import to_display
 
 POWER = 0.95

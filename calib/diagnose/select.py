@@ -12,42 +12,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.dataset import Dataset
-from calib.diagnose.claims import chance_by_pose
-from calib.diagnose.evidence import CLAIM, p_value
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.diagnose.claims import against_own_noise, chance_by_pose
 from calib.diagnose.null import Chance
-from calib.diagnose.refine import one_order, refine_orders, refine_steps, refine_times
-from calib.diagnose.scan import Score, Scores
-from calib.diagnose.space import Space
+from calib.diagnose.refine import refine
 from calib.effects import Survey, offers
-from calib.effects.effect import Effect
-from calib.identification import Identification
-from calib.identify import Progress, carry, fit_plain, silent
-from calib.kinematics import Array
-from calib.least_squares import find_dependent
-from calib.model import Design
+from calib.fit.identification import Identification
+from calib.fit.identify import Progress, carry, fit_plain, silent
+from calib.fit.least_squares import Linearisation, find_dependent
+from calib.model.effect import Effect
+from calib.model.model import Design
+from calib.scan.evidence import CLAIM, p_value
+from calib.scan.harmonics import one_order
+from calib.scan.scores import Score, Scores
+from calib.scan.space import Space
 
 MOST_EFFECTS = 60
 _ROUNDS = 60
 _PATIENCE = 2  # rounds without a better model before the best so far is kept
 _MANY = 12  # with more effects than this, one round without a better model is enough
 _LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
+_BESIDE_CURVES = 0.01  # the same where curves of gears have taken the most away already
 _STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
+_PASSED_OVER = 8  # candidates that are looked at when the best of them fails beside the noise along it
 _SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The model with the effects that were chosen, and those effects alone."""
+    """The model with the effects that were chosen, and those effects alone.
+
+    crowded: the search was given up, since it had found as many waves of gears as it was to find.
+    """
 
     fitted: Identification
     effects: tuple[Effect, ...]
+    crowded: bool = False
 
 
 def select(
-    dataset: Dataset, start: Identification, *, progress: Progress = silent, most: int = MOST_EFFECTS
+    dataset: Dataset,
+    start: Identification,
+    *,
+    progress: Progress = silent,
+    most: int = MOST_EFFECTS,
+    crowd: float = math.inf,
 ) -> Selection:
-    """Choose effects for the readings of `start`, beside those its model holds already."""
+    """Choose effects for the readings of `start`, beside those its model holds already; so many waves are a crowd."""
     library = offers(Survey.of(start, dataset))
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
@@ -63,6 +75,8 @@ def select(
         else:
             waited += 1
         proposal = _forward(scores, chosen, most, progress, chance_by_pose(scores))
+        if sum("order" in effect.shape for effect in proposal) >= crowd:
+            return Selection(fitted, proposal, crowded=True)
         if proposal == chosen:
             proposal = _swap(space, scores, _backward(space, scores, chosen))
         if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 1):
@@ -74,7 +88,7 @@ def select(
 
 
 def _total(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> float:
-    """Extended BIC of the model as it stands, up to a constant: whether a round of changes was worth it."""
+    """Extended BIC of the model as it is, up to a constant: whether a round of changes was worth it."""
     tries = sum(math.log(scores.multiplicity_of(effect)) for effect in chosen)
     parameters = space.basis.shape[1]
     return space.rows * math.log(space.rss) + parameters * math.log(space.rows) + 2.0 * tries
@@ -90,8 +104,8 @@ def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) 
     base = tuple(e for e in fitted.model.effects if e.group == "base model")
     model = replace(fitted.model, effects=(*base, *chosen))
     estimate = carry(fitted.model, fitted.estimate, model)
-    design = Design(model, fitted.readings.conditions)
-    active, dropped = find_dependent(design, fitted.readings.observed, estimate, fitted.dropped)
+    at = Linearisation(Design(model, fitted.readings.conditions), fitted.readings.observed, estimate)
+    active, dropped = find_dependent(at, fitted.dropped)
     return fit_plain(
         dataset,
         model,
@@ -111,7 +125,7 @@ def _settle(
     """Refit, refine what was scanned, refit."""
     fitted = refit(dataset, fitted, chosen)
     space = Space.of(fitted)
-    refined = refine_steps(space, refine_times(space, refine_orders(space, chosen)))
+    refined = refine(space, chosen)
     if refined == chosen:
         return fitted, chosen
     return refit(dataset, fitted, refined), refined
@@ -124,7 +138,7 @@ def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
 
 
 def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool:
-    """Whether an effect, or a harmonic that the measured range cannot tell from it, is chosen already."""
+    """Whether an effect, or a harmonic that the measured range cannot distinguish from it, is chosen already."""
     return effect.label in labels(chosen) or any(one_order(scores.space, effect, other) for other in chosen)
 
 
@@ -137,34 +151,49 @@ def _forward(
     poses have of their own, and leave a residual beside which all of them look sure.
     """
     basis, wider = scores.space.basis, chosen
+    share = _BESIDE_CURVES if scores.space.fitted.model.curves else _LEAST_SHARE
     while len(wider) < min(most, len(chosen) + max(4, len(chosen) // 2)):
-        found = candidates(scores, wider)
-        if not found:
-            break
-        best = max(found, key=lambda score: score.evidence)
-        p = p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity)
-        if chance is not None:
-            p = max(p, chance.p_value(math.log(max(p, 1e-300))))
-        if best.gain < _LEAST_SHARE * scores.rss or p > CLAIM:
-            break
+        for best in sorted(candidates(scores, wider), key=lambda score: -score.evidence)[:_PASSED_OVER]:
+            if best.gain < share * scores.rss:
+                return wider
+            new = _new_directions(scores.space, basis, best.effect)
+            p = _p_beside(scores, basis, new, best)
+            if chance is not None:
+                p = max(p, chance.p_value(math.log(max(p, 1e-300))))
+            if p <= CLAIM:
+                break
+        else:
+            return wider
         wider = (*wider, best.effect)
         progress(f"effect {len(wider)}: {best.effect.label}")
-        basis = _enter(scores, basis, best.effect)
+        basis = _enter(scores, basis, new)
     return wider
 
 
-def _enter(scores: Scores, basis: Array, effect: Effect) -> Array:
-    """Let an effect enter the linearised model. Returns the wider basis."""
+def _enter(scores: Scores, basis: Array, new: Array) -> Array:
+    """Let directions enter the linearised model. Returns the wider basis."""
+    scores.move(new[: scores.space.size], new.T @ scores.space.held, enters=True)
+    return np.column_stack([basis, new])
+
+
+def _p_beside(scores: Scores, basis: Array, new: Array, best: Score) -> float:
+    """Chance of the gain of a candidate whose own directions are `new`, beside the linearised model of a basis."""
     space = scores.space
+    both = np.column_stack([basis, new])
+    left = (space.held - both @ (both.T @ space.held))[: space.size]
+    counts = against_own_noise(space, new[: space.size], left)
+    return p_value(best.gain, best.freedom, scores.rss, scores.freedom, best.multiplicity, counts)
+
+
+def _new_directions(space: Space, basis: Array, effect: Effect) -> Array:
+    """(size + a, p) what an effect adds to the basis of a linearised model, orthonormal."""
     columns = np.zeros((len(basis), len(effect.parameters)))
     columns[: space.size] = space.effect_columns(effect)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     for _ in range(2):  # once is not enough where little of a column is left
         columns = columns - basis @ (basis.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    new = u[:, s > 1e-3]
-    scores.move(new[: space.size], new.T @ space.held, enters=True)
-    return np.column_stack([basis, new])
+    return np.asarray(u[:, s > 1e-3], dtype=np.float64)
 
 
 def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores, float, int]:
@@ -181,10 +210,11 @@ def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple
     failing = []
     allowed = tuple(effect for effect in chosen if not space.forbids(effect))
     for effect in allowed:
-        _, coefficients = space.own_direction(effect)
+        directions, coefficients = space.own_direction(effect)
         gain, columns = float(coefficients @ coefficients), len(coefficients)
         tries = scores.multiplicity_of(effect)
-        chance = p_value(gain, columns, scores.rss + gain, scores.freedom + columns, tries)
+        counts = against_own_noise(space, directions, space.residual.ravel())
+        chance = p_value(gain, columns, scores.rss + gain, scores.freedom + columns, tries, counts)
         if chance > CLAIM:
             failing.append((chance, -gain, effect.label))
     weaker = {label for _, _, label in sorted(failing, reverse=True)[: (len(failing) + 1) // 2]}

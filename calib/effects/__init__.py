@@ -1,13 +1,19 @@
-"""The library of effects: one file a kind. A new kind is one file with a function, named in `LIBRARY`."""
+"""The library of effects: one file a kind, which holds all that is known of it and is named in `LIBRARY`."""
+
+from collections.abc import Sequence
+from typing import Protocol
 
 from calib.effects import (
     backlash,
+    backlash_load,
+    base_target,
     bearing_tilt,
     coupling,
     cubic_stiffness,
     dead_zone,
     drift,
     encoder_scale,
+    gear_orders,
     joint_compliance,
     joint_offset,
     joint_step,
@@ -25,53 +31,70 @@ from calib.effects import (
     tracker_scale,
     warm_up,
 )
-from calib.effects.effect import Candidate, Effect, Harmonics, Offer, Parameter, Shapes, Steps, Term, effect
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
+from calib.scan.fixed import Candidate
+from calib.scan.scores import Family
 
-LIBRARY = (
-    periodic.offer,
-    backlash.offer,
-    lost_motion.offer,
-    settling.offer,
-    encoder_scale.offer,
-    coupling.offer,
-    joint_offset.offer,
-    joint_compliance.offer,
-    dead_zone.offer,
-    cubic_stiffness.offer,
-    parallel_twist.offer,
-    link_torsion.offer,
-    bearing_tilt.offer,
-    pedestal.offer,
-    payload.offer,
-    tool.offer,
-    shift.offer,
-    joint_step.offer,
-    drift.offer,
-    tracker_scale.offer,
-    thermal_growth.offer,
-    thermal_joint.offer,
-    warm_up.offer,
+
+class Entry(Protocol):
+    """A file of the library: the kinds it holds, and what it proposes for some readings."""
+
+    @property
+    def KINDS(self) -> tuple[Kind, ...]:
+        """The kinds of the file."""
+        ...
+
+    def offer(self, survey: Survey) -> Sequence[Family]:
+        """The candidates of the file."""
+        ...
+
+
+LIBRARY: tuple[Entry, ...] = (
+    periodic,
+    backlash,
+    backlash_load,
+    lost_motion,
+    settling,
+    encoder_scale,
+    coupling,
+    joint_offset,
+    joint_compliance,
+    dead_zone,
+    cubic_stiffness,
+    parallel_twist,
+    link_torsion,
+    bearing_tilt,
+    pedestal,
+    payload,
+    tool,
+    base_target,
+    shift,
+    joint_step,
+    drift,
+    tracker_scale,
+    thermal_growth,
+    thermal_joint,
+    warm_up,
 )
 
 
-def offers(survey: Survey) -> list[Offer]:
+def offers(survey: Survey) -> list[Family]:
     """Everything the library can propose for these readings, less what their base model has already."""
-    proposals = [proposal for offer in LIBRARY for proposal in offer(survey)]
+    proposals = [proposal for entry in LIBRARY for proposal in entry.offer(survey)]
     return [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
 
 
-__all__ = [
-    "LIBRARY",
-    "Candidate",
-    "Effect",
-    "Harmonics",
-    "Offer",
-    "Parameter",
-    "Shapes",
-    "Steps",
-    "Survey",
-    "Term",
-    "effect",
-    "offers",
-]
+def kind_of(label: str) -> Kind:
+    """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
+    name = label.partition(":")[0]
+    kinds = {kind.name: kind for entry in (*LIBRARY, gear_orders) for kind in entry.KINDS}
+    return kinds[name]
+
+
+def check_of(label: str) -> str:
+    """Advice to a technician on what to check for the effect of this label. Raises KeyError as `kind_of` does."""
+    return kind_of(label).check_of(label)
+
+
+__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "kind_of", "offers"]

@@ -6,9 +6,22 @@ Source: Nubiola 2.4.1 and 2.5.
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Side
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Side
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "backlash",
+        check=(
+            "Check the preload of the gear of joint {joint}: with the brakes on, push the arm by hand both "
+            "ways and read a dial gauge; compare with the limit in the maker's manual."
+        ),
+        apart=(OTHER_SIDE,),
+    ),
+)
 
 
 def backlash(joint: int) -> Effect:
@@ -23,6 +36,6 @@ def backlash(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint that was approached from both sides."""
+    """One candidate for each joint that was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(backlash(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

@@ -1,18 +1,32 @@
-"""Bearing tilt: the bearing of a joint gives way to the moment across its axis, c M_x about x and c M_y about y.
+"""Bearing tilt: the bearing of a joint yields to the moment across its axis, c M_x about x and c M_y about y.
 
 One compliance for both directions, since a bearing is round. Bearings are built for what they carry: the usual size
-is an angle under the largest moment. Source: contracts, table of labels.
+is an angle under the largest moment.
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Moment
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Moment
+from calib.scan.fixed import Candidate
 from calib.units import to_display
 
 _USUAL = 1e-3  # rad, under the largest moment
 _UNIT = "1e-6 rad/(N.m)"
+
+
+KINDS = (
+    Kind(
+        "bearing_tilt",
+        check=(
+            "Check the main bearing of joint {joint} for play across its axis with a dial gauge and a "
+            "lever, and its bolts."
+        ),
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def bearing_tilt(joint: int, largest: float) -> Effect:
@@ -29,10 +43,10 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint across whose axis gravity pulls, now more, now less."""
+    """One candidate for each joint that moved and across whose axis gravity pulls, now more, now less."""
     moment = survey.conditions.moment
     return [
         Candidate(bearing_tilt(k, survey.largest(moment[:, k - 1, :2])))
-        for k in survey.joint_numbers
+        for k in survey.moving
         if survey.strains(moment[:, k - 1, 0]) or survey.strains(moment[:, k - 1, 1])
     ]

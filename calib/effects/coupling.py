@@ -1,16 +1,29 @@
 """Coupling: joint B turns by k theta_A, because B's drive or its cables run through joint A.
 
-A always stands nearer to the base than B: a drive passes the joints that carry it, so their turning winds it up;
+A is always nearer to the base than B: a drive passes the joints that carry it, so their turning winds it up;
 the joints behind it do not touch it. Offered are neighbours, where a cable or a belt crosses from one link to the
 next, and 4 with 6, since hollow wrists drive joint 6 by a shaft through joints 4 and 5. Controllers undo the ratio
-of a hollow wrist; what is left is its error. Source: architecture, table of slots (wrist coupling).
+of a hollow wrist; what is left is its error.
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
-from calib.regressors import JointAngle
+from calib.model.effect import Effect, effect
+from calib.model.regressors import JointAngle
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "coupling",
+        check=(
+            "Compare the coupling ratio of joints {joint} in the controller with the robot's data sheet, "
+            "and look for a cable or hose that drags from one joint to the other."
+        ),
+        apart=(),
+    ),
+)
 
 
 def coupling(first: int, second: int) -> Effect:
@@ -31,7 +44,7 @@ def pairs(joints: int) -> list[tuple[int, int]]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a pair of which the first joint moved."""
+    """One candidate for each pair of which the first joint moved."""
     joints = survey.conditions.joints
     return [
         Candidate(coupling(a, b)) for a, b in pairs(survey.robot.joints) if survey.varies(joints[:, a - 1])

@@ -1,17 +1,31 @@
 """Cubic stiffness: a gear is softer or stiffer under large loads, c tau^3 beside its compliance c tau.
 
-Source: contracts, table of labels; strain-wave gears are soft at small torques (wind-up curves of their makers).
+Strain-wave gears are soft at small torques (wind-up curves of their makers).
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import TorqueCubed
+from calib.model.effect import Effect, effect
+from calib.model.regressors import TorqueCubed
+from calib.scan.fixed import Candidate
 from calib.units import to_display
 
 _USUAL = 1e-3  # rad, at the largest torque
 _UNIT = "1e-15 rad/(N.mm)^3"
+
+
+KINDS = (
+    Kind(
+        "cubic_stiffness",
+        check=(
+            "Check the gear of joint {joint} for worn teeth, and that the load is within what it is rated "
+            "for."
+        ),
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def cubic_stiffness(joint: int, largest: float) -> Effect:
@@ -27,7 +41,7 @@ def cubic_stiffness(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint that gravity loads."""
+    """One candidate for each joint that gravity loads."""
     torque = survey.conditions.torque
     return [
         Candidate(cubic_stiffness(k, survey.largest(torque[:, k - 1])))

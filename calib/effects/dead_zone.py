@@ -1,20 +1,33 @@
 """Dead zone: the load rests on one flank of the teeth or the other, gap/2 x sign(tau), wherever the joint came from.
 
 A gap is never less than nothing. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
-gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques. Source:
-contracts, table of labels.
+gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
-from calib.regressors import TorqueSign
+from calib.model.effect import Effect, effect
+from calib.model.regressors import TorqueSign
+from calib.scan.fixed import Candidate
 
 SMOOTHED = 0.05  # share of the largest torque
 _LEAST_CHANGE = 0.2  # of the 2 that a full change of side makes
+
+
+KINDS = (
+    Kind(
+        "dead_zone",
+        check=(
+            "Check gear and brake of joint {joint} for play with the load first on one side of the joint, "
+            "then on the other; look at the counterbalance if it has one."
+        ),
+        apart=(OTHER_SIDE,),
+    ),
+)
 
 
 def dead_zone(joint: int, width: float) -> Effect:
@@ -30,7 +43,7 @@ def dead_zone(joint: int, width: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint whose load comes near zero or changes its side: far from it the gap is an offset."""
+    """One candidate for each joint whose load comes near zero or changes its side: far from it the gap is an offset."""
     candidates = []
     for joint in survey.moving:
         torque = survey.conditions.torque[:, joint - 1]

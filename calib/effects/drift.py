@@ -5,9 +5,32 @@ Source: trackers warm up and tripods creep; AT960 drifts by tenths of a millimet
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Time
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Time
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "drift_translation",
+        check=(
+            "Check the stand of the instrument: feet, clamp, floor; let it warm up for two hours and "
+            "measure the nests between the poses."
+        ),
+        apart=(OTHER_WARMTH, OTHER_STATION),
+        by_clock=True,
+    ),
+    Kind(
+        "drift_rotation",
+        check=(
+            "Check that the instrument's stand does not creep or turn, keep the sun off it, and measure the "
+            "nests between the poses."
+        ),
+        apart=(OTHER_WARMTH, OTHER_STATION),
+        by_clock=True,
+    ),
+)
 
 
 def drift_translation() -> Effect:

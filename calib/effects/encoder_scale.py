@@ -5,9 +5,22 @@ Gear ratios are whole numbers and encoders have whole counts: what is left is a 
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
-from calib.regressors import JointAngle
+from calib.model.effect import Effect, effect
+from calib.model.regressors import JointAngle
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "encoder_scale",
+        check=(
+            "Compare the gear ratio of joint {joint} in the controller with the one on its type plate, and "
+            "look for a belt of the wrong pitch."
+        ),
+        apart=(),
+    ),
+)
 
 
 def encoder_scale(joint: int) -> Effect:
@@ -22,6 +35,5 @@ def encoder_scale(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint that moved."""
-    joints = survey.conditions.joints
-    return [Candidate(encoder_scale(k)) for k in survey.joint_numbers if survey.varies(joints[:, k - 1])]
+    """One candidate for each joint that moved, unless a curve over its angle has the scale already."""
+    return [Candidate(encoder_scale(k)) for k in survey.moving if k not in survey.curves]

@@ -3,9 +3,22 @@
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Torque
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Torque
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "joint_compliance",
+        check=(
+            "Check the payload that the controller was told and, on joint {joint}, the bolts of gear and "
+            "motor; hang a known mass on the flange and watch a dial gauge."
+        ),
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def joint_compliance(joint: int) -> Effect:
@@ -20,5 +33,5 @@ def joint_compliance(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint that gravity loads, but for those whose compliance the base model finds."""
+    """One candidate for each joint that gravity loads, but for those whose compliance the base model finds."""
     return [Candidate(joint_compliance(k)) for k in survey.moving if survey.loaded(k)]

@@ -5,9 +5,22 @@ The zero of joint 1 is the turn of the base about z, which every model frees.
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
-from calib.regressors import Constant
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Constant
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "joint_offset",
+        check=(
+            "Bring joint {joint} to its calibration mark and read the counter; master the axis anew if it "
+            "is off."
+        ),
+        apart=(),
+    ),
+)
 
 
 def joint_offset(joint: int) -> Effect:
@@ -22,5 +35,5 @@ def joint_offset(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint that moved, from 2 on, but for those whose zero the base model finds."""
+    """One candidate for each joint that moved, from 2 on, but for those whose zero the base model finds."""
     return [Candidate(joint_offset(k)) for k in survey.moving if k > 1]

@@ -8,10 +8,23 @@ from __future__ import annotations
 
 from functools import partial
 
-from calib.effects.effect import Effect, Steps, effect
-from calib.effects.shift import change_points, coarse
+from calib.effects.kind import Kind
+from calib.effects.shift import change_points
 from calib.effects.survey import Survey
-from calib.regressors import StepAt
+from calib.model.effect import Effect, effect
+from calib.model.regressors import StepAt
+from calib.scan.steps import Steps
+
+KINDS = (
+    Kind(
+        "joint_step",
+        check=(
+            "Bring joint {joint} to its calibration mark and read the counter; look for a belt that jumped, "
+            "a clamp that slipped, a collision between the two readings."
+        ),
+        apart=(),
+    ),
+)
 
 
 def joint_step(joint: int, rank: float) -> Effect:
@@ -28,7 +41,7 @@ def joint_step(joint: int, rank: float) -> Effect:
 
 def offer(survey: Survey) -> list[Steps]:
     """One scan a joint that moved; a step of joint 1 is one of the base about its axis, told by fewer parameters."""
-    ranks = coarse(change_points(survey))
+    ranks = change_points(survey)
     if not len(ranks):
         return []
     return [Steps(f"joint_step:j{k}", (f"theta{k}",), ranks, partial(joint_step, k)) for k in survey.moving]

@@ -1,21 +1,32 @@
 """Link torsion: a link twists under gravity, alpha_K grows by c (M . x), M the moment at joint K, x alpha's own axis.
 
 x is that of frame K-1 in modified DH, before joint K turns, and of frame K in standard DH, behind it. Links are built
-for what they carry: the usual size is an angle under the largest moment. Source: contracts, table of labels.
+for what they carry: the usual size is an angle under the largest moment.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.arm.robot import Robot
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Moment, MomentBehind, Regressor
-from calib.robot import Robot
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Moment, MomentBehind, Regressor
+from calib.scan.fixed import Candidate
 from calib.units import to_display
 
 _USUAL = 1e-3  # rad, under the largest moment
 _UNIT = "1e-6 rad/(N.m)"
+
+
+KINDS = (
+    Kind(
+        "link_torsion",
+        check="Check the bolts at both ends of link {joint}, and the link for a crack if the value has grown.",
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def about_alpha(robot: Robot, link: int) -> Regressor:
@@ -36,9 +47,9 @@ def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a link that gravity twists, now more, now less."""
+    """One candidate for each link whose joint moved and that gravity twists, now more, now less."""
     candidates = []
-    for link in survey.joint_numbers:
+    for link in survey.moving:
         moment = np.asarray(about_alpha(survey.robot, link).evaluate(survey.conditions))
         if survey.strains(moment):
             candidates.append(Candidate(link_torsion(survey.robot, link, survey.largest(moment))))

@@ -5,9 +5,22 @@ On other links the DH numbers hold it already. Source: Hayati 1983.
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
-from calib.regressors import Constant
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Constant
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "parallel_twist",
+        check=(
+            "Nothing to repair: the axes at link {joint} were machined so; look for a past collision if the "
+            "value has changed since the last calibration."
+        ),
+        apart=(),
+    ),
+)
 
 
 def parallel_twist(link: int) -> Effect:
@@ -22,5 +35,5 @@ def parallel_twist(link: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a link between parallel axes, but for those whose twist the base model finds."""
+    """One candidate for each link between parallel axes, but for those whose twist the base model finds."""
     return [Candidate(parallel_twist(k)) for k in survey.robot.parallel_axes]

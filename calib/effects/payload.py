@@ -1,21 +1,40 @@
 """Payload: a load that is not as declared turns every joint by its compliance times the torque that is missing.
 
 The torque is linear in mass and in mass x centre of the load on the last link. The compliances are those of the
-model as estimated, constants of the effect. They absorb most of a wrong mass (0.95). Source: contracts, table of
-labels; Nubiola 2.5 (10 % errors of mass and centre).
+model as estimated, constants of the effect. They absorb most of a wrong mass (0.95). Source:
+Nubiola, thesis 2.5 (10 % errors of mass and centre).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.arm.robot import Load
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import LoadTorque
-from calib.robot import Load
+from calib.model.effect import Effect, effect
+from calib.model.regressors import LoadTorque
+from calib.scan.fixed import Candidate
 
 Compliance = Mapping[int, float]
 """Joint -> rad/(N.mm)."""
+
+
+KINDS = (
+    Kind(
+        "payload_mass",
+        check="Weigh the tool with everything that hangs on it, and correct the load data in the controller.",
+        apart=(OTHER_LOAD,),
+    ),
+    Kind(
+        "payload_cog",
+        check=(
+            "Work out the centre of mass of tool, hoses and cables anew, and correct the load data in the "
+            "controller."
+        ),
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def payload_mass(

@@ -1,16 +1,29 @@
-"""Pedestal: what the robot stands on leans by its own compliance times the arm's overturning moment.
+"""Pedestal: what carries the robot leans by its own compliance times the arm's overturning moment.
 
-About x and about y, each with a compliance of its own: a table, a rail or a frame is seldom as stiff one way as the
-other. It leans about the origin of the base. In the thesis's robots d_1 stands before the turns of the base, which
-therefore turn about a point d_1 above it; the shift that this leaves out is added. Source: contracts, table of labels.
+About x and about y, each with a compliance of its own: a table, a rail or a frame is seldom as stiff about one as
+about the other. It leans about the origin of the base. In Nubiola's robots d_1 comes before the turns of the base,
+which therefore turn about a point d_1 above it; the shift that this leaves out is added.
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.arm.robot import Robot
+from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Overturning
-from calib.robot import Robot
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Overturning
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "pedestal",
+        check=(
+            "Check the anchor bolts and the grout of the pedestal; put a dial gauge beside the foot and "
+            "reach out the arm to each side."
+        ),
+        apart=(OTHER_LOAD,),
+    ),
+)
 
 
 def pedestal(robot: Robot) -> Effect:

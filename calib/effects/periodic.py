@@ -1,7 +1,7 @@
 """Periodic error of a joint: A cos(H theta) + B sin(H theta), H cycles a turn.
 
 Gears repeat their error once a turn of each wheel, so H is low (eccentric wheels), the reduction ratio or twice
-it (strain-wave reducers: 50 to 320 a turn). Source: contracts, table of labels; measured on robots with trackers.
+it (strain-wave reducers: 50 to 320 a turn).
 """
 
 from __future__ import annotations
@@ -10,13 +10,27 @@ from functools import partial
 
 import numpy as np
 
-from calib.effects.effect import Effect, Harmonics, effect
+from calib.effects import gear_orders
+from calib.effects.kind import Kind
 from calib.effects.survey import Survey
-from calib.regressors import Cosine, Sine
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Cosine, Sine
+from calib.scan.harmonics import Harmonics
 
 LOWEST, HIGHEST = 0.5, 330.0
-SPACING = (
-    0.25  # divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
+# The spacing divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
+SPACING = 0.25
+
+
+KINDS = (
+    Kind(
+        "periodic",
+        check=(
+            "Look at the gear of joint {joint}: eccentric wheel or bearing at a low order, worn teeth or "
+            "wave generator at the order of its ratio; a growing amplitude is wear."
+        ),
+        apart=(),
+    ),
 )
 
 
@@ -42,11 +56,18 @@ def periodic(joint: int, order: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Harmonics]:
-    """One scan a joint that moved, over all orders: what a narrow range confuses goes into one class."""
-    orders = np.arange(LOWEST, HIGHEST + SPACING / 2, SPACING)
+    """One scan for each joint that moved, over all orders: what a narrow range confuses goes into one class.
+
+    Beside a curve that has the lower whole orders already: the orders above them, and those between them only where the
+    joint turned more than once, since its error comes back after a turn.
+    """
+    everywhere = np.arange(LOWEST, HIGHEST + SPACING / 2, SPACING)
+    beyond = np.arange(gear_orders.HIGHEST + 1.0, HIGHEST + 0.5)
     scans = []
     for joint in survey.joint_numbers:
         if survey.turns(joint) > 0.0:
             slots = ((f"theta{joint}", 1.0),)
-            scans.append(Harmonics(f"periodic:j{joint}", joint, slots, orders, partial(periodic, joint)))
+            orders = beyond if joint in survey.curves and survey.turns(joint) <= 1.0 else everywhere
+            at = partial(periodic, joint)
+            scans.append(Harmonics(f"periodic:j{joint}", joint, slots, orders, at, LOWEST))
     return scans

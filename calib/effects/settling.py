@@ -1,15 +1,28 @@
 """Settling: the reading was taken before the joint had arrived, -k (theta - previous theta).
 
 Where every last move is of one length its column is that of `lost_motion`, and that of backlash with the sign turned.
-The usual size is what four time constants leave, exp(-4). Source: contracts, table of labels; the thesis waits 4 s
-before every reading (2.2).
+The usual size is what four time constants leave, exp(-4): Nubiola waits 4 s before every
+reading (thesis 2.2).
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
-from calib.regressors import LastMove
+from calib.model.effect import Effect, effect
+from calib.model.regressors import LastMove
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "settling",
+        check=(
+            "Let the arm stand longer before each reading and measure a few poses again; if that helps, "
+            "look for friction and at the servo settings of joint {joint}."
+        ),
+        apart=(OTHER_SIDE,),
+    ),
+)
 
 
 def settling(joint: int) -> Effect:
@@ -24,6 +37,6 @@ def settling(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint whose last moves differ."""
+    """One candidate for each joint whose last moves differ."""
     moved = survey.conditions.joints - survey.conditions.previous
     return [Candidate(settling(k)) for k in survey.moving if survey.varies(moved[:, k - 1])]

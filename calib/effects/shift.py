@@ -8,14 +8,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.effect import Effect, Steps, effect
+from calib.array import Array
+from calib.effects.kind import OTHER_STATION, SECOND_TARGET, Kind
 from calib.effects.survey import Survey
-from calib.kinematics import Array
-from calib.regressors import StepAt
+from calib.model.effect import Effect, effect
+from calib.model.regressors import StepAt
+from calib.scan.steps import Steps
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
-COARSE = 250  # change points scanned before refinement
 _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
+
+
+KINDS = (
+    Kind(
+        "base_shift",
+        check=(
+            "Look for what moved the robot's foot or the instrument's stand: anchor bolts, tripod feet, "
+            "traffic; measure the nests again."
+        ),
+        apart=(OTHER_STATION,),
+    ),
+    Kind(
+        "tool_shift",
+        check=(
+            "Look for what struck or loosened the tool: clamp, bolts, marks on the targets; the readings "
+            "before and after belong to two tools."
+        ),
+        apart=(SECOND_TARGET,),
+    ),
+)
 
 
 def _shift(name: str, meaning: str, rank: float) -> Effect:
@@ -53,14 +74,9 @@ def change_points(survey: Survey) -> Array:
     return np.sort(survey.conditions.order)[_FEWEST:-_FEWEST]
 
 
-def coarse(ranks: Array) -> Array:
-    """Evenly spread change points, few enough to scan; the diagnosis refines the one it chooses."""
-    return ranks[:: max(1, len(ranks) // COARSE)]
-
-
 def offer(survey: Survey) -> list[Steps]:
-    """Both kinds, at evenly spread change points; the diagnosis refines the one it chooses."""
+    """Both kinds, at every change point."""
     ranks = change_points(survey)
     if not len(ranks):
         return []
-    return [_family(label, coarse(ranks)) for label in MAKERS]
+    return [_family(label, ranks) for label in MAKERS]

@@ -1,22 +1,19 @@
-"""What the readings at hand allow: the input from which every file of the library makes its offers."""
+"""The survey of what the readings at hand allow: the input from which every file of the library makes its offers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.conditions import Conditions
-from calib.effects.effect import Effect
-from calib.kinematics import Array
-from calib.regressors import Regressor, Torque
-from calib.robot import Load, Robot
-
-if TYPE_CHECKING:
-    from calib.dataset import Dataset
-    from calib.identification import Identification
+from calib.arm.robot import Load, Robot
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.fit.identification import Identification
+from calib.model.effect import Effect
+from calib.model.regressors import Regressor, Torque
 
 _LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); friction and cables do more
 
@@ -26,7 +23,8 @@ class Survey:
     """The robot, the conditions of the readings that take part in the fit, and what their model has already.
 
     everywhere: conditions of all rows, those too that are only to be predicted; freed: slots and regressors of the
-    base model; compliance: joint -> rad/(N.mm) as estimated; loads: None for the robot's own; station: (x, y, z) mm.
+    base model; compliance: joint -> rad/(N.mm) as estimated; loads: None for the robot's own; station: (x, y, z) mm;
+    curves: joints of which a curve over their angle is in the model, that has all their lower orders.
     """
 
     robot: Robot
@@ -36,6 +34,7 @@ class Survey:
     compliance: Mapping[int, float] = field(default_factory=dict)
     loads: tuple[Load, ...] | None = None
     station: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    curves: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, fitted: Identification, dataset: Dataset) -> Survey:
@@ -59,6 +58,7 @@ class Survey:
             compliance=compliance,
             loads=fitted.header.loads,
             station=model.station,
+            curves=frozenset(curve.joint for curve in model.curves),
         )
 
     def frees(self, effect: Effect) -> bool:
@@ -86,7 +86,7 @@ class Survey:
 
     @property
     def joint_numbers(self) -> range:
-        """1..N."""
+        """Numbers of the joints, 1 to N."""
         return range(1, self.robot.joints + 1)
 
     @property
@@ -95,7 +95,7 @@ class Survey:
         return [k for k in self.joint_numbers if self.varies(self.conditions.joints[:, k - 1])]
 
     def turns(self, joint: int) -> float:
-        """How much of a turn the readings span on a joint."""
+        """Share of a turn that the readings span on a joint."""
         angles = self.conditions.joints[:, joint - 1]
         return float(np.ptp(angles)) / (2.0 * np.pi)
 

@@ -7,10 +7,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.arm.robot import Robot
+from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Temperature
-from calib.robot import Robot
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Temperature
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "thermal_growth",
+        check=(
+            "Steady the air of the cell, or record its temperature and correct for it; keep sun and hot "
+            "parts away from the arm."
+        ),
+        apart=(OTHER_WARMTH,),
+    ),
+)
 
 
 def arm_lengths(robot: Robot) -> list[tuple[str, float]]:

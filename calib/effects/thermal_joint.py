@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Temperature
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Temperature
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "thermal_joint",
+        check=(
+            "Look for what warms the housing of joint {joint} (motor, brake, sun), and measure again at a "
+            "steady temperature."
+        ),
+        apart=(OTHER_WARMTH,),
+    ),
+)
 
 
 def thermal_joint(joint: int, reference_c: float) -> Effect:
@@ -22,7 +35,7 @@ def thermal_joint(joint: int, reference_c: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One a joint, where the temperature was recorded and moved."""
+    """One candidate for each joint, where the temperature was recorded and moved."""
     temperature = survey.conditions.temperature
     if not (survey.recorded("temperature") and survey.varies(temperature)):
         return []

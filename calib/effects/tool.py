@@ -1,7 +1,7 @@
 """Tool: its targets sit elsewhere on the flange than measured: all shifted, all turned, or one shifted.
 
 What shifts along the last axis or turns about it is d and theta of the last link. With one target a shift and a
-turn look the same. Source: contracts, table of labels.
+turn look the same.
 """
 
 from __future__ import annotations
@@ -10,9 +10,33 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import SECOND_TARGET, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Constant, OnTarget
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Constant, OnTarget
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "tool_offset",
+        check="Check how the tool is centred on the flange: pin, collar, burrs; measure its targets anew.",
+        apart=(SECOND_TARGET,),
+    ),
+    Kind(
+        "tool_tilt",
+        check=(
+            "Clean the face between flange and tool, tighten its bolts evenly, and measure its targets anew."
+        ),
+        apart=(SECOND_TARGET,),
+    ),
+    Kind(
+        "target_offset",
+        check=(
+            "Check the seat of target {name} for dirt and looseness, and measure its place on the tool anew."
+        ),
+        apart=(SECOND_TARGET,),
+    ),
+)
 
 
 def tool_offset() -> Effect:
@@ -52,7 +76,7 @@ def target_offset(target: str, series: Sequence[str]) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """All, and a shift of every target that was measured; none where the base model finds the targets itself."""
+    """Offset and tilt of the tool, and a shift of every measured target; nothing where the base model has them."""
     if survey.frees_tool:
         return []
     conditions = survey.conditions

@@ -2,14 +2,27 @@
 
 A wrong refractive index does that: 1e-6 a kelvin of air, 270e-6 where nobody entered any. The instrument's frame is
 shifted in proportion, so a distance from another meter stays as it is. The link lengths absorb most of it (0.97).
-Source: contracts, table of labels; Edlen 1966 (index of air).
+Source: Edlen 1966 (index of air).
 """
 
 from __future__ import annotations
 
-from calib.effects.effect import Candidate, Effect, effect
+from calib.effects.kind import OTHER_STATION, Kind
 from calib.effects.survey import Survey
-from calib.regressors import Beam
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Beam
+from calib.scan.fixed import Candidate
+
+KINDS = (
+    Kind(
+        "tracker_scale",
+        check=(
+            "Check the weather station of the instrument (air temperature, pressure) and the date of its "
+            "certificate; measure a reference length."
+        ),
+        apart=(OTHER_STATION,),
+    ),
+)
 
 
 def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
@@ -25,7 +38,7 @@ def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One, where the target moved."""
+    """One candidate, where the target moved."""
     if not any(survey.varies(survey.conditions.point[:, axis]) for axis in range(3)):
         return []
     return [Candidate(tracker_scale(survey.station))]

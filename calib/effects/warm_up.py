@@ -1,6 +1,6 @@
 """Warm-up: the arm's own heat makes every length grow towards a limit, a and d times 1 + alpha (1 - exp(-t/T_c)).
 
-The time constant T_c is scanned and refined. Source: contracts, table of labels; the thesis warms up for 1 h (2.2).
+The time constant T_c is scanned and refined. Nubiola warms up for 1 h (thesis 2.2).
 """
 
 from __future__ import annotations
@@ -9,16 +9,27 @@ from functools import partial
 
 import numpy as np
 
-from calib.effects.effect import Effect, Shapes, effect
+from calib.arm.robot import Robot
+from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.effects.thermal_growth import arm_lengths
-from calib.regressors import WarmUp
-from calib.robot import Robot
+from calib.model.effect import Effect, effect
+from calib.model.regressors import WarmUp
+from calib.scan.shapes import Shapes
 
 TIME_CONSTANT = "time_constant_s"
 SHORTEST, LONGEST = 300.0, 18000.0  # s
 _PLACES = 15
 _MOST = 1500.0  # ppm: aluminium by 60 K; negative where an arm cools down
+
+
+KINDS = (
+    Kind(
+        "warm_up",
+        check="Let the robot run its warm-up cycle for an hour before it is measured or works.",
+        apart=(OTHER_WARMTH,),
+    ),
+)
 
 
 def warm_up(robot: Robot, time_constant_s: float) -> Effect:
@@ -44,4 +55,4 @@ def offer(survey: Survey) -> list[Shapes]:
     if longest <= SHORTEST:
         return []
     values = np.geomspace(SHORTEST, longest, _PLACES)
-    return [Shapes("warm_up", TIME_CONSTANT, values, partial(warm_up, survey.robot))]
+    return [Shapes("warm_up", TIME_CONSTANT, values, partial(warm_up, survey.robot), (SHORTEST, LONGEST))]

@@ -1,15 +1,21 @@
-"""Which poses to measure: D-optimal selection from candidates, its bound, and what it will be worth."""
+"""The selection of poses to measure: D-optimal selection from candidates, its bound, and what it will be worth."""
 
-from calib.selection.choose import Choice, choose
-from calib.selection.curve import Curve, curve_of
+from calib.selection.choose import SHARE, Choice, choose
+from calib.selection.curve import STEP, WORTH, Curve, curve_of
 from calib.selection.exchange import select
 from calib.selection.indices import Observability, observability
 from calib.selection.information import Candidates, Setup, candidates_of
+from calib.selection.lengths import Balls, Lengths, uncertainty_of
 
 __all__ = [
+    "SHARE",
+    "STEP",
+    "WORTH",
+    "Balls",
     "Candidates",
     "Choice",
     "Curve",
+    "Lengths",
     "Observability",
     "Setup",
     "candidates_of",
@@ -17,4 +23,5 @@ __all__ = [
     "curve_of",
     "observability",
     "select",
+    "uncertainty_of",
 ]

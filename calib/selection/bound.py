@@ -2,7 +2,7 @@
 
 Weights w_i >= 0 of sum one in place of "taken or not": maximise log det sum w_i X_i'X_i. Multiplicative steps
 w_i <- w_i (d_i / m)^power with d_i = tr(M^-1 X_i'X_i) (Silvey, Titterington and Torsney 1978); candidates that the
-bound of Harman and Pronzato (2007) shows to be out of every optimum are left out on the way. For any weights
+bound of Harman and Pronzato (2007) shows to be out of every optimum are left out meanwhile. For any weights
 log det M + m log(max d_i / m), the maximum over all candidates, is above every design (trace and determinant of
 M^-1/2 M' M^-1/2): so the figure given is a bound however far the steps have come.
 """
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.kinematics import Array
-from calib.selection.blocks import Blocks
+from calib.array import Array
+from calib.selection.pose_rows import PoseRows
 
 TOLERANCE = 3e-4  # how far the bound may lie above the optimum, as a share of det^(1/m)
 _STEPS = 5000
@@ -45,8 +45,8 @@ class Optimum:
         return float(np.exp((log_det - self.log_det) / m) / count)
 
 
-def optimum(blocks: Blocks, tolerance: float = TOLERANCE) -> Optimum:
-    """The continuous optimum, to a gap of `tolerance` or after a fixed number of steps: `gap` tells."""
+def optimum(blocks: PoseRows, tolerance: float = TOLERANCE) -> Optimum:
+    """The continuous optimum, to a gap of `tolerance` or after a fixed number of steps: `gap` says which."""
     m = blocks.parameters
     left = np.arange(blocks.poses)
     few = blocks

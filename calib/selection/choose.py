@@ -1,8 +1,8 @@
-"""From candidates to the list of poses: a D-optimal core, and poses that fill the range of every joint.
+"""The list of poses chosen among candidates: a D-optimal core, and poses that fill the range of every joint.
 
 The core is the exchange's selection. Where it leaves a part of a joint's range out, candidates that fill it are set
 firmly into the list, the core gives up the poses that it misses least, and is exchanged once more around them; at
-most a fifth of the list is spent so (`share`). What this costs stands beside the efficiency without it.
+most a fifth of the list is spent so (`share`). What this costs is given beside the efficiency without it.
 The list keeps the order in which the candidates were drawn: a random order of visits.
 """
 
@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.least_squares import Dropped
+from calib.fit.least_squares import Dropped
 from calib.selection import coverage
-from calib.selection.blocks import Blocks
 from calib.selection.bound import optimum
 from calib.selection.exchange import STARTS, Indices, best_of_starts, exchange, log_det, without_least
 from calib.selection.indices import Observability, observability
 from calib.selection.information import Candidates, Setup
+from calib.selection.pose_rows import PoseRows
 from calib.units import DEG, to_display
 
 SHARE = 0.2  # of the poses that may be spent on filling
@@ -64,7 +64,7 @@ def choose(
     """
     if not 0.0 <= share <= 1.0:
         raise DataError(f"is {share}.", do="Give a share from 0 to 1.", key="share")
-    blocks = Blocks.of(candidates.rows)
+    blocks = PoseRows.of(candidates.rows)
     best = optimum(blocks)
     core = best_of_starts(blocks, best, count, starts=starts, seed=seed)
     cells = coverage.cells_of(candidates.joints)
@@ -101,7 +101,7 @@ def _of_targets(setup: Setup) -> list[str]:
     if len(off) >= 2:
         return []
     return [
-        f"Of the targets measured ({', '.join(setup.targets)}) {f'only {off[0]}' if off else 'none'} stands"
+        f"Of the targets measured ({', '.join(setup.targets)}) {f'only {off[0]}' if off else 'none'} lies"
         f" {OFF_AXIS_MM:g} mm or more off the axis of joint {setup.robot.joints}: measure two that do, or an offset"
         " of the tool and a tilt of it look the same."
     ]

@@ -1,4 +1,4 @@
-"""Which parts of every joint's range a selection visits, and the poses that fill what it leaves out.
+"""The parts of every joint's range that a selection visits, and the poses that fill what it leaves out.
 
 D-optimal poses crowd at the ends of the joints. What is missing in the model (periodic errors, encoder scale,
 backlash beyond a sign of the torque) is seen only where a joint has been: so the range of every joint is cut into
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.kinematics import Array
+from calib.array import Array
 
 BINS = 8
 
@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 
 
 def cells_of(joints: Array, bins: int = BINS) -> Mask:
-    """(N, J, bins) in which bin of its range, lowest to highest of all candidates, every joint (N, J) stands."""
+    """(N, J, bins) in which bin of its range, lowest to highest of all candidates, every joint (N, J) lies."""
     low, high = joints.min(axis=0), joints.max(axis=0)
     share = (joints - low) / np.where(high > low, high - low, 1.0)
     number = np.minimum((share * bins).astype(np.int64), bins - 1)

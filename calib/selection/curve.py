@@ -1,9 +1,9 @@
-"""How uncertain predictions would be after so many poses, and when more poses no longer pay.
+"""The uncertainty of predictions after so many poses, and when more poses no longer pay.
 
 The selection is shortened by the pose whose loss costs least, again and again, and lengthened by the candidate that
 adds most; for every count U = 2 sqrt(largest eigenvalue of X C X' + R): C the inverse information of the poses so
 far, X the derivative of a target, R its covariance by the repeatability of the robot. U (k = 2, along the worst
-direction) is where the robot will stand by a model that is complete; R is what no calibration lowers.
+direction) is where the robot will be by a model that is complete; R is what no calibration lowers.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.kinematics import Array
-from calib.selection.blocks import Blocks
+from calib.array import Array
+from calib.fit.uncertainty import expanded
 from calib.selection.exchange import Indices, greedy, without_least
 from calib.selection.information import Candidates
-from calib.uncertainty import expanded
+from calib.selection.pose_rows import PoseRows
 
 STEP = 10  # poses
 WORTH = 0.02  # share by which STEP more poses must lower the largest U
@@ -53,7 +53,7 @@ class Curve:
 
 def curve_of(candidates: Candidates, selection: Indices, step: int = STEP) -> Curve:
     """The curve around a selection: counts `step` apart through its own, from just enough to twice as many."""
-    blocks = Blocks.of(candidates.rows)
+    blocks = PoseRows.of(candidates.rows)
     least = -(-blocks.parameters // blocks.width) + 1
     count = len(selection)
     below = range(count, least - 1, -step)

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.selection.blocks import Blocks
 from calib.selection.bound import Optimum, optimum
+from calib.selection.pose_rows import PoseRows
 
 Indices = NDArray[np.int64]
 
@@ -39,12 +39,12 @@ def select(rows: Array, count: int, *, starts: int = STARTS, seed: int = 0) -> I
     the same seed gives the same selection. Raises DataError when there are fewer candidates than `count`, fewer
     rows than parameters, or parameters that the candidates cannot determine.
     """
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     return best_of_starts(blocks, optimum(blocks), count, starts=starts, seed=seed)
 
 
 def best_of_starts(
-    blocks: Blocks,
+    blocks: PoseRows,
     best: Optimum,
     count: int,
     *,
@@ -52,7 +52,7 @@ def best_of_starts(
     starts: int = STARTS,
     seed: int = 0,
 ) -> Indices:
-    """As `select`, of prepared blocks and their continuous optimum; the poses `fixed` are in and stay.
+    """The best selection of several starts, of prepared blocks and their continuous optimum; `fixed` poses stay.
 
     The starts choose among the candidates that count for most at the continuous optimum: that is where good
     selections are. The best of them is then exchanged against all candidates.
@@ -73,17 +73,17 @@ def best_of_starts(
     return exchange(blocks, short[winner], fixed=fixed)
 
 
-def log_det(blocks: Blocks, selection: Indices) -> float:
+def log_det(blocks: PoseRows, selection: Indices) -> float:
     """log det of the information of a selection, in the blocks' own scale; -inf where it is singular."""
     sign, value = np.linalg.slogdet(blocks.information(selection))
     return float(value) if sign > 0 else -np.inf
 
 
-def greedy(blocks: Blocks, chosen: Sequence[int] | Indices, count: int) -> Indices:
+def greedy(blocks: PoseRows, chosen: Sequence[int] | Indices, count: int) -> Indices:
     """`chosen` and further candidates, each the best to add to those before it; `count` in all, ascending."""
     faint = _FAINT / blocks.poses * np.eye(blocks.parameters)
     selection = [int(i) for i in chosen]
-    state = State.of(blocks, blocks.information(np.array(selection, dtype=np.int64)) + faint)
+    state = SelectionState.of(blocks, blocks.information(np.array(selection, dtype=np.int64)) + faint)
     while len(selection) < count:
         gain = state.gains()
         gain[selection] = -np.inf
@@ -92,19 +92,19 @@ def greedy(blocks: Blocks, chosen: Sequence[int] | Indices, count: int) -> Indic
     return np.sort(np.array(selection, dtype=np.int64))
 
 
-def without_least(blocks: Blocks, selection: Indices, count: int, *, fixed: Sequence[int] = ()) -> Indices:
+def without_least(blocks: PoseRows, selection: Indices, count: int, *, fixed: Sequence[int] = ()) -> Indices:
     """`count` of the selection, ascending: the pose whose loss costs least leaves, then the next; `fixed` ones stay."""
     left = np.asarray(selection, dtype=np.int64)
     while len(left) > count:
         few = blocks.take(left)
-        b = State.of(few, few.information()).b.transpose(2, 0, 1)
+        b = SelectionState.of(few, few.information()).b.transpose(2, 0, 1)
         keeps = np.linalg.det(np.eye(blocks.width) - b)  # share of the determinant that stays
         keeps[np.isin(left, fixed)] = -np.inf
         left = np.delete(left, np.argmax(keeps))
     return np.sort(left)
 
 
-def exchange(blocks: Blocks, selection: Indices, *, fixed: Sequence[int] | Indices = ()) -> Indices:
+def exchange(blocks: PoseRows, selection: Indices, *, fixed: Sequence[int] | Indices = ()) -> Indices:
     """The selection after exchanges that each raise its determinant, until none does; ascending indices.
 
     The poses `fixed` stay. Raises DataError when the selection to begin with does not determine the parameters.
@@ -117,7 +117,7 @@ def exchange(blocks: Blocks, selection: Indices, *, fixed: Sequence[int] | Indic
         )
     for _ in range(_PASSES):
         # anew once a pass, so that rounding does not add up
-        state = State.of(blocks, blocks.information(selection))
+        state = SelectionState.of(blocks, blocks.information(selection))
         swapped = False
         for place in free:
             without = state.changed(selection[place], -1.0)
@@ -133,7 +133,7 @@ def exchange(blocks: Blocks, selection: Indices, *, fixed: Sequence[int] | Indic
     return np.sort(selection)
 
 
-def _refuse(blocks: Blocks, count: int, starts: int) -> None:
+def _refuse(blocks: PoseRows, count: int, starts: int) -> None:
     if starts < 1:
         raise DataError(f"is {starts}.", do="Give one start or more.", key="starts")
     if count > blocks.poses:
@@ -149,16 +149,16 @@ def _refuse(blocks: Blocks, count: int, starts: int) -> None:
 
 
 @dataclass(frozen=True)
-class State:
+class SelectionState:
     """A selection as an exchange sees it: M^-1 (m, m), and b (k, k, N), B_j = X_j M^-1 X_j' of every candidate."""
 
-    blocks: Blocks
+    blocks: PoseRows
     inverse: Array
     b: Array
 
     @classmethod
-    def of(cls, blocks: Blocks, information: Array) -> State:
-        """From the information M (m, m), without updates."""
+    def of(cls, blocks: PoseRows, information: Array) -> SelectionState:
+        """The state computed from the information M (m, m), without updates."""
         x = blocks.columns
         inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
         y = (inverse @ x.reshape(len(x), -1)).reshape(x.shape)
@@ -176,7 +176,7 @@ class State:
             rest[p + 1 :, p + 1 :] -= below[:, None] * (below / rest[p, p])[None]
         return np.log(product)
 
-    def changed(self, pose: int, sign: float) -> State:
+    def changed(self, pose: int, sign: float) -> SelectionState:
         """The state after one pose entered (+1) or left (-1)."""
         x = self.blocks.columns
         values, directions = np.linalg.eigh(self.b[:, :, pose])
@@ -187,4 +187,4 @@ class State:
         b = self.b.copy()
         for each in v:
             b -= sign * each[:, None] * each[None]
-        return State(self.blocks, self.inverse - sign * u @ u.T, b)
+        return SelectionState(self.blocks, self.inverse - sign * u @ u.T, b)

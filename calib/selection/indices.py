@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array
 
 
 @dataclass(frozen=True)

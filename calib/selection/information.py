@@ -1,4 +1,4 @@
-"""What each candidate pose would tell: whitened Jacobian rows of the base model at hypothetical poses.
+"""The information of each candidate pose: whitened Jacobian rows of the base model at hypothetical poses.
 
 Three rows a tool target measured there, whitened with the declared noise of the instrument and the repeatability of
 the robot, at the nominal robot. Parameters that all candidates together cannot determine are dropped and named; the
@@ -12,15 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.compensate.stated import StatedConditions, conditions_at
-from calib.effects import base_model
-from calib.effects.effect import Parameter
+from calib.arm.robot import Load, Robot
+from calib.array import Array
+from calib.data.groups import DEFAULT_GROUPS, GROUPS
+from calib.data.noise import Noise
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.least_squares import Dropped, triangular_factor
-from calib.model import Design, RobotModel
-from calib.noise import Noise
-from calib.robot import Load, Robot
+from calib.fit.least_squares import Dropped, triangular_factor
+from calib.model import base_model
+from calib.model.effect import Parameter
+from calib.model.model import Design, RobotModel
+from calib.model.stated import StatedConditions, conditions_at
 from calib.units import to_internal
 
 _SERIES = "selection"
@@ -30,7 +31,7 @@ _MOVES_NOTHING = 1e-6  # whitened displacement, over all candidates, for a param
 
 @dataclass(frozen=True)
 class Setup:
-    """What would be measured at every pose, and with what.
+    """The setup of a measurement: what is measured at every pose, and with what.
 
     targets: tool targets by name, flange frame, mm; groups: what the model frees; loads None: the robot's own.
     """
@@ -38,16 +39,16 @@ class Setup:
     robot: Robot
     targets: Mapping[str, tuple[float, float, float]]
     noise: Noise
-    groups: Sequence[str] = base_model.DEFAULT_GROUPS
+    groups: Sequence[str] = DEFAULT_GROUPS
     loads: tuple[Load, ...] | None = None
 
     def model(self) -> RobotModel:
         """The base model. Raises DataError for a group or a set of targets that cannot be used."""
         for group in self.groups:
-            if group not in base_model.GROUPS or group == "length_zero":
+            if group not in GROUPS or group == "length_zero":
                 raise DataError(
                     f"'{group}' is no group that poses are selected for.",
-                    do=f"Use some of {', '.join(g for g in base_model.GROUPS if g != 'length_zero')}.",
+                    do=f"Use some of {', '.join(g for g in GROUPS if g != 'length_zero')}.",
                     key="groups",
                 )
         if not self.groups or not self.targets:

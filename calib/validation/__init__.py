@@ -1,31 +1,37 @@
 """Validation: what a calibration is worth on readings that took no part in it."""
 
+from calib.validation.ballbar import LengthRepeats, SphereTest, over_the_fixture, sphere_tests
 from calib.validation.compare import Difference, apart, differences, refuse_incomparable
 from calib.validation.groups import Grouping
 from calib.validation.holdout import HeldOut, hold_outs
-from calib.validation.iso9283 import DistanceFigures, PoseFigures
+from calib.validation.iso9283 import VISITS_OF_THE_STANDARD, DistanceFigures, PoseFigures
 from calib.validation.judge import Judgement, Repeats, judge, judge_repeats, refuse_other_robot
 from calib.validation.pairs import pair_errors
 from calib.validation.place import place
 from calib.validation.summary import Summary, summarise
 
 __all__ = [
+    "VISITS_OF_THE_STANDARD",
     "Difference",
     "DistanceFigures",
     "Grouping",
     "HeldOut",
     "Judgement",
+    "LengthRepeats",
     "PoseFigures",
     "Repeats",
+    "SphereTest",
     "Summary",
     "apart",
     "differences",
     "hold_outs",
     "judge",
     "judge_repeats",
+    "over_the_fixture",
     "pair_errors",
     "place",
     "refuse_incomparable",
     "refuse_other_robot",
+    "sphere_tests",
     "summarise",
 ]

@@ -3,22 +3,23 @@
 Signs of what vanishes in the three singular surfaces, for arms with a spherical wrist and for the URs alike. z_i is
 the axis of joint i, o_i a point on it, w where axes 5 and 6 meet (the wrist centre of a spherical wrist):
 
-    front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist stands before or behind
+    front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist lies before or behind
                     axis 1
     up / down       z_2 . ((o_3 - o_2) x (e - o_3)) > 0 is up: the branch of theta_3; e is w, or a point on axis 4
                     where axes 3 and 4 are parallel (URs)
     flip / noflip   z_5 . (z_4 x z_6) > 0 is noflip: the sign of sin theta_5
 
 The product of the three has, up to one sign a robot, the sign of the Jacobian's determinant. Source of the words:
-Nubiola, thesis, chapter 4; elsewhere 'up' may be named otherwise.
+Nubiola, thesis 4; elsewhere 'up' may be named otherwise.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from calib.kinematics import Array, Chain, Placement, nominal_values, propagate
-from calib.robot import Robot
+from calib.arm.kinematics import Chain, Placement, nominal_values, propagate
+from calib.arm.robot import Robot
+from calib.array import Array
 
 _PARALLEL = 1e-6
 

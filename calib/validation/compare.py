@@ -5,7 +5,7 @@ Parameters of the robot with their uncertainties, and for each
     E_n = |a - b| / (2 sqrt(u_a^2 + u_b^2)),
 
 above 1 where the two differ by more than their expanded uncertainties (k = 2) allow. Both robots are then placed on
-the same readings and judged by the same others, and the distance between their predictions is told: parameters may
+the same readings and judged by the same others, and the distance between their predictions is reported: parameters may
 differ where predictions agree, since readings hold only some combinations of them. Sources: Nubiola, thesis, section
 2.6 (the comparison); ISO 13528 (E_n).
 """
@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
-from calib.effects.effect import Parameter
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.model_file import SavedModel
-from calib.statistics import distances
+from calib.fit.statistics import distances
+from calib.model.effect import Parameter
+from calib.model.model import Design, RobotModel
+from calib.saved.model_file import SavedModel
 from calib.units import to_display
 from calib.validation.summary import Summary, summarise
 
@@ -46,7 +46,7 @@ class Difference:
 
     @property
     def difference(self) -> float | None:
-        """Second less first."""
+        """The second value less the first."""
         return None if self.first is None or self.second is None else self.second - self.first
 
     @property
@@ -91,11 +91,11 @@ def differences(first: SavedModel, second: SavedModel) -> list[Difference]:
     return out
 
 
-Standing = tuple[RobotModel, Array]
+Placed = tuple[RobotModel, Array]
 """A model and its estimate, as `place` gives them."""
 
 
-def apart(dataset: Dataset, rows: NDArray[np.bool_], first: Standing, second: Standing) -> Summary | None:
+def apart(dataset: Dataset, rows: NDArray[np.bool_], first: Placed, second: Placed) -> Summary | None:
     """Distance between two predictions over some rows (mask), mm; both robots placed on the same readings before."""
     conditions = dataset.conditions.take(rows)
     one, other = (Design(model, conditions).predict(estimate) for model, estimate in (first, second))

@@ -1,4 +1,4 @@
-"""Where errors live: the same errors by target, series, branch, side of approach, and distance from a point.
+"""Errors by group: the same errors by target, series, branch, side of approach, and distance from a point.
 
 A grouping gives every reading a name; a group is summarised as a whole is. Figure 4.7 of Nubiola's thesis is the
 grouping by distance.
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.conditions import Conditions
-from calib.kinematics import Array
-from calib.robot import Robot
+from calib.arm.robot import Robot
+from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.validation.branch import branches
 from calib.validation.summary import Summary, summarise
 

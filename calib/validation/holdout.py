@@ -1,6 +1,6 @@
 """Hold-outs side by side: what the base model's error is worth depends on how the judging readings were left out.
 
-The readings that may enter a fit are split again, five times in each way, and the base model is fitted to the rest:
+The readings that may enter a fit are split again, five times by each rule, and the base model is fitted to the rest:
 
     random   poses drawn at random: each has its neighbours in the fit, which flatters
     region   slabs of the workspace along the direction in which the robot moved most
@@ -18,11 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
+from calib.arm.kinematics import forward
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.held_out import errors_on
-from calib.identify import identify
-from calib.kinematics import Array, forward
+from calib.fit.held_out import errors_on
+from calib.fit.identify import identify
 from calib.validation.place import FEWEST, place
 from calib.validation.summary import Summary, summarise
 
@@ -54,7 +55,7 @@ def hold_outs(
     Raises DataError where there are fewer poses than folds, or what a fold leaves cannot carry the model.
     """
     rows = dataset.fit_rows & (dataset.pointed | dataset.spanned)
-    poses = len(np.unique(_poses(dataset)[rows]))
+    poses = len(np.unique(dataset.conditions.pose[rows]))
     if poses < folds:
         raise DataError(
             f"has {poses} poses with a measured point or distance to hold out, in {folds} parts.",
@@ -100,13 +101,8 @@ def _placed(dataset: Dataset, fitted: Mask) -> Mask:
     return np.bincount(which[fitted], minlength=which.max() + 1)[which] >= FEWEST
 
 
-def _poses(dataset: Dataset) -> NDArray[np.int64]:
-    """(n,) number of the commanded pose of every row."""
-    return np.unique(np.round(dataset.conditions.joints, 9), axis=0, return_inverse=True)[1]
-
-
 def _random(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
-    pose = _poses(dataset)
+    pose = dataset.conditions.pose
     draw = np.random.default_rng(SEED).permutation(pose.max() + 1)
     for k in range(folds):
         yield rows & (draw[pose] % folds == k)
@@ -117,7 +113,7 @@ def _region(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
     places = forward(dataset.header.robot, dataset.conditions.joints)[:, :3, 3]
     centred = places - places[rows].mean(axis=0)
     along = centred @ np.linalg.svd(centred[rows], full_matrices=False)[2][0]
-    pose = _poses(dataset)
+    pose = dataset.conditions.pose
     kinds, first = np.unique(pose[rows], return_index=True)
     slab = np.zeros(pose.max() + 1, dtype=int)
     order = np.argsort(along[rows][first], kind="stable")

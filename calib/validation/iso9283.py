@@ -10,7 +10,7 @@ Positions x_j of n visits, barycentre x-, command c; l_j = |x_j - x-|, s with n 
     vAP_k = max |a-_hk - a-_lk|            the same of the orientation
 
 Repeatability is that of visits from one direction; where a pose was visited from several, each with two visits or
-more, the worst of them stands. Distances count visits from the direction from which either pose was visited most.
+more, the worst of them counts. Distances count visits from the direction from which either pose was visited most.
 
 Angles are components of the rotation vector from the command, which for small angles are those about the axes of
 the world. The command is where a model expects the tool target for the commanded joint angles. The standard asks for
@@ -27,14 +27,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.kinematics import Array
+from calib.array import Array
 
 VISITS_OF_THE_STANDARD = 30
 
 
 @dataclass(frozen=True)
 class PoseFigures:
-    """One commanded pose: lengths mm, angles rad. NaN where no direction has two visits, and so no spread."""
+    """Figures of a commanded pose: lengths mm, angles rad. NaN where no direction has two visits, and so no spread."""
 
     reading: int  # row of the first visit
     visits: int
@@ -104,21 +104,20 @@ def figures_of_pose(
     visits, command = points[rows], commands[rows].mean(axis=0)
     turned = None if angles is None or not np.isfinite(angles[rows]).all() else angles[rows]
     _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
-    ways = [
-        direction == k for k in np.flatnonzero(np.bincount(direction) > 1)
-    ]  # one visit alone has no spread
+    # One visit alone has no spread
+    groups = [direction == k for k in np.flatnonzero(np.bincount(direction) > 1)]
     moved = turns = spread = None
-    if len(ways) > 1:
-        moved = variation(np.array([visits[way].mean(axis=0) for way in ways]))
+    if len(groups) > 1:
+        moved = variation(np.array([visits[one].mean(axis=0) for one in groups]))
         if turned is not None:
-            turns = tuple(np.ptp([turned[way].mean(axis=0) for way in ways], axis=0).tolist())
-    if turned is not None and ways:
-        spread = tuple((3.0 * np.max([turned[way].std(axis=0, ddof=1) for way in ways], axis=0)).tolist())
+            turns = tuple(np.ptp([turned[one].mean(axis=0) for one in groups], axis=0).tolist())
+    if turned is not None and groups:
+        spread = tuple((3.0 * np.max([turned[one].std(axis=0, ddof=1) for one in groups], axis=0)).tolist())
     return PoseFigures(
         reading=int(rows[0]),
         visits=len(rows),
         accuracy=pose_accuracy(visits, command),
-        repeatability=max((pose_repeatability(visits[way]) for way in ways), default=math.nan),
+        repeatability=max((pose_repeatability(visits[one]) for one in groups), default=math.nan),
         accuracy_angles=None if turned is None else tuple(turned.mean(axis=0).tolist()),
         repeatability_angles=spread,
         variation=moved,
@@ -128,7 +127,7 @@ def figures_of_pose(
 
 
 def one_way(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
-    """Those of the visits `rows` that came from the direction from which most did; sides: (n, N)."""
+    """The visits among `rows` that came from the direction from which most did; sides: (n, N)."""
     _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
     return rows[direction == np.bincount(direction).argmax()]
 

@@ -10,13 +10,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.held_out import length_errors
-from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.model_file import SavedModel
-from calib.statistics import distances
+from calib.fit.held_out import length_errors
+from calib.fit.statistics import distances
+from calib.model.model import Design, RobotModel
+from calib.saved.model_file import SavedModel
+from calib.validation.ballbar import (
+    LengthRepeats,
+    SphereTest,
+    over_the_fixture,
+    repeats_of_lengths,
+    sphere_tests,
+)
 from calib.validation.groups import Grouping, by_distance, groupings
 from calib.validation.iso9283 import (
     DistanceFigures,
@@ -35,10 +42,11 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Judgement:
-    """One model on some readings. Lengths mm, angles rad; None where nothing was measured to judge by.
+    """The judgement of one model on some readings. Lengths mm, angles rad; None where nothing was measured to judge by.
 
-    length: of measured distances to base targets; pairs: series -> distance errors over all pairs of its points; series
-    have each their own frame. groupings: of positions, or of lengths where no point was measured.
+    length: of measured distances to base targets; spheres: sphere tests among these. pairs: series -> distance errors
+    over all pairs of its points; series have each their own frame. groupings: of positions, or of lengths where no
+    point was measured.
     """
 
     name: str
@@ -47,10 +55,11 @@ class Judgement:
     pairs: Mapping[str, Summary]
     orientation: Summary | None
     groupings: tuple[Grouping, ...]
+    spheres: tuple[SphereTest, ...] = ()
 
     @property
     def error(self) -> Summary:
-        """Of positions, or of lengths where no point was measured."""
+        """The error of positions, or of lengths where no point was measured."""
         found = self.position or self.length
         assert found is not None
         return found
@@ -64,10 +73,11 @@ def judge(
     estimate: Array,
     reference: tuple[float, float, float] | None = None,
 ) -> Judgement:
-    """Judge a model on the points and distances of some rows (mask), in the place where it stands.
+    """Judge a model on the points and distances of some rows (mask), in the place where it is mounted.
 
-    reference: (x, y, z) mm in the world, from which the distance of every point is taken. Raises DataError when no
-    row was measured, or the model does not know a series, a tool target or a base target.
+    reference: (x, y, z) mm in the world, from which the distance of every point is taken; for distances measured to
+    three balls it is the point over them where it is not given. Raises DataError when no row was measured, or the model
+    does not know a series, a tool target or a base target.
     """
     pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
     refuse_unplaced(dataset, pointed | spanned, model)
@@ -93,7 +103,12 @@ def judge(
     if spanned.any():
         errors = length_errors(dataset, spanned, model, estimate)
         length = summarise(errors)
-        parts = parts or groupings(model.robot, dataset.conditions.take(spanned), errors)
+        if not pointed.any():
+            conditions = dataset.conditions.take(spanned)
+            parts = groupings(model.robot, conditions, errors)
+            above = over_the_fixture(dataset) if reference is None else np.array(reference)
+            if above is not None:
+                parts.append(by_distance(conditions.point, above, errors))
     if position is None and length is None:
         raise DataError(
             "has no measured points or distances to judge by.",
@@ -101,7 +116,8 @@ def judge(
             file=dataset.path,
             key="set",
         )
-    return Judgement(name, position, length, pairs, orientation, tuple(parts))
+    spheres = sphere_tests(dataset, spanned, model, estimate)
+    return Judgement(name, position, length, pairs, orientation, tuple(parts), spheres)
 
 
 def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
@@ -118,10 +134,14 @@ def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: RobotModel) -> Non
 
 @dataclass(frozen=True)
 class Repeats:
-    """ISO 9283 figures of the poses that a data set visits more than once; rows are those of the data set."""
+    """ISO 9283 figures of the poses that a data set visits more than once; rows are those of the data set.
+
+    lengths: the scatter of measured distances that were repeated.
+    """
 
     poses: tuple[PoseFigures, ...]
     distances: tuple[DistanceFigures, ...]
+    lengths: LengthRepeats | None = None
 
 
 def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repeats:
@@ -134,8 +154,9 @@ def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repea
     rows, conditions = np.flatnonzero(usable), dataset.conditions
     same = conditions.take(usable)
     poses = [rows[visits] for visits in repeated_poses(same.joints, same.series, same.target)]
+    lengths = repeats_of_lengths(dataset)
     if not poses:
-        return Repeats((), ())
+        return Repeats((), (), lengths)
     refuse_unplaced(dataset, usable, model)
     predicted, angles = _compared(dataset, usable, model, estimate)
     commands, turned = np.full((2, len(dataset), 3), np.nan)
@@ -150,6 +171,7 @@ def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repea
     return Repeats(
         tuple(figures_of_pose(visits, dataset.points, commands, turned, conditions.side) for visits in poses),
         tuple(between),
+        lengths,
     )
 
 
@@ -176,7 +198,7 @@ def refuse_other_robot(saved: SavedModel, dataset: Dataset, file: Path) -> None:
 
 
 def refuse_unplaced(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
-    """Raise DataError when a model does not know where a series stands or where a tool target sits."""
+    """Raise DataError when a model does not know where the base of a series is or where a tool target sits."""
     conditions = dataset.conditions
     for s, t in {
         (int(s), int(t)) for s, t in zip(conditions.series[rows], conditions.target[rows], strict=True)

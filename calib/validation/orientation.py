@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scipy.spatial.transform import Rotation
 
-from calib.kinematics import Array
+from calib.array import Array
 
 
 def rotation_vectors(predicted: Array, measured: Array) -> Array:

@@ -3,7 +3,7 @@
     e_ij = | |m_i - m_j| - |p_i - p_j| |,  i < j,  measured m and predicted p
 
 It needs no common frame, unlike the position error. n points make n (n - 1) / 2 pairs (9,905: 49,049,560), so they
-pass in square tiles and only sums are kept. Source: Nubiola, thesis, chapter 4.
+pass in square tiles and only sums are kept. Source: Nubiola, thesis 4.
 
 Squared distances come from products, |x_i|^2 + |x_j|^2 - 2 x_i.x_j in float64 of centred points: off by some
 8 eps R^2 (R: farthest point): for R = 1 m, 9e-10 mm in a distance of 1 mm and 4e-5 mm in one of zero. Pairs nearer
@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
-from calib.kinematics import Array
+from calib.array import Array
 from calib.validation.summary import Summary
 
 RESOLUTION = 1e-4
-"""To this share of itself the 95 % quantile is told, or to 1e-9 mm."""
+"""To this share of itself the 95 % quantile is known, or to 1e-9 mm."""
 
 TILE = 192
 """Rows and columns of a tile: two of them stay in a core's cache."""
@@ -142,9 +142,8 @@ class _Sweep:
     def _strip(self, start: int, bracket: _Bracket) -> _Tally:
         """Rows start .. start + tile against themselves and all behind them."""
         total = _Tally(0.0, 0.0, 0.0, 0, np.zeros(_BINS + 1, dtype=np.int64))
-        room = np.empty(
-            (2, self.tile * self.tile)
-        )  # once a strip: allocating it for every tile costs more than sums
+        # Once a strip: allocating it for every tile costs more than sums
+        room = np.empty((2, self.tile * self.tile))
         inside = []
         for first in range(start, self.points.shape[1], self.tile):
             errors = self._tile(start, first, room)
@@ -172,5 +171,5 @@ class _Sweep:
         np.sqrt(squared, out=squared)
         errors = np.subtract(squared[0], squared[1], out=squared[0])
         np.abs(errors, out=errors)
-        # on the diagonal of tiles every pair stands twice, and each point beside itself
+        # on the diagonal of tiles every pair is there twice, and each point beside itself
         return errors[np.triu_indices(k, 1)][None] if first == start else errors

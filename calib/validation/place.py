@@ -16,12 +16,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
+from calib.arm.start import base_and_tool, settled, tool_turn
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.header import Vector
-from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.start import base_and_tool, settled, tool_turn
+from calib.model.model import Design, RobotModel
+from calib.text.toml_table import Vector
 
 FEWEST = 3
 

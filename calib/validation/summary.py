@@ -1,6 +1,6 @@
 """Errors in a few numbers, as calibration papers and standards give them: mean, standard deviation, mean + 3 s, RMS.
 
-`calib.statistics.ErrorStatistics` is what the JSON of `diagnose` holds; this one says more.
+`calib.fit.statistics.ErrorStatistics` is what the JSON of `diagnose` holds; this one says more.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.kinematics import Array
+from calib.array import Array
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Everything else is the protocol and can stay: the lines and their sums, one clie
 that ABORT can end, the client that falls silent. `docs/bridge.md` is the page that belongs to it.
 """
 
+import contextlib
 import math
 import re
 import select
@@ -19,7 +20,7 @@ MAKER = {"vendor": "Example", "model": "Still", "serial": "0", "fw": "0", "sim":
 
 
 class Refusal(Exception):
-    """What the client is told: a code of docs/bridge.md, a sentence, and whether asking again may help."""
+    """The refusal that the client gets: a code of docs/bridge.md, a sentence, and whether asking again may help."""
 
     def __init__(self, code, text, retry=False):
         super().__init__(text)
@@ -46,7 +47,7 @@ class Still:
         """Until the instrument is READY."""
 
     def configure(self, command, fields):
-        """MODE and TARGET: tell the SDK, return what is in force now."""
+        """MODE and TARGET: set the SDK, return what is in force now."""
         return {"type": fields["type"], "d": float(fields["d"])} if command == "TARGET" else {}
 
     def point(self, x, y, z, radius):
@@ -95,6 +96,7 @@ class Bridge:
         self.job = None
         self.sending = threading.Lock()
         self.server = None
+        self.closing = threading.Event()
 
     def listen(self, port=5701, host="127.0.0.1"):
         self.server = socket.create_server((host, port))
@@ -108,16 +110,20 @@ class Bridge:
                 return  # closed
             if self.client is None:
                 self.client = client
+                if self.closing.is_set():  # it came while `close` looked for one
+                    client.close()
+                    return
                 threading.Thread(target=self.converse, args=(client,), daemon=True).start()
             else:
                 threading.Thread(target=self.turn_away, args=(client,), daemon=True).start()
 
     def close(self):
-        self.server.shutdown(socket.SHUT_RDWR)
+        self.closing.set()
+        for each in (self.server, self.client):
+            if each is not None:
+                with contextlib.suppress(OSError):  # the client has gone by itself meanwhile
+                    each.shutdown(socket.SHUT_RDWR)
         self.server.close()
-        client = self.client
-        if client is not None:
-            client.shutdown(socket.SHUT_RDWR)
 
     def turn_away(self, client):
         with client:
@@ -177,7 +183,8 @@ class Bridge:
             self.answer(number, self.short, command, fields)
 
     def busy(self):
-        return self.job is not None and self.job.is_alive()
+        job = self.job
+        return job is not None and job.is_alive()
 
     def answer(self, number, act, command, fields):
         try:
@@ -186,9 +193,11 @@ class Bridge:
             reply = f'{number} ERR code={refusal.code} text="{refusal.text}" retry={int(refusal.retry)}'
         except (KeyError, ValueError) as error:
             reply = f'{number} ERR code=103 text="{type(error).__name__}" retry=0'
-        except Exception as error:  # noqa: BLE001  whatever the SDK throws is told, and the bridge lives on
+        except Exception as error:  # noqa: BLE001  whatever the SDK throws is answered, and the bridge lives on
             text = str(error).replace('"', "'").replace("\n", " ")[:200]
             reply = f'{number} ERR code=501 text="{text}" retry=0'
+        if threading.current_thread() is self.job:
+            self.job = None  # first: the client may ask again as soon as it has read the reply
         self.send(reply)
 
     def short(self, command, fields):

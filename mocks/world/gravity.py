@@ -19,7 +19,7 @@ G_M_S2 = 9.81
 
 
 def load_points(chain: list[Matrix], loads: Sequence[Load]) -> list[tuple[int, float, list[float]]]:
-    """For every load its link, its weight in N and the place of its centre, mm in the base frame."""
+    """The loads, each as its link, its weight in N and the place of its centre, mm in the base frame."""
     points = []
     for load in loads:
         frame = chain[load.link]

@@ -86,6 +86,18 @@ def backlash(m: Material) -> Effect:
     return Effect(m.label, "arm", act, {"gap": 0.01}, {"gap": "deg"})
 
 
+def backlash_load(m: Material) -> Effect:
+    """c/2 x |tau| x side of approach, label backlash_load:jK; c in rad/(N.mm)."""
+    i = joint_number(m.arguments[0]) - 1
+    if m.torque_range(i + 1) < 1.0:
+        raise ValueError(f"{m.label}: gravity never loads joint {i + 1}")
+
+    def act(arm: Arm, p: Values) -> None:
+        arm.extra_angle[i] += p["c"] / 2.0 * abs(arm.torques[i]) * arm.state.sides[i]
+
+    return Effect(m.label, "arm", act, {"c": 1e-8}, {"c": "rad/(N.mm)"})
+
+
 def lost_motion(m: Material) -> Effect:
     """-width/2 x side of approach: the joint stops short from either side, label lost_motion:jK; width in deg."""
     i = joint_number(m.arguments[0]) - 1

@@ -62,8 +62,8 @@ class World:
     """One arm drawn from `seed`, its hidden `effects`, and a laser tracker at `station_mm`.
 
     `effects` are Effect objects, or labels: these are drawn from the seed and scaled so that each displaces
-    the points of 100 random poses by `size` times the noise (RMS per axis). `session` tells how long the
-    campaign is, for steps, drifts and lags.
+    the points of 100 random poses by `size` times the noise (RMS per axis). `misplaced_mm`: by how much a target
+    is not where `targets` has it, flange frame. `session` tells how long the campaign is, for steps, drifts and lags.
     """
 
     def __init__(
@@ -76,6 +76,7 @@ class World:
         departure: str | None = None,
         station_mm: Sequence[float] = STATION_MM,
         targets: Mapping[str, Sequence[float]] | None = None,
+        misplaced_mm: Mapping[str, Sequence[float] | Vector] | None = None,
         tool_mass_kg: float | None = None,
         tool_cog_mm: Point | None = None,
         noise: TrackerNoise | None = None,
@@ -87,6 +88,7 @@ class World:
         self.session = session or Session()
         self.station = np.array(station_mm, dtype=float)
         self.targets = {name: tuple(map(float, p)) for name, p in (targets or TRIANGULAR_TARGETS).items()}
+        self.misplaced = {name: np.array(off, dtype=float) for name, off in (misplaced_mm or {}).items()}
         self.noise = noise or TrackerNoise()
         self.repeatability_deg = repeatability_deg
         self.loads = declared_loads(self.robot, tool_mass_kg, tool_cog_mm)
@@ -170,7 +172,7 @@ class World:
         """Where `target` really is in the flange frame, (3,) mm."""
         if target not in self.targets:
             raise ValueError(f"target {target!r} is not one of {sorted(self.targets)}")
-        point = np.array(self.targets[target])
+        point = np.array(self.targets[target]) + self.misplaced.get(target, 0.0)
         if target in arm.target_shift:
             point = point + arm.target_shift[target]
         return point if arm.tool is None else place(arm.tool, point)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import metadata
+from typing import Annotated
+
 import typer
 
 from service.commands import (
+    align,
     campaign,
     compensate,
     convert,
@@ -14,8 +18,11 @@ from service.commands import (
     export,
     identify,
     mock,
+    plan_ballbar,
+    regress,
     select,
     serve,
+    sweeps,
     validate,
 )
 
@@ -27,11 +34,33 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"truepose {metadata.version('truepose')}")
+        raise typer.Exit
+
+
+@app.callback()
+def truepose(
+    version: Annotated[
+        bool,
+        typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version and end."),
+    ] = False,
+) -> None:
+    """Calibrate an industrial robot, name what its model lacks, correct it and prove the gain."""
+
+
 app.command("demo")(demo.demo)
 app.command("convert")(convert.convert)
+app.command("align")(align.align_command)
 app.command("identify")(identify.identify_command)
 app.command("diagnose")(diagnose.diagnose_command)
+app.command("sweeps")(sweeps.sweeps_command)
+app.command("regress")(regress.regress_command)
 app.command("select")(select.select)
+app.command("plan-ballbar")(plan_ballbar.plan_ballbar)
 app.command("compensate")(compensate.compensate_command)
 app.command("export")(export.export_command)
 app.command("validate")(validate.validate_command)

@@ -22,23 +22,23 @@ from acquisition import (
     read_cell,
     read_status,
 )
-from acquisition.database import FILE as RECORD_FILE
+from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
-from acquisition.individuals import Acceptance
-from acquisition.merge import export_together
-from acquisition.store import Store
-from calib.dataset import read_dataset
+from acquisition.record import FILE as RECORD_FILE
+from acquisition.record import Acceptance, Store, export_streams, export_together
+from calib.data import assumed_in_words, read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
-from service import documents, exit_codes, wording
+from service import exit_codes, wording
 from service.commands import options
 from service.commands.rescue import rescue_command
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
+from service.printed.progress import Progress, terminal_operator
+from service.printed.terminal import Terminal
 from service.private import note_if_others_read, owner_only
-from service.progress import Progress, terminal_operator
+from service.results import documents, positions
 from service.simulated_cell import simulated_cell
-from service.terminal import Terminal
 
 app = typer.Typer(help="Measure with a robot and an instrument; the record survives everything.")
 
@@ -59,7 +59,7 @@ AcceptOther = Annotated[
     str,
     typer.Option(
         metavar="SERIAL",
-        help="Go on with this other robot or instrument, by its serial number (its model, where it tells none).",
+        help="Go on with this other robot or instrument, by its serial number (its model, where it reports none).",
     ),
 ]
 Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why another device is accepted; it is kept.")]
@@ -88,6 +88,8 @@ def run_command(
     except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
         raise type(error)(f"{campaign}: {error.message}", what_to_do=error.what_to_do) from error
     note_if_others_read(record)
+    if the_cell.unstated:
+        sys.stderr.write(f"truepose: {unstated_in_words(the_cell.unstated)}\n")
     with run:
         _execute(run, record, json, simulate=simulate)
 
@@ -188,12 +190,24 @@ def export_command(
     ] = None,
     accept_other: AcceptOther = "",
     reason: Reason = "",
+    streams: Annotated[
+        bool,
+        typer.Option(
+            "--streams",
+            help="Write what was recorded along a path instead: OUT_robot.csv, OUT_tracker.csv.",
+        ),
+    ] = False,
     json: options.Json = None,
 ) -> None:
     """Write the readings of a record as a data set, finished or not."""
     accepted = _accepted(accept_other, reason)
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    if streams:
+        if later or accepted:
+            raise ConfigError("--streams: goes with neither --with nor --accept-other")
+        _export_streams(record, out, json)
+        return
     data, header = options.files_of(out)
     options.check_outputs(
         {"OUT.csv": data, "header of OUT.csv": header, "--json": json},
@@ -204,12 +218,53 @@ def export_command(
             export_together([record, *later], out, accepted) if later else acquisition.export(record, out)
         )
         terminal.rest()
-        terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}.")
+        between = (
+            f" and {wording.counted(len(dataset.spans), 'distance')} between balls" if dataset.spans else ""
+        )
+        terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}{between}.")
+        if found := positions.by_the_bar(dataset):
+            terminal.note(found)
+        if assumed := assumed_in_words(dataset.header):
+            terminal.note(assumed)
         if old := sum(read_status(each).unprotected for each in (record, *(later or ()))):
             terminal.note(
                 f"{wording.counted(old, 'reading')} from before rows had checksums: damage would not show."
             )
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
+
+
+def _export_streams(record: Path, out: Path, json: str | None) -> None:
+    """The two files of each path, and how they are aligned."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        cell, paths = export_streams(record, out)
+        terminal.rest()
+        for path in paths:
+            for role, file in (("robot", path.robot), ("instrument", path.tracker)):
+                lost = f", {path.lost[role]} lost" if path.lost[role] else ""
+                terminal.out.print(f"{file}: {wording.counted(path.samples[role], 'sample')}{lost}.")
+            if not path.complete:
+                terminal.note(
+                    f"INCOMPLETE: the {path.name} was never driven to its end; this is its last attempt."
+                )
+            tool = " ".join(f"{x:g}" for x in cell.tool.targets[path.target])
+            terminal.note(
+                f"Next: truepose align {path.robot} {path.tracker} {path.robot.with_name('aligned.csv')} "
+                f"--robot {cell.robot.model.name} --tool {tool} --instrument {cell.instrument.name}"
+            )
+    document = [
+        {
+            "name": path.name,
+            "target": path.target,
+            "robot": str(path.robot),
+            "tracker": str(path.tracker),
+            "samples": path.samples,
+            "lost": path.lost,
+            "complete": path.complete,
+        }
+        for path in paths
+    ]
+    write_json({"format": "truepose-streams/1", "record": str(record), "paths": document}, json)
 
 
 def _accepted(serial: str, reason: str) -> Acceptance | None:
@@ -274,7 +329,7 @@ def _how_to_go_on(record: Path, *, simulate: bool) -> str:
 def _complaint(error: AcquisitionError, prompt: str | None) -> str:
     if isinstance(error, NoOperator) and prompt:
         return f"truepose: needs an operator: {prompt} {error.what_to_do}"
-    return f"truepose: {error.message}. {error.what_to_do}"
+    return f"truepose: {error.sentence}"
 
 
 def in_words(status: RunStatus) -> str:

@@ -11,10 +11,10 @@ from calib.errors import DataError
 from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
+from service.printed.terminal import Terminal
 from service.programs import KnownFrames, compensate, named_frames, read_program, summary, write_text
 from service.programs.compensation import REFUSED
 from service.programs.conditions import stated_conditions
-from service.terminal import Terminal
 
 
 def compensate_command(
@@ -32,15 +32,11 @@ def compensate_command(
     ] = None,
     tool: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="[NAME=]x,y,z,w,p,r", help="A tool that does not stand in the program, mm and deg."
-        ),
+        typer.Option(metavar="[NAME=]x,y,z,w,p,r", help="A tool that is not in the program, mm and deg."),
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="[NAME=]x,y,z,w,p,r", help="A work object or user frame that does not stand in it."
-        ),
+        typer.Option(metavar="[NAME=]x,y,z,w,p,r", help="A work object or user frame that is not in it."),
     ] = None,
     inverse: Annotated[
         bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")

@@ -13,7 +13,7 @@ from calib.errors import DataError
 from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
-from service.terminal import Terminal
+from service.printed.terminal import Terminal
 
 
 class HoldoutKind(Enum):

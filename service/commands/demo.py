@@ -20,22 +20,25 @@ from typing import Annotated, Any
 
 import typer
 
-from acquisition import ScaledClock, pausing_on_interrupt, read_status, rehearsal
-from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop
-from calib.dataset import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from acquisition import ScaledClock, pausing_on_interrupt, read_status
+from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop, rehearsal
+from calib.data import read_dataset
+from calib.diagnose import Diagnosis, diagnose
 from calib.errors import DataError
-from calib.files import replace_file
-from service import documents, exit_codes, loop_results, tables, wording
+from calib.text import replace_file
+from service import exit_codes, wording
 from service.commands import options
 from service.commands.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
-from service.predictions import predictions_csv
+from service.printed import tables
+from service.printed.progress import Progress
+from service.printed.terminal import Terminal
 from service.private import owner_only
-from service.progress import Progress
+from service.results import documents, loop_results
+from service.results.predictions import predictions_csv
 from service.simulated_cell import simulated_cell
-from service.terminal import Terminal
 
+# What a demo writes into its folder
 FILES = (
     "cell.toml",
     "campaign.toml",
@@ -53,7 +56,7 @@ FILES = (
     "truth.json",
     "wire_abb.log",
     "wire_faro.log",
-)  # what a demo writes into its folder
+)
 SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 
@@ -77,7 +80,7 @@ def demo(
         typer.Option(
             "--narrow",
             help="Measure the middle of the joint ranges first, where effects look alike, e.g. with "
-            "--effect periodic:j5:n2: the loop then measures poses that tell them apart.",
+            "--effect periodic:j5:n2: the loop then measures poses that distinguish them.",
         ),
     ] = False,
     in_memory: Annotated[
@@ -146,7 +149,7 @@ def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
 
 def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
     from service.report import verification
-    from service.report.follow_up import middle_step_in_words
+    from service.report.follow_up_section import middle_step_in_words
 
     diagnosis, verified = result.diagnosis, result.verification
     if result.followed_up is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,20 +10,19 @@ from typing import Annotated, Any
 import typer
 
 from acquisition import read_cell
-from acquisition.follow_up import campaign_text, in_cell
-from calib.dataset import Dataset, read_dataset
-from calib.diagnose.carry import CarryOver, carry_over
-from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.diagnose.select import MOST_EFFECTS
-from calib.errors import DataError
-from calib.files import replace_file
-from calib.model_file import save_model
-from service import documents, exit_codes, tables
+from acquisition.loop import campaign_text, in_cell
+from calib.data import read_dataset
+from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
+from calib.saved import save_model
+from calib.text import replace_file
 from service.commands import options
 from service.files import STANDARD_OUTPUT
-from service.patched import Patched
-from service.predictions import predictions_csv
-from service.terminal import Terminal
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.results import documents
+from service.results.acceptance import EFFECTS, Acceptance, Limits, decide
+from service.results.patched import Patched
+from service.results.predictions import predictions_csv
 
 
 def diagnose_command(
@@ -48,7 +46,7 @@ def diagnose_command(
     follow_up: Annotated[
         Path | None,
         typer.Option(
-            metavar="CAMPAIGN.toml", help="Where something is ambiguous, write poses that tell it apart."
+            metavar="CAMPAIGN.toml", help="Where something is ambiguous, write poses that decide it."
         ),
     ] = None,
     cell: Annotated[
@@ -58,10 +56,8 @@ def diagnose_command(
     patch: Annotated[
         bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
     ] = False,
-    accept_rms: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="RMS error on validation rows asked for; not met: exit code 3."),
-    ] = None,
+    accept_rms: options.AcceptRms = None,
+    accept_max: options.AcceptMax = None,
 ) -> None:
     """Identify, find what the model lacks, correct it, and judge the gain on held-out readings."""
     options.check_outputs(
@@ -74,18 +70,17 @@ def diagnose_command(
         },
         inputs=(*options.files_of(data), *options.files_of(carry_to), cell),
     )
-    if accept_rms is not None and not (math.isfinite(accept_rms) and accept_rms > 0.0):
-        raise DataError(f"is {accept_rms:g}.", do="Give an error above 0 mm.", file="--accept-rms")
+    limits = Limits.of(accept_rms, accept_max)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
         other = None if carry_to is None else read_dataset(carry_to)
         the_cell = None if cell is None else read_cell(cell)
-        if accept_rms is not None:
-            _refuse_unjudged(dataset, data)
+        if limits is not None:
+            limits.refuse_unjudged(dataset)
         diagnosis = diagnose(dataset, most=most, progress=terminal.say)
         if the_cell is not None and diagnosis.follow_up is not None:
-            terminal.say("seeking poses of the cell that tell rivals apart")
+            terminal.say("seeking poses of the cell that distinguish rivals")
             chosen = in_cell(the_cell, diagnosis.final, diagnosis.follow_up.rivals)
             diagnosis = replace(diagnosis, follow_up=chosen)
         carried = None
@@ -96,22 +91,32 @@ def diagnose_command(
         if patch:
             terminal.say("mapping what is left")
             patched = Patched.of(diagnosis)
+        acceptance = None
+        if limits is not None:
+            judged = (diagnosis.final.model, diagnosis.final.estimate)
+            acceptance = decide(limits, dataset, dataset.validation_rows, *judged, EFFECTS)
         document = documents.of_diagnosis(diagnosis, carried, patched)
+        if acceptance is not None:
+            document["acceptance"] = acceptance.document()
         options.write_result(document, json, terminal)
         write_results(
             diagnosis,
             document,
             terminal,
             predictions=predictions,
-            model=model,
+            model=model if diagnosis.final.converged else None,
             report=report,
             carried=carried,
             patched=patched,
+            acceptance=acceptance,
         )
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()
         show(diagnosis, terminal, carried, patched)
+        terminal.out.print(tables.acceptance(acceptance))
+        if model is not None and not diagnosis.final.converged:  # refused, when everything else is there
+            save_model(model, diagnosis.final, diagnosis)
         if follow_up is not None:
             terminal.note(
                 "follow-up: nothing is ambiguous, no file was written"
@@ -121,10 +126,7 @@ def diagnose_command(
         for what, path in (("predictions", predictions), ("model", model), ("report", report)):
             if path is not None:
                 terminal.note(f"{what}: {path}")
-    reached = diagnosis.error_after
-    if accept_rms is not None and reached is not None and reached.rms > accept_rms:
-        terminal.note(f"truepose: {reached.rms:.4f} mm RMS is above the {accept_rms:g} mm asked for.")
-        raise typer.Exit(exit_codes.NOT_MET)
+    options.finish(acceptance, terminal)
 
 
 def write_results(
@@ -137,6 +139,7 @@ def write_results(
     model: Path | None = None,
     carried: CarryOver | None = None,
     patched: Patched | None = None,
+    acceptance: Acceptance | None = None,
 ) -> None:
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
     if predictions is not None:
@@ -148,7 +151,7 @@ def write_results(
         from service.report import diagnosis_report
 
         terminal.say("drawing the report")
-        replace_file(report, diagnosis_report(diagnosis, document, carried, patched))
+        replace_file(report, diagnosis_report(diagnosis, document, carried, patched, acceptance=acceptance))
 
 
 def show(
@@ -160,13 +163,3 @@ def show(
     """Print the result for people."""
     for table in tables.diagnosis(diagnosis, carried, patched):
         terminal.out.print(table)
-
-
-def _refuse_unjudged(dataset: Dataset, path: Path) -> None:
-    if not dataset.validation_rows.any():
-        raise DataError(
-            "has no measured validation rows, so --accept-rms cannot be judged.",
-            do="Mark some rows set = validation, or leave the option out.",
-            file=path,
-            key="set",
-        )

@@ -20,8 +20,8 @@ from acquisition.examination import Examination, Finding, examine
 from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
+from service.printed.terminal import Terminal
 from service.simulated_cell import simulated_cell
-from service.terminal import Terminal
 from service.wording import counted
 
 FORMAT = "truepose-doctor/1"
@@ -60,7 +60,7 @@ def doctor_command(
 
 @contextmanager
 def _quiet_drivers() -> Iterator[None]:
-    """What drivers warn of when they connect stands in the table, where it does not write over the progress."""
+    """What drivers warn of when they connect is in the table, where it does not write over the progress."""
     log, nobody = logging.getLogger("drivers"), logging.NullHandler()
     log.addHandler(nobody)
     try:
@@ -70,7 +70,7 @@ def _quiet_drivers() -> Iterator[None]:
 
 
 def verdict_of(found: Examination) -> str:
-    """One line: whether a campaign can begin, and else what stands against it."""
+    """One line: whether a campaign can begin, and else what prevents it."""
     head = f"{found.cell}{' (SIMULATED)' if found.simulated else ''}: "
     checks = f"{counted(len(found.findings), 'check')} in {found.seconds:.1f} s"
     if not found.faults:

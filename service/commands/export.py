@@ -11,12 +11,12 @@ import typer
 
 from calib.compensate import Carried, carried
 from calib.errors import DataError
-from calib.files import replace_file
+from calib.text import replace_file
 from service.commands import options
 from service.exports import FORMATS, Export
 from service.files import STANDARD_OUTPUT
+from service.printed.terminal import Terminal
 from service.programs.conditions import stated_conditions
-from service.terminal import Terminal
 
 FORMAT = "truepose-model-export/1"
 _NAMED = 6  # parameters named in one line; the JSON names all
@@ -45,6 +45,7 @@ def export_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model}")
         saved = options.read_model(model, robot_file, largest_correction)
+        options.note_without_regression(saved, terminal)
         stated = stated_conditions(conditions, saved)
         form = FORMATS[kind]
         robot = saved.model.robot
@@ -90,7 +91,7 @@ def _about(found: Carried, says: str, holds_for: str, held_out: float | None) ->
         lines.append(f"Leaves out {names}.")
     lines.append(
         f"Against the whole model: {found.loss.rms:.3f} mm RMS, {found.loss.max:.3f} mm at most, at "
-        f"{found.loss.n} random stands within the joint limits; the nominal robot: {found.nominal.rms:.3f} mm RMS."
+        f"{found.loss.n} random poses within the joint limits; the nominal robot: {found.nominal.rms:.3f} mm RMS."
     )
     predicted = _together(found.loss.rms, held_out)
     if held_out is not None and predicted is not None:

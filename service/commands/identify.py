@@ -6,18 +6,16 @@ from typing import Annotated
 
 import typer
 
-from calib.dataset import read_dataset
-from calib.effects.base_model import LEVELS
-from calib.files import replace_file
-from calib.held_out import errors_on
-from calib.identify import identify
-from calib.model_file import save_model
-from calib.placing import base_model_of, place_nominal
-from calib.statistics import statistics_of
-from service import documents, tables, wording
+from calib.fit import left_out
+from calib.saved import save_model
+from calib.text import replace_file
+from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
-from service.terminal import Terminal
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.results.acceptance import Limits
+from service.results.identified import Identified
 
 
 def identify_command(
@@ -33,42 +31,42 @@ def identify_command(
             help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
         ),
     ] = None,
+    accept_rms: options.AcceptRms = None,
+    accept_max: options.AcceptMax = None,
 ) -> None:
     """Identify the robot's parameters, nothing else."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
     )
+    limits = Limits.of(accept_rms, accept_max)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
-        dataset = read_dataset(data)
-        groups = None if level is None else LEVELS[level]
-        found = identify(dataset, groups=groups, progress=terminal.say)
-        rows = dataset.validation_rows
-        nominal, placed = place_nominal(dataset, base_model_of(dataset, groups))
-        error_nominal = statistics_of(errors_on(dataset, rows, nominal, placed))
-        error_identified = statistics_of(errors_on(dataset, rows, found.model, found.estimate))
-        document = documents.of_identification(dataset, found, error_nominal, error_identified)
-        options.write_result(document, json, terminal)
-        if model is not None:
+        result = Identified.of(data, level, terminal.say, limits)
+        dataset, found = result.dataset, result.found
+        options.write_result(result.document(), json, terminal)
+        if model is not None and found.converged:
             save_model(model, found)
         if report is not None:
-            # drawing is not needed for the numbers, and takes long to import
-            from service.report import identification_report
-
             terminal.say("drawing the report")
-            replace_file(report, identification_report(dataset, found, nominal, placed, document))
+            replace_file(report, result.report())
         terminal.rest()
         for table in (
             tables.parameters(found),
+            tables.offsets(found),
+            tables.left_out(left_out(dataset, found)),
             tables.warnings(wording.grouped(found.warnings)),
             tables.errors(
-                {"nominal robot, placed": error_nominal, "identified": error_identified},
+                {"nominal robot, placed": result.error_nominal, "identified": result.error_identified},
                 dataset.header.holdout,
                 wording.error_kind(dataset),
             ),
         ):
             terminal.out.print(table)
+        terminal.out.print(tables.acceptance(result.acceptance))
+        if model is not None and not found.converged:  # refused, when everything else is there
+            save_model(model, found)
         _say_where(terminal, model, report)
+    options.finish(result.acceptance, terminal)
 
 
 def _say_where(terminal: Terminal, model: object, report: object) -> None:

@@ -12,23 +12,41 @@ import typer
 
 from calib.compensate import Bounds
 from calib.errors import DataError
-from calib.model_file import SavedModel, load_model
+from calib.saved import SavedModel, load_model
+from service import exit_codes
 from service.files import STANDARD_OUTPUT, write_json
-from service.terminal import Terminal
+from service.printed.terminal import Terminal
+from service.results.acceptance import NAMES, Acceptance
 
 Data = Annotated[
-    Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml stands beside it.")
+    Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")
 ]
 Json = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE|-", help="Write the result for programs; '-' is standard output."),
 ]
 Report = Annotated[
-    Path | None, typer.Option("--report", metavar="report.html", help="Write a report that stands by itself.")
+    Path | None, typer.Option("--report", metavar="report.html", help="Write a report in one file.")
 ]
 Model = Annotated[
     Path | None,
     typer.Option("--model", metavar="M.json", help="Save the model, to predict and correct with."),
+]
+AcceptRms = Annotated[
+    float | None,
+    typer.Option(
+        "--accept-rms",
+        metavar="MM",
+        help="RMS error on validation rows asked for, judged with its uncertainty; not met: exit code 3.",
+    ),
+]
+AcceptMax = Annotated[
+    float | None,
+    typer.Option(
+        "--accept-max",
+        metavar="MM",
+        help="Largest error on validation rows asked for, judged with its uncertainty; not met: exit code 3.",
+    ),
 ]
 RobotFile = Annotated[
     Path | None,
@@ -52,10 +70,16 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
     return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
 
 
+def note_without_regression(saved: SavedModel, terminal: Terminal) -> None:
+    """Say that a command leaves out the regression of a model, where there is one."""
+    if saved.regression is not None:
+        terminal.note("truepose: the regression in the model is left out: only compensate uses it")
+
+
 def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[Path | None] = ()) -> None:
     """Raise DataError, naming the option, for an output that cannot be written or would write over something.
 
-    Told before the work, not after it. `outputs`: option or argument -> file; `inputs`: files that are read.
+    It is refused before the work, not after it. `outputs`: option or argument -> file; `inputs`: files that are read.
     """
     read = [path for path in inputs if path is not None]
     taken: dict[str, str] = {}
@@ -86,11 +110,18 @@ def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[
 
 
 def write_result(document: Mapping[str, Any], json: str | None, terminal: Terminal) -> None:
-    """Write the JSON first of all results, with the spinner out of its way."""
+    """Write the JSON first of all results, with the spinner out."""
     if json == STANDARD_OUTPUT:
         terminal.rest()
     write_json(document, json)
     terminal.begin("writing")
+
+
+def finish(acceptance: Acceptance | None, terminal: Terminal) -> None:
+    """End a command by its acceptance. Raises typer.Exit with NOT_MET for a verdict other than accepted."""
+    if acceptance is not None and acceptance.verdict != "accepted":
+        terminal.note(f"truepose: {NAMES[acceptance.verdict].lower()}: {' '.join(acceptance.sentences)}")
+        raise typer.Exit(exit_codes.NOT_MET)
 
 
 def files_of(data: Path | None) -> tuple[Path, ...]:

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from acquisition.database import FILE as RECORD_FILE
-from acquisition.rescue import rescue
+from acquisition.record import FILE as RECORD_FILE
+from acquisition.record import rescue
 from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
-from service.terminal import Terminal
+from service.printed.terminal import Terminal
 
 
 def rescue_command(

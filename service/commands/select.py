@@ -13,21 +13,18 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from acquisition import Cell, read_cell
-from acquisition.observability import setup_of
-from acquisition.plan import DECIMALS
-from acquisition.poses import Pose, draw_candidates, too_few
-from calib.effects.base_model import DEFAULT_GROUPS
+from acquisition.campaign import DECIMALS, Pose, draw_poses, setup_of
+from calib.data import DEFAULT_GROUPS
 from calib.errors import DataError
-from calib.files import replace_file
-from calib.selection import Candidates, Choice, Curve, candidates_of, choose, curve_of
-from calib.selection.choose import SHARE
-from calib.selection.curve import STEP, WORTH
+from calib.selection import SHARE, STEP, WORTH, Candidates, Choice, Curve, candidates_of, choose, curve_of
+from calib.text import replace_file
 from calib.units import to_display
-from service import exit_codes, tables, wording
+from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.plain import finite
-from service.terminal import Terminal
+from service.printed import tables
+from service.printed.terminal import Terminal
 
 FORMAT = "truepose-selection/1"
 
@@ -65,7 +62,7 @@ def select(
     options.check_outputs({"--out": out, "--json": json}, inputs=(cell,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         the_cell = read_cell(cell)
-        if the_cell.instrument.measures_lengths:
+        if the_cell.instrument.declared.measures_lengths:
             raise DataError(
                 f"the {the_cell.instrument.name} measures distances; poses are chosen for points.",
                 do="Use a block of kind = 'hexapod' in the campaign, it takes every stance that the arm reaches.",
@@ -76,11 +73,9 @@ def select(
         setup = setup_of(the_cell, names, [name.strip() for name in groups.split(",") if name.strip()])
         terminal.say(f"drawing {candidates} candidates")
         rng = np.random.default_rng(seed)
-        drawn = draw_candidates(
-            the_cell, candidates, rng, offset_deg, both=False, decimals=DECIMALS, targets=names
+        drawn = draw_poses(
+            the_cell, candidates, rng, offset_deg, both=False, decimals=DECIMALS, targets=names, fewest=count
         )
-        if len(drawn) < count:
-            raise too_few(the_cell, len(drawn), count, names)
         terminal.say(f"selecting {count} of {len(drawn)}")
         found = candidates_of(setup, the_cell.robot.model_angles([pose.joints_deg for pose in drawn]))
         choice = choose(setup, found, count, share=share, seed=seed)

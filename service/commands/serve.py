@@ -53,9 +53,9 @@ def serve(
         raise DataError("needs a cell to simulate.", do="Give --cell CELL.toml.", key="--simulate")
     the_cell = None if cell is None else read_cell(cell)
     # the service takes long to import, and every other command would have to wait for it
+    from service.http.access.settings import Settings
     from service.http.app import create_app
     from service.http.server import run_server
-    from service.http.settings import Settings
     from service.simulated_cell import simulated_cell
 
     record = record.absolute()

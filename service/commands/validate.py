@@ -9,12 +9,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 
-from calib.dataset import Dataset, read_dataset
+from calib.array import Array
+from calib.data import Dataset, read_dataset
 from calib.errors import DataError
-from calib.kinematics import Array
+from calib.fit import base_model_of, place_nominal
 from calib.model import RobotModel
-from calib.model_file import SavedModel
-from calib.placing import base_model_of, place_nominal
+from calib.saved import SavedModel
 from calib.validation import (
     Judgement,
     apart,
@@ -26,11 +26,14 @@ from calib.validation import (
     refuse_incomparable,
     refuse_other_robot,
 )
-from service import validation_document, validation_tables
 from service.commands import options
 from service.files import STANDARD_OUTPUT
-from service.tables import warnings as warnings_table
-from service.terminal import Terminal
+from service.printed import validation_tables
+from service.printed.tables import acceptance as acceptance_table
+from service.printed.tables import warnings as warnings_table
+from service.printed.terminal import Terminal
+from service.results import validation_document
+from service.results.acceptance import Limits, decide
 
 
 class Read(NamedTuple):
@@ -63,18 +66,21 @@ def validate_command(
     ] = False,
     point: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="Tell errors by the distance from this point of the world, mm."),
+        typer.Option(metavar="X Y Z", help="Show errors by the distance from this point of the world, mm."),
     ] = None,
     robot: options.RobotFile = None,
     largest_correction: options.LargestCorrection = options.LARGEST,
+    accept_rms: options.AcceptRms = None,
+    accept_max: options.AcceptMax = None,
     json: options.Json = None,
 ) -> None:
     """Judge a saved model on measured readings, or compare kinds of hold-out."""
     inputs = [path for path in (model, compare) if path is not None]
     options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs))
-    if model is None and (compare is not None or place_it or everything or point is not None):
+    limits = Limits.of(accept_rms, accept_max)
+    if model is None and (limits or compare is not None or place_it or everything or point is not None):
         raise DataError(
-            "is missing: --compare, --place, --all and --point go with it.",
+            "is missing: --compare, --place, --all, --point, --accept-rms and --accept-max go with it.",
             do="Give the model to judge with --model M.json.",
             file="--model",
         )
@@ -88,8 +94,10 @@ def validate_command(
         else:
             saved = options.read_model(model, robot, largest_correction)
             second = None if compare is None else options.read_model(compare, robot, largest_correction)
+            for each in filter(None, (saved, second)):
+                options.note_without_regression(each, terminal)
             read = Read(saved, model, second, compare)
-            _judge(dataset, read, point, json, terminal, placed=place_it, everything=everything)
+            _judge(dataset, read, point, limits, json, terminal, placed=place_it, everything=everything)
 
 
 def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
@@ -104,6 +112,7 @@ def _judge(
     dataset: Dataset,
     read: Read,
     point: tuple[float, float, float] | None,
+    limits: Limits | None,
     json: str | None,
     terminal: Terminal,
     *,
@@ -115,21 +124,21 @@ def _judge(
     if second is not None and other is not None:
         refuse_incomparable(saved, second, other)
     rows = dataset.usable if everything else dataset.validation_rows
-    placed = placed or second is not None
+    placed = placed or (second is not None and bool(dataset.pointed.any()))
 
-    def stand(model: SavedModel) -> tuple[RobotModel, Array]:
+    def in_place(model: SavedModel) -> tuple[RobotModel, Array]:
         return place(dataset, model.model, model.estimate) if placed else (model.model, model.estimate)
 
     models = {
         "nominal robot, placed": place_nominal(dataset, base_model_of(dataset)),
-        _name(path): stand(saved),
+        _name(path): in_place(saved),
     }
     if second is not None and other is not None:
-        models[_name(other, unlike=_name(path))] = stand(second)
+        models[_name(other, unlike=_name(path))] = in_place(second)
     judgements = []
-    for name, standing in models.items():
+    for name, judged in models.items():
         terminal.say(f"judging the {name}")
-        judgements.append(judge(name, dataset, rows, *standing, point))
+        judgements.append(judge(name, dataset, rows, *judged, point))
     names = list(models)
     repeats = judge_repeats(dataset, *models[names[1]])
     warnings = _warnings(dataset, saved, second, judgements, placed=placed, everything=everything)
@@ -139,6 +148,10 @@ def _judge(
         between = apart(dataset, rows & dataset.pointed, models[names[1]], models[names[2]])
         comparison = validation_document.comparison_of(names[1:], parameters, between)
         shown = list(validation_tables.compared((names[1], names[2]), parameters, between))
+    acceptance = None
+    if limits is not None:  # on what the table shows: positions, or lengths where no point was measured
+        judged = rows & dataset.pointed if (rows & dataset.pointed).any() else rows
+        acceptance = decide(limits, dataset, judged, *models[names[1]], names[1])
     document = validation_document.of_validation(
         dataset,
         judged_on="all" if everything else "validation",
@@ -148,15 +161,19 @@ def _judge(
         warnings=warnings,
         comparison=comparison,
     )
+    if acceptance is not None:
+        document["acceptance"] = acceptance.document()
     options.write_result(document, json, terminal)
     terminal.rest()
     for table in (
         *validation_tables.judged(judgements, None if everything else dataset.header.holdout),
         *validation_tables.repeated(dataset, repeats, names[1]),
         *shown,
+        acceptance_table(acceptance),
         warnings_table(warnings),
     ):
         terminal.out.print(table)
+    options.finish(acceptance, terminal)
 
 
 def _name(path: Path, unlike: str = "") -> str:

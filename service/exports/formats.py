@@ -19,10 +19,10 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from calib.arm import Robot
+from calib.array import Array
 from calib.compensate import Carried, constant_slots, joint_origins
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.robot import Robot
 from calib.units import DEG
 from service.programs.frames import wpr
 
@@ -33,7 +33,7 @@ _METRE = 1000.0
 
 @dataclass(frozen=True)
 class Export:
-    """What is written: the robot, how its controller counts, what is carried, lines about it, and the robot's hash."""
+    """An export: the robot, how its controller counts, what is carried, lines about it, and the robot's hash."""
 
     robot: Robot
     coupling: str

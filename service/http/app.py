@@ -9,24 +9,25 @@ from importlib.metadata import version
 import anyio.to_thread
 from fastapi import FastAPI
 
-from service.http import (
+from service.http.access.gate import Gate
+from service.http.access.lanes import Lanes
+from service.http.access.settings import Settings
+from service.http.routes import (
+    alignment_routes,
     cell_routes,
     data_routes,
     job_routes,
     loop_routes,
     page,
-    problems,
     prompt_routes,
+    regression_routes,
     run_routes,
     target_routes,
 )
-from service.http.gate import Gate
-from service.http.lanes import Lanes
-from service.http.openapi import describe
-from service.http.settings import Settings
+from service.http.routes.openapi import describe
 from service.http.state import Service
-
-PREFIX = "/api/v1"
+from service.http.wire import problems
+from service.http.wire.paths import PREFIX
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -55,7 +56,9 @@ def create_app(settings: Settings) -> FastAPI:
         prompt_routes,
         loop_routes,
         data_routes,
+        alignment_routes,
         job_routes,
+        regression_routes,
         target_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)

@@ -1,7 +1,9 @@
-"""Runs the application: says where on standard output, and pauses a campaign as soon as it is told to end."""
+"""The server says where it is on standard output, and pauses a campaign as soon as it is asked to end."""
 
 from __future__ import annotations
 
+import errno
+import gc
 import json
 import signal
 import socket
@@ -12,15 +14,16 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from calib.errors import DataError
 from service import exit_codes
-from service.http.book import SERVICE_ENDS
-from service.http.settings import Settings
+from service.http.access.settings import Settings
+from service.http.runs.book import SERVICE_ENDS
 
 GRACE_S = 3  # for answers under way when the service ends
 
 
 class Server(uvicorn.Server):
-    """Uvicorn, with two words of our own."""
+    """Uvicorn, with a line at the start and a pause at the end."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI, hello: str) -> None:
         super().__init__(config)
@@ -45,12 +48,24 @@ class Server(uvicorn.Server):
 
 
 def run_server(app: FastAPI, settings: Settings, port: int) -> int:
-    """Serve until SIGINT or SIGTERM; an exit code. Raises OSError when the address is taken."""
+    """Serve until SIGINT or SIGTERM; an exit code.
+
+    Raises DataError when the port is taken, OSError for an address that is not of this computer.
+    """
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     # Named as TCP, or asyncio does not switch Nagle's algorithm off and every answer takes 40 ms longer.
     with socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind((settings.host.strip("[]"), port))
+        try:
+            listener.bind((settings.host.strip("[]"), port))
+        except OSError as error:
+            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+                raise
+            raise DataError(
+                f"{port} of {settings.host} cannot be had: {error.strerror}.",
+                do="Give another one, or 0 for a free one; another service may be running there.",
+                key="--port",
+            ) from error
         host = f"[{settings.host.strip('[]')}]" if family == socket.AF_INET6 else settings.host
         url = f"http://{host}:{listener.getsockname()[1]}"
         config = uvicorn.Config(
@@ -60,6 +75,10 @@ def run_server(app: FastAPI, settings: Settings, port: int) -> int:
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
         )
+        # What is loaded by now stays: looking through it for garbage holds the interpreter for a tenth of a second or
+        # more, and a stop with it.
+        gc.collect()
+        gc.freeze()
         # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.
         sys.setswitchinterval(0.001)
         hello = {

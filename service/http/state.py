@@ -1,4 +1,4 @@
-"""What one running service holds, made when it starts and given up when it ends; lives in `app.state`."""
+"""The state of one running service, made when it starts and given up when it ends; lives in `app.state`."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from fastapi.responses import JSONResponse, Response
 
 import acquisition
 from acquisition import Cell, Devices, open_devices
-from service.http.audit import Audit
-from service.http.book import Book
-from service.http.campaigns import Shelf
-from service.http.datasets import Datasets
-from service.http.idempotency import Keys
-from service.http.jobs import Jobs
-from service.http.lease import Lease
-from service.http.loops import Loops
-from service.http.problems import Problem
-from service.http.readings import Readings
-from service.http.settings import Settings
-from service.http.workers import Workers
+from service.http.access.audit import Audit
+from service.http.access.motion_lease import MotionLease
+from service.http.access.settings import Settings
+from service.http.runs.book import Book
+from service.http.runs.loops import Loops
+from service.http.wire.problems import Problem
+from service.http.work.campaigns import Shelf
+from service.http.work.datasets import Datasets
+from service.http.work.idempotency import Keys
+from service.http.work.jobs import Jobs
+from service.http.work.readings import Readings
+from service.http.work.workers import Workers
 
 _T = TypeVar("_T")
 SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of the service, may hold a thread
@@ -52,7 +52,7 @@ class Service:
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
         self.jobs = Jobs(record)
-        self.lease = Lease(Audit(record))
+        self.lease = MotionLease(Audit(record))
         self.loops = Loops(
             record / "loops",
             self.book,
@@ -93,12 +93,12 @@ class Service:
         return begun
 
     def rest(self, by: str, reason: str) -> None:
-        """What moves the robot pauses after the reading in hand, a loop also between two runs."""
+        """Pause whatever moves the robot after the reading in hand, a loop also between two runs."""
         whole = self.book if self.book.lent_to is None else self.loops
         whole.pause_all(by, reason)
 
     async def changed(self, what: str, wait: Callable[[float], int], after: int, seconds: float) -> None:
-        """Until a version beyond `after` is there, the service ends, or so many seconds have passed.
+        """Wait until a version beyond `after` is there, the service ends, or so many seconds have passed.
 
         wait: waits up to so many seconds for it, and returns the version. However many clients wait for the same
         thing, one thread does.
@@ -115,11 +115,11 @@ class Service:
                 return
 
     async def waiting(self, what: Callable[[], _T]) -> _T:
-        """In a thread of those that may wait."""
+        """The value of `what`, called in one of the threads that may wait."""
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
 
     async def urgent(self, what: Callable[[], _T]) -> _T:
-        """In a thread that is kept for orders to the robot and for its lease."""
+        """The value of `what`, called in a thread that is kept for orders to the robot and for its lease."""
         return await anyio.to_thread.run_sync(what, limiter=self._stoppers)
 
     async def order(self, name: str, what: Callable[[], _T]) -> _T:
@@ -140,23 +140,23 @@ class Service:
         return Response(await self.listing(name, read), media_type=JSONResponse.media_type)
 
     def end(self) -> None:
-        """The service is told to end: nothing new begins, long polls are let go, what is computed is given up."""
+        """The service shall end: nothing new begins, long polls are let go, what is computed is given up."""
         self.closing = True
         self.book.refuse_new()
         self.workers.close()
         self.jobs.end()
+        self.loops.close()
 
     def close(self) -> None:
         """Pause what runs, give everything up."""
         self.end()
-        self.loops.close()
         self.book.close()
         self.jobs.close()
         self.keys.close()
 
 
 async def _service(request: Request) -> Service:
-    """In the event loop: a dependency that is no coroutine would wait for one of the ordinary threads."""
+    """The service, found in the event loop: a plain function would wait for one of the ordinary threads."""
     return request.app.state.service
 
 

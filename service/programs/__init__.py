@@ -3,7 +3,7 @@
 `read_program` and `compensate` are the doors; a dialect is one file.
 """
 
-from service.programs.compensation import Compensation, Outcome, compensate
+from service.programs.compensation import Compensation, TargetOutcome, compensate
 from service.programs.frames import KnownFrames, named_frames
 from service.programs.program import Driven, Program, Target, rewritten
 from service.programs.read import parse, read_program
@@ -13,9 +13,9 @@ __all__ = [
     "Compensation",
     "Driven",
     "KnownFrames",
-    "Outcome",
     "Program",
     "Target",
+    "TargetOutcome",
     "compensate",
     "named_frames",
     "parse",

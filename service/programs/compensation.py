@@ -1,4 +1,4 @@
-"""A program corrected: every target told apart, solved, corrected in one batch, written, read again and compared.
+"""A program corrected: every target found, solved, corrected in one batch, written, read again and compared.
 
 What the written file means is taken from reading it back as the controller will, so that rounding, and anything that
 went wrong in writing, shows in the figures. Sources of the correction: `calib.compensate`.
@@ -12,15 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.compensate import (
-    StatedConditions,
-    correct,
-    nominal_of,
-)
+from calib.arm import Robot, forward
+from calib.array import Array
+from calib.compensate import correct, nominal_of
 from calib.errors import DataError
-from calib.kinematics import Array, forward
-from calib.model_file import SavedModel
-from calib.robot import Robot
+from calib.model import StatedConditions
+from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
 from service.programs.program import Driven, Program, Target, rewritten
 from service.programs.read import parse
@@ -30,8 +27,8 @@ CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of one target. NaN where it was not corrected.
+class TargetOutcome:
+    """The outcome of one target. NaN where it was not corrected.
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
     the file can hold; turned: rad, the largest change of a joint. Positions are those of the target's tool point.
@@ -50,9 +47,9 @@ class Compensation:
     """A program with corrected targets, as text, and what became of every target of the one it was made from."""
 
     text: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[TargetOutcome, ...]
 
-    def of(self, status: str) -> list[Outcome]:
+    def of(self, status: str) -> list[TargetOutcome]:
         """Targets with this status."""
         return [outcome for outcome in self.outcomes if outcome.status == status]
 
@@ -78,7 +75,7 @@ def compensate(
     angles, why = stands(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
     door = nominal_of if inverse else correct
-    done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling)
+    done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling, regression=saved.regression)
     counted = robot.controller_angles(done.joints, coupling)
     flange = _flanges(robot, done.joints)
     driven: dict[int, Driven] = {}
@@ -101,10 +98,10 @@ def compensate(
         if i not in driven:
             status = EMPTY if target.empty else REFUSED
             nothing = (np.nan, np.nan)
-            outcomes.append(Outcome(target, status, why[i], nothing, nothing, np.nan))
+            outcomes.append(TargetOutcome(target, status, why[i], nothing, nothing, np.nan))
             continue
         moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
-        outcomes.append(Outcome(target, CORRECTED, "", moved, quantised, float(turned[i])))
+        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, float(turned[i])))
     return Compensation(text, tuple(outcomes))
 
 

@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from calib.compensate import StatedConditions, model_sides
+from calib.arm import Load
+from calib.array import Array
+from calib.compensate import model_sides
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.model_file import SavedModel
-from calib.robot import Load
+from calib.model import StatedConditions
+from calib.saved import SavedModel
 from calib.units import DEG
 
 _OPTION = "--conditions"

@@ -8,7 +8,7 @@
 
 CONFIG: N/F no flip or flip, U/D up or down, T/B toward (front) or back, then the whole turns of J1, J4, J6; its text is
 kept. `********` is a position that was never taught. Poses count in user frame UF of the controller's world, whose
-origin the robot file names; neither frame nor tool stands in the file. Three decimals are all the format holds.
+origin the robot file names; neither frame nor tool is in the file. Three decimals are all the format holds.
 Source: the maker's ASCII program listing.
 """
 
@@ -21,9 +21,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib.array import Array
 from calib.compensate import inverse_poses
 from calib.errors import DataError
-from calib.kinematics import Array
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
@@ -53,7 +53,7 @@ _LETTERS = ({"T": "front", "B": "back"}, {"U": "up", "D": "down"}, {"N": "noflip
 
 @dataclass(frozen=True)
 class _Field:
-    """One number: where blanks and digits stand, and its value; None where never taught."""
+    """One number: where blanks and digits are, and its value; None where never taught."""
 
     start: int
     end: int
@@ -147,7 +147,7 @@ class FanucProgram:
             return replace(target, refused=str(error)), place
 
     def _pose(self, target: Target, body: str, place: _Place, values: list[float]) -> tuple[Target, _Place]:
-        """A Cartesian position. Raises ValueError, saying why, where its joints cannot be told."""
+        """A Cartesian position. Raises ValueError, saying why, where its joints cannot be found."""
         if any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items()):
             raise ValueError("it positions an extended axis, which may carry the robot or the work")
         of = _FRAMES.search(body)
@@ -168,12 +168,10 @@ class FanucProgram:
             return known[number.lower()]
         if number == "0":
             return np.eye(4)
-        raise ValueError(
-            f"its {what} {number} does not stand in the program: give {option} {number}=x,y,z,w,p,r"
-        )
+        raise ValueError(f"its {what} {number} is not in the program: give {option} {number}=x,y,z,w,p,r")
 
     def _first_group(self, match: re.Match[str]) -> tuple[int, int]:
-        """Where the values of group 1 stand; a body without groups is group 1."""
+        """Where the values of group 1 are; a body without groups is group 1."""
         begin, end = match.span("body")
         groups = list(_GROUP.finditer(self.text, begin, end))
         if not groups:
@@ -214,7 +212,7 @@ def _configuration(text: str) -> tuple[str, dict[int, Window]]:
     for choices in _LETTERS:
         chosen = [choices[letter] for letter in letters.split() if letter in choices]
         if len(chosen) != 1:
-            raise ValueError(f"its CONFIG '{text.strip()}' does not tell {' from '.join(choices.values())}")
+            raise ValueError(f"its CONFIG '{text.strip()}' does not say {' from '.join(choices.values())}")
         words.append(chosen[0])
     try:
         counted = [int(turn) for turn in turns]

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calib.arm import FARTHEST_MM, MOST_TURN
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.robot import FARTHEST_MM, MOST_TURN
 from calib.units import DEG
 
 NORM_TOLERANCE = 1e-3  # how far from 1 the norm of a quaternion may be, that was written with four digits

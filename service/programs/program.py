@@ -1,6 +1,6 @@
-"""What all programs have in common: targets in the order of the file, and how new joints are written back.
+"""The program, whatever its dialect: targets in the order of the file, and how new joints are written back.
 
-A dialect reads a file into a `Program`. Each target tells what the controller makes of it: joint angles as the
+A dialect reads a file into a `Program`. Each target says what the controller makes of it: joint angles as the
 controller counts them, or a pose with the branch and the turns that the program asks for. Nothing here knows a
 dialect; no dialect knows a model.
 """
@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from calib.kinematics import Array
+from calib.array import Array
 from service.programs.text import Edit, edited
 
 Window = tuple[float, float]
@@ -21,7 +21,7 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class Target:
-    """One target of a program, or why it cannot be told.
+    """One target of a program, or why it cannot be read.
 
     joints: (N,) controller angles, rad; or flange: (4, 4) in the nominal base frame, mm. tool: (4, 4) tool point on
     the flange. branch: of a pose target, None for the one nearest to the target before. windows: joint (from 0) ->
@@ -44,7 +44,7 @@ class Target:
 
     @property
     def kind(self) -> str:
-        """'joints' or 'pose'; 'empty' and 'unknown' for what cannot be told."""
+        """'joints' or 'pose'; 'empty' and 'unknown' for what cannot be read."""
         if self.empty:
             return "empty"
         return "joints" if self.joints is not None else "pose" if self.flange is not None else "unknown"
@@ -52,7 +52,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Driven:
-    """What is to be written: controller angles (N,), rad, and the flange pose (4, 4), base frame, mm."""
+    """The new values of a target: controller angles (N,), rad, and the flange pose (4, 4), base frame, mm."""
 
     joints: Array
     flange: Array

@@ -15,9 +15,9 @@ from math import floor
 
 import numpy as np
 
+from calib.arm import BRANCHES
+from calib.array import Array
 from calib.compensate import inverse_poses
-from calib.inverse_kinematics import BRANCHES
-from calib.kinematics import Array
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
@@ -189,7 +189,7 @@ class RapidProgram:
             raise ValueError("no motion of this module uses it, so its tool is not known: give --tool")
         held, frame, _ = self._record(name, "tooldata", 3, "--tool")
         if held.text.lower() != "true":
-            raise ValueError(f"its tool '{name}' stands in the room")
+            raise ValueError(f"its tool '{name}' is fixed in the room")
         return self._pose(frame)
 
     def _frame(self, name: str) -> Array:
@@ -217,7 +217,7 @@ class RapidProgram:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a target stands: its position, its value, and the frame in which its pose counts."""
+    """The place of a target in the text: its position, its value, and the frame in which its pose counts."""
 
     at: int
     node: Node | None = None
@@ -229,7 +229,7 @@ def _window(quarter: float, edge: float = QUARTER_EDGE) -> Window:
 
 
 def _quarter(angle: float, old: float) -> float:
-    """The quarter turn in which an angle, rad, stands; the old one on its very edge."""
+    """The quarter turn in which an angle, rad, lies; the old one on its very edge."""
     begin, end = _window(old, ROUNDING)
     return old if begin <= angle <= end else float(floor(angle / (90.0 * DEG)))
 

@@ -1,4 +1,4 @@
-"""What a RAPID module declares, which motion uses what with which tool and work object, and what it assigns.
+"""A RAPID module: what it declares, which motion uses what with which tool and work object, and what it assigns.
 
 Only declarations of data and motion instructions are looked at; routines, structured statements and everything else
 pass by unread. Instructions and their arguments: the maker's reference, as sections of the `MOTIONS` table.
@@ -19,13 +19,12 @@ tokens_of = lexer("!", '"')
 _DATA = ("const", "pers", "var")
 _MOVED = ("offs", "reltool")  # functions that move a target along
 _DEEPEST = 8  # constants named by constants
-_LONGEST_VALUE = (
-    200  # words of a constant that a target, tool or work object is made of; a wobjdata has some 50
-)
+# Words of a constant that a target, tool or work object is made of; a wobjdata has some 50
+_LONGEST_VALUE = 200
 
 
 class Motion(NamedTuple):
-    """Which arguments of an instruction are targets, and which is the tool."""
+    """The arguments of an instruction: which are targets, and which is the tool."""
 
     targets: tuple[int, ...]
     tool: int | None
@@ -113,7 +112,7 @@ class Module:
         values = [self.constant(item) for item in self.items(node, count)]
         for value in values:
             if value.kind != "number":
-                raise Unknown(node.start, f"'{value.text}' stands where a number is needed")
+                raise Unknown(node.start, f"'{value.text}' is there where a number is needed")
         return [value.value for value in values]
 
     def items(self, node: Node, count: int) -> tuple[Node, ...]:

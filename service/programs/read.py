@@ -1,4 +1,4 @@
-"""Which dialect a program is written in, by its name's ending, and whether the robot understands it."""
+"""The dialect of a program, by its name's ending, and whether the robot understands it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.arm import Robot
 from calib.errors import DataError
-from calib.robot import Robot
 from service.programs.fanuc import FanucProgram
 from service.programs.frames import KnownFrames
 from service.programs.program import Program

@@ -1,4 +1,4 @@
-"""How the nominal robot stands in the targets of a program: the joints that its controller would find for them."""
+"""Postures of the nominal robot at the targets of a program: the joints that its controller would find for them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.inverse_kinematics import BRANCHES, Reached, inverse_kinematics, nearest_turns
-from calib.kinematics import Array
-from calib.robot import Robot
+from calib.arm import (
+    BRANCHES,
+    Reached,
+    Robot,
+    inverse_kinematics,
+    nearest_branch,
+    nearest_turns,
+    within_limits,
+)
+from calib.array import Array
 from service.programs.program import Target
 
 
 def stands(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
-    """Controller angles (n, N), rad, NaN where they cannot be told, and why not, as sentence parts ('' where told).
+    """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
 
     Poses without a branch are solved nearest to the target before them. Raises DataError for poses of a robot that
     has no inverse kinematics in closed form.
@@ -49,22 +56,21 @@ def _chosen(
     lower: Array,
     upper: Array,
 ) -> tuple[Array, str]:
-    """Of the solutions `counted` (8, 6) the one that the controller takes, or why there is none."""
+    """The solution that the controller takes among those `counted` (8, 6), or why there is none."""
     nowhere = np.full(6, np.nan)
     if target.branch is None:
         if before is None:
-            return nowhere, "no joint target before it says how the arm stands: begin with one"
-        turned = nearest_turns(counted, before, lower, upper)
-        away = np.sum((turned - before) ** 2, axis=1)
-        if not np.any(np.isfinite(away)):
+            return nowhere, "no joint target before it says which posture the arm has: begin with one"
+        turned = within_limits(counted, before, lower, upper)
+        nearest = int(nearest_branch(turned, before))
+        if nearest < 0:
             return nowhere, "it is out of reach, or beyond the joint limits, in every branch"
-        nearest = int(np.nanargmin(away))
         return (turned[nearest], "") if reached[nearest] is Reached.YES else (nowhere, reached[nearest].value)
     branch = BRANCHES.index(target.branch)
     solution = counted[branch]
     if reached[branch] is not Reached.YES:
         return nowhere, f"{reached[branch]} ({target.branch})"
-    # Where the program asks for a turn it is that one, whether within the limits or not: told after the correction.
+    # Where the program asks for a turn it is that one, whether within the limits or not: reported after the correction.
     seed, lower, upper = np.zeros(6), lower.copy(), upper.copy()
     for joint, (begin, end) in target.windows.items():
         seed[joint], lower[joint], upper[joint] = 0.5 * (begin + end), -np.inf, np.inf
@@ -76,9 +82,9 @@ def _chosen(
 
 
 def leaves_window(target: Target, angles: Array) -> str:
-    """Which joint stands outside the turns that the program asks for, as a sentence part; '' where none does."""
+    """Which joint is outside the turns that the program asks for, as a sentence part; '' where none does."""
     for joint, (begin, end) in target.windows.items():
         if not begin <= angles[joint] <= end:
             asked = f"{np.degrees(begin):.1f} to {np.degrees(end):.1f}"
-            return f"joint {joint + 1} stands at {np.degrees(angles[joint]):.2f} deg, asked for is {asked}"
+            return f"joint {joint + 1} is at {np.degrees(angles[joint]):.2f} deg, asked for is {asked}"
     return ""

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from calib.units import DEG
 from service import wording
-from service.programs.compensation import CORRECTED, EMPTY, REFUSED, Compensation, Outcome
+from service.programs.compensation import CORRECTED, EMPTY, REFUSED, Compensation, TargetOutcome
 
 FORMAT = "truepose-compensation/1"
 _SHOWN = 40  # targets on a terminal; the JSON holds all
@@ -75,10 +75,10 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
     if listed:
         yield table
     if len(listed) > _SHOWN:
-        yield Text(f"... and {len(listed) - _SHOWN} more; --json tells all.")
+        yield Text(f"... and {len(listed) - _SHOWN} more; --json lists all.")
 
 
-def refusal(outcome: Outcome) -> str:
+def refusal(outcome: TargetOutcome) -> str:
     """A refused target as a sentence without its full stop."""
     return f"line {outcome.target.line}, target '{outcome.target.name}': {outcome.why}"
 

@@ -1,4 +1,4 @@
-"""Words and literals that RAPID and URScript share: numbers, names, strings, bracketed lists, and where they stand.
+"""Words and literals that RAPID and URScript share: numbers, names, strings, bracketed lists, and where they are.
 
 Only what a literal can hold is understood; anything else is `Unknown`, with its line, and left alone by the caller.
 """
@@ -101,7 +101,7 @@ def _closing(tokens: Sequence[Token], at: int) -> int:
 
 
 def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
-    """The tokens between separators that stand in no bracket; a separator begins its part, but for ','."""
+    """The tokens between separators that are in no bracket; a separator begins its part, but for ','."""
     parts: list[list[Token]] = [[]]
     depth = 0
     for token in tokens:
@@ -117,9 +117,9 @@ def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
 def literal(tokens: Sequence[Token], depth: int = 0) -> Node:
     """All tokens as one literal, within so many brackets. Raises Unknown for anything else."""
     if not tokens:
-        raise Unknown(0, "nothing stands here")
+        raise Unknown(0, "nothing is here")
     if depth > DEEPEST:
-        raise Unknown(tokens[0].start, f"more than {DEEPEST} brackets stand within one another")
+        raise Unknown(tokens[0].start, f"more than {DEEPEST} brackets lie within one another")
     node, used = _literal(tokens, 0, depth)
     if used != len(tokens):
         raise Unknown(tokens[used].start, f"'{tokens[used].text}' is not part of a plain value")

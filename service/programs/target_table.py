@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calib.arm import BRANCHES
+from calib.array import Array
 from calib.compensate import inverse_poses
-from calib.csv_text import LONGEST_LINE, MOST_COLUMNS
 from calib.errors import DataError
-from calib.inverse_kinematics import BRANCHES
-from calib.kinematics import Array
+from calib.text import LONGEST_LINE, MOST_COLUMNS
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames

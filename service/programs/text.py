@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import DataError
-from calib.files import replace_file
-from calib.text_file import read_bytes
+from calib.text import read_bytes, replace_file
 
 MOST_BYTES = 32 * 1024 * 1024
 LONGEST_LINE = 1_000_000

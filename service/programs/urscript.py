@@ -3,8 +3,8 @@
     q1 = [0.1, -1.57, 1.2, 0.0, 1.57, 0.0]        joint angles, rad; d2r(...) as well
     movel(p[0.4, -0.2, 0.3, 0.0, 3.14, 0.0])      pose of the tool in the base, m and rotation vector, rad
 
-A pose does not say how the arm stands: the controller takes the solution nearest to where it stands, and so does this
-reader, from the waypoint before. The tool is that of `set_tcp`, or of the command line. Source: the maker's script
+A pose does not say which posture the arm has: the controller takes the solution nearest to where it is, and so does
+this reader, from the waypoint before. The tool is that of `set_tcp`, or of the command line. Source: the maker's script
 manual, module motion.
 """
 
@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.array import Array
 from calib.compensate import inverse_poses
 from calib.errors import DataError
-from calib.kinematics import Array
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target
@@ -47,7 +47,7 @@ class UrScript:
         self._tool: Array | None = known.tools.get(UNNAMED)
         self._seen: dict[str, Target] = {}
         found: list[tuple[Target, Node | None]] = []
-        done = 0  # what stands in the brackets of a motion is not looked at again
+        done = 0  # what is in the brackets of a motion is not looked at again
         for i, token in enumerate(self._tokens[:-1]):
             if i < done or token.kind != "name" or self._tokens[i + 1].text != "(":
                 continue
@@ -111,7 +111,7 @@ class UrScript:
             if node.text == "":
                 return replace(target, joints=frames.joint_angles(values))
             if self._tool is None:
-                raise ValueError("no set_tcp stands before it, so its tool is not known: give --tool")
+                raise ValueError("no set_tcp comes before it, so its tool is not known: give --tool")
             pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
         except Unknown as unknown:
             return replace(target, refused=f"is computed while the program runs: {unknown}")
@@ -165,7 +165,7 @@ class UrScript:
             return None
 
     def _statement_ends(self) -> list[int]:
-        """For every token the index behind its statement, a line or more where brackets run on; 0 within brackets."""
+        """The index behind the statement of every token, a line or more where brackets run on; 0 within brackets."""
         count = len(self._tokens)
         begins, within, closes = [count], [False] * count, -1
         for i, token in enumerate(self._tokens):
@@ -195,7 +195,7 @@ def _number(node: Node) -> float:
         return node.value
     if node.kind == "call" and node.text == "d2r" and len(node.items) == 1 and node.items[0].kind == "number":
         return math.radians(node.items[0].value)
-    raise Unknown(node.start, f"'{node.text}' stands where a number is needed")
+    raise Unknown(node.start, f"'{node.text}' is there where a number is needed")
 
 
 def _set(node: Node, values: Array) -> list[Edit]:

@@ -11,23 +11,26 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from acquisition.loop import FollowedUp
-from acquisition.verification import Verification
-from calib.dataset import Dataset
-from calib.diagnose.carry import CarryOver
-from calib.diagnose.diagnosis import Diagnosis
-from calib.held_out import errors_on
-from calib.identification import Identification
-from calib.kinematics import Array
+from acquisition.record import Verification
+from calib.array import Array
+from calib.comparison import Comparison
+from calib.data import Dataset
+from calib.diagnose import CarryOver, Diagnosis
+from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
 from calib.model import RobotModel
-from calib.statistics import ErrorStatistics, statistics_of
+from calib.regression import Regression
+from calib.saved import model_document
 from service import wording
-from service.parameters import Row, rows_of
-from service.patched import Patched
 from service.report import (
+    ballbar,
     drawing,
     errors,
-    follow_up,
+    follow_up_section,
+    ladder,
     panels,
+    paper,
+    regression,
+    repeats,
     scatter,
     scope,
     trust,
@@ -35,6 +38,18 @@ from service.report import (
 )
 from service.report.findings import DRAWN, effect_of, power_of, structure_of
 from service.report.residuals import Sample
+from service.results import positions
+from service.results.acceptance import NAMES, RULE, Acceptance
+from service.results.parameters import Row, rows_of
+from service.results.patched import Patched
+
+_ABSENT: Mapping[str, Any] = {
+    **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
+    **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit")),
+    **dict.fromkeys(("verification", "regression", "acceptance", "repeats")),
+    "ballbar": None,
+}
+"""What the template shows only where a report gives it; a name that it does not know is refused."""
 
 
 def diagnosis_report(
@@ -45,33 +60,22 @@ def diagnosis_report(
     *,
     verified: Verification | None = None,
     followed_up: FollowedUp | None = None,
+    acceptance: Acceptance | None = None,
 ) -> str:
     """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
 
     patched: a residual map, where one was asked for; verified: what the robot did with corrected targets, where they
-    were driven; followed_up: how what was ambiguous at first was settled.
+    were driven; followed_up: how what was ambiguous at first was settled; acceptance: where limits were given.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
     sample = Sample.of(dataset, final)
-    measured = _held_out(
-        dataset,
-        {
-            "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
-            "with the effects found": (final.model, final.estimate, drawing.AFTER),
-        },
-    )
-    tables = [
-        _error_table(
-            "On validation readings of this data set",
-            wording.holdout_in_words(dataset.header.holdout),
-            {
-                "Nominal robot, placed by its base": diagnosis.error_nominal,
-                "Identified base model": diagnosis.error_before,
-                "With the effects found": diagnosis.error_after,
-            },
-        )
-    ]
+    models = {
+        "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
+        "with the effects found": (final.model, final.estimate, drawing.AFTER),
+    }
+    measured = _held_out(dataset, models)
+    tables = []
     if carried is not None:
         tables.append(
             _error_table(
@@ -90,11 +94,19 @@ def diagnosis_report(
         dataset,
         final,
         document,
+        _model_hash(final, diagnosis),
         kind="Diagnosis",
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
         verdict_key=diagnosis.verdict,
         sentence=wording.verdict_in_words(diagnosis),
-        headline=_headline(diagnosis.error_before, diagnosis.error_after, len(found)),
+        ladder=ladder.ladder_of(
+            {
+                ladder.NOMINAL: diagnosis.error_nominal,
+                ladder.BASE: diagnosis.error_before,
+                ladder.EFFECTS: diagnosis.error_after if found else None,  # else it is the base model again
+            },
+            None if verified is None else verified.verified,
+        ),
         error_tables=[table for table in tables if table["rows"]],
         figures=_error_figures(measured),
         joints=Markup(scatter.joints_figure(joints)),
@@ -104,14 +116,17 @@ def diagnosis_report(
             (group, [effects[diagnosis.effects.index(f)] for f in members])
             for group, members in wording.by_group(diagnosis.effects)
         ],
-        follow_up=follow_up.section_of(diagnosis.follow_up),
-        middle=follow_up.middle_step_of(followed_up, diagnosis),
+        follow_up=follow_up_section.section_of(diagnosis.follow_up),
+        middle=follow_up_section.middle_step_of(followed_up, diagnosis),
         patch=None if patched is None else _patch(patched),
         structure=[structure_of(s, i, dataset, sample) for i, s in enumerate(diagnosis.structure)],
         power=power_of(diagnosis.power),
         p_lack_of_fit=wording.chance(diagnosis.p_lack_of_fit),
         notes=diagnosis.notes,
-        verification=verification.section_of(diagnosis, verified),
+        verification=verification.section_of(verified),
+        acceptance=acceptance,
+        repeats=repeats.section_of(dataset, final.model, final.estimate),
+        ballbar=ballbar.section_of(dataset, models),
     )
 
 
@@ -121,51 +136,71 @@ def identification_report(
     nominal: RobotModel,
     placed: Array,
     document: Mapping[str, Any],
+    acceptance: Acceptance | None = None,
 ) -> str:
     """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place."""
-    measured = _held_out(
-        dataset,
-        {
-            "nominal robot": (nominal, placed, drawing.BEFORE),
-            "identified": (found.model, found.estimate, drawing.AFTER),
-        },
-    )
+    models = {
+        "nominal robot": (nominal, placed, drawing.BEFORE),
+        "identified": (found.model, found.estimate, drawing.AFTER),
+    }
+    measured = _held_out(dataset, models)
     before, after = [statistics_of(e.distances) for e in measured] or [None, None]
-    table = _error_table(
-        "On validation readings of this data set",
-        wording.holdout_in_words(dataset.header.holdout),
-        {"Nominal robot, placed by its base": before, "Identified": after},
-    )
     sample = Sample.of(dataset, found)
     joints = [panels.of_joint(sample, k, ()) for k in range(1, found.model.robot.joints + 1)]
     return _render(
         dataset,
         found,
         document,
+        _model_hash(found),
         kind="Identification",
         verdict="Identified",
         verdict_key="identified",
         sentence="Parameters of the base model; nothing was searched for beyond them. "
         + wording.gain_in_words(before, after),
-        headline=_headline(before, after, None),
-        error_tables=[table] if table["rows"] else [],
+        ladder=ladder.ladder_of({ladder.NOMINAL: before, ladder.BASE: after}),
+        acceptance=acceptance,
+        repeats=repeats.section_of(dataset, found.model, found.estimate),
         figures=_error_figures(measured),
         joints=Markup(scatter.joints_figure(joints)),
-        effects=[],
-        error_after=None,
-        groups=[],
-        follow_up=None,
-        middle=None,
-        patch=None,
-        structure=[],
-        power=[],
-        p_lack_of_fit=None,
-        notes=(),
-        verification=None,
+        ballbar=ballbar.section_of(dataset, models),
     )
 
 
-def _render(dataset: Dataset, found: Identification, document: Mapping[str, Any], **parts: Any) -> str:
+def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> str:
+    """The report of a regression as HTML: the panel of its comparison, and the model that it is based on."""
+    asked = comparison.asked.predictor
+    assert asked.found is not None  # of what is asked for only the nominal robot has none
+    dataset, found = comparison.dataset, asked.found
+    sample = Sample.of(dataset, found)
+    joints = [panels.of_joint(sample, k, ()) for k in range(1, found.model.robot.joints + 1)]
+    return _render(
+        dataset,
+        found,
+        document,
+        _model_hash(found, None, asked.regression),
+        kind="Regression",
+        verdict="Compared",
+        verdict_key="identified",
+        sentence=" ".join(document["findings"]),
+        joints=Markup(scatter.joints_figure(joints)),
+        regression=regression.section_of(comparison, document["findings"]),
+    )
+
+
+def _model_hash(
+    found: Identification, diagnosis: Diagnosis | None = None, added: Regression | None = None
+) -> str | None:
+    """The hash that a saved model has in its file; None where the fit did not converge and none is saved."""
+    return model_document(found, diagnosis, added)["content_sha256"] if found.converged else None
+
+
+def _render(
+    dataset: Dataset,
+    found: Identification,
+    document: Mapping[str, Any],
+    model_sha256: str | None,
+    **parts: Any,
+) -> str:
     environment = Environment(
         loader=PackageLoader("service"),
         autoescape=True,
@@ -184,17 +219,22 @@ def _render(dataset: Dataset, found: Identification, document: Mapping[str, Any]
         holdout=wording.holdout_in_words(dataset.header.holdout),
         error_kind=wording.error_kind(dataset),
         scope=scope.scope_of(dataset),
+        paper=paper.paper_of(dataset, document, model_sha256),
         trust=trust.trust_of(dataset, found),
         parameters=[_parameter(row) for row in rows_of(found, base_model_only=True)],
+        positions=positions.rows_of(found),
+        position_headings=positions.HEADINGS,
         noise_scale=found.noise_scale,
         freedom=found.degrees_of_freedom,
-        faulty=found.faulty_rows,
+        left_out=left_out(dataset, found),
         relabelled=found.relabelled_rows,
         warnings=wording.grouped(found.warnings),
         closing=wording.CLOSING,
         drawn=DRAWN,
+        acceptance_names=NAMES,
+        acceptance_rule=RULE,
         document=_embedded(document),
-        **parts,
+        **{**_ABSENT, **parts},
     )
 
 
@@ -226,25 +266,13 @@ def _error_table(title: str, holdout: str, rows: Mapping[str, ErrorStatistics | 
     }
 
 
-def _headline(
-    before: ErrorStatistics | None, after: ErrorStatistics | None, effects: int | None
-) -> list[tuple[str, str, str]]:
-    """The three figures at the top: (number, unit, what it is)."""
-    if before is None or after is None:
-        return []
-    change = after.rms / before.rms - 1.0 if before.rms > 0.0 else 0.0
-    last = (f"{change:+.0%}".replace("-", "−"), "", "change of the held-out RMS error")
-    first = (wording.millimetres(before.rms), "mm", "RMS before" if effects is not None else "RMS nominal")
-    return [first, (wording.millimetres(after.rms), "mm", "RMS after"), last]
-
-
 def _patch(patched: Patched) -> dict[str, Any]:
     table = _error_table(
         "Without and with the patch",
         "validation readings of this data set",
         {"With the effects found": patched.without, "The same with the patch": patched.with_it},
     )
-    return {"told": wording.patch_in_words(patched.patch), "table": table if table["rows"] else None}
+    return {"words": wording.patch_in_words(patched.patch), "table": table if table["rows"] else None}
 
 
 def _parameter(row: Row) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How figures look, and how they become inline SVG: small, without ids that clash, readable by screen readers."""
+"""The look of figures, and their inline SVG: small, without ids that clash, readable by screen readers."""
 
 from __future__ import annotations
 

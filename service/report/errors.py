@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.kinematics import Array
-from calib.statistics import statistics_of
+from calib.array import Array
+from calib.fit import statistics_of
 from service.report import drawing
 from service.wording import millimetres
 

@@ -1,4 +1,4 @@
-"""What the template needs of every effect, and of every place where structure is left: words, figures, pictures."""
+"""The findings for the template, every effect and every place where structure is left: words, figures, pictures."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from calib.dataset import Dataset
-from calib.diagnose.diagnosis import Found
-from calib.diagnose.power import Visible
-from calib.diagnose.structure import Structure
+from calib.data import Dataset
+from calib.diagnose import Found, Structure, Visible, error_without
+from calib.effects import check_of
 from calib.units import to_display
 from service import wording
-from service.advice import check_of
-from service.report import gains, panels, scatter, structure
+from service.report import panels, scatter, structure
 from service.report.residuals import Sample
 
+_LISTED = 12  # parameters of an effect
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
 
 
 def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
-    picture = structure.picture_of(left.where, number + 1, dataset, sample) if number < DRAWN else None
+    picture = structure.picture_of(left, number + 1, dataset, sample) if number < DRAWN else None
     return {
         "where": left.where,
         "acts_on": left.acts_on,
+        "caption": wording.structure_caption(left),
         "share": left.explained_variance,
         "p_value": left.p_value,
         "picture": None if picture is None else Markup(picture),
@@ -33,7 +33,7 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
 
 
 def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
-    """By kind of effect, the smallest size that would have shown, from the joint that shows it best to the worst."""
+    """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
     kinds: dict[tuple[str, str], list[float]] = {}
     for each in power:
         if each.size is not None:
@@ -59,8 +59,8 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
         "parts": _parts(found),
         "owner": wording.OWNERS[found.effect.owner],
         "group": found.effect.group,
-        "check": check_of(found),
-        "without": gains.error_without(dataset, sample.fitted, found.effect),
+        "check": check_of(found.effect.label),
+        "without": error_without(dataset, sample.fitted, found.effect),
         "share": found.evidence.explained_variance,
         "evidence": found.evidence,
         "rivals": wording.rivals_of(found),
@@ -71,8 +71,8 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
 
 
 def _parts(found: Found) -> str:
-    """Every parameter of an effect that has more of them than its amplitude tells; else empty."""
-    if len(found.effect.parameters) < 3:
+    """Every parameter of an effect that has more of them than its amplitude; empty for the waves of a curve."""
+    if not 3 <= len(found.effect.parameters) <= _LISTED:
         return ""
     texts = []
     for i, parameter in enumerate(found.effect.parameters):

@@ -13,26 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.effects.effect import Effect
-from calib.kinematics import Array
-from calib.regressors import (
-    Bump,
-    Constant,
-    Cosine,
-    JointAngle,
-    LastMove,
-    Moment,
-    MomentBehind,
-    Side,
-    Sine,
-    StepAt,
-    Temperature,
-    Time,
-    Torque,
-    TorqueCubed,
-    TorqueSign,
-    WarmUp,
-)
+from calib.array import Array
+from calib.data import Conditions
+from calib.effects import gear_orders
+from calib.model import Constant, Cosine, Drawn, Effect, JointAngle, Side, Sine
 from calib.units import DEG
 from service.report.residuals import MDEG, Sample, Seen
 
@@ -48,13 +32,13 @@ _PER = {
     "deg": ("deg", DEG),
     "ppm": ("ppm", 1e-6),
 }
-_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle, Bump)
+_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle)
 _ANGLES = ("theta", "alpha", "beta")
 _UNTOUCHED = 1e-6  # of the largest displacement: such a reading says nothing of the effect
 _ALIKE = 0.2  # spread of the displacements, of the largest, below which they are no abscissa
 
 Mask = NDArray[np.bool_]
-Curve = tuple[Array, Array, float]  # x, y, side (0 where none is told apart)
+Curve = tuple[Array, Array, float]  # x, y, side (0 where none is distinguished)
 
 
 @dataclass(frozen=True)
@@ -68,9 +52,11 @@ class Panel:
     y: Array
     sd: Array
     held: Mask  # (n,) took no part in the fit
-    side: Array | None  # (n,) +1 or -1, where the picture tells the sides apart
+    side: Array | None  # (n,) +1 or -1, where the picture distinguishes the sides
     lines: tuple[Curve, ...]
     described: str
+    # Abscissa, and the lowest and highest law that its uncertainty allows (k = 2)
+    band: tuple[Array, Array, Array] | None = None
 
     @property
     def clear(self) -> Mask:
@@ -117,6 +103,8 @@ def _by_displacement(sample: Sample, effect: Effect) -> Panel:
 
 
 def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
+    if effect.label.startswith(gear_orders.LABEL):
+        return _over_a_turn(sample, effect, joint)
     seen = sample.of_joint(joint, [effect])
     angle = sample.angle(joint)
     kinds = {type(term.regressor) for term in effect.terms}
@@ -131,13 +119,41 @@ def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
             )
     elif kinds == {Side}:
         side = sample.side(joint)
-    elif not kinds <= {Bump, Constant}:
+    elif not kinds <= {Constant}:
         x, x_label = _abscissa(sample, effect) or (seen.law / MDEG, "fitted law, mdeg")
     panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
-    if kinds <= {Cosine, Sine, Bump} and x_label.startswith("θ"):
+    if kinds <= {Cosine, Sine} and x_label.startswith("θ"):
         # readings may leave gaps that a line through them would cut short
         return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
     return panel
+
+
+def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
+    """The curve of a gear over a whole turn about the readings, with the band that its uncertainty leaves (k = 2)."""
+    angle = sample.angle(joint)
+    seen = sample.of_joint(joint, [effect])
+    panel = _panel(
+        sample, effect.label, angle / DEG, f"θ{joint}, deg", seen, MDEG, f"error of joint {joint}, mdeg"
+    )
+    middle = 0.5 * (angle.min() + angle.max())
+    grid = middle + np.linspace(-np.pi, np.pi, _CURVE_POINTS)
+    conditions = _turned(sample, joint, grid)
+    positions = sample.fitted.model.positions(effect)
+    waves = np.array([term.regressor.evaluate(conditions) for term in effect.terms])
+    law = sample.fitted.estimate[positions] @ waves / MDEG
+    covariance = sample.fitted.covariance[np.ix_(positions, positions)]
+    room = 2.0 * np.sqrt(np.maximum(np.sum(waves * (covariance @ waves), axis=0), 0.0)) / MDEG
+    x = grid / DEG
+    described = f"{panel.described} over a whole turn and its uncertainty (k = 2) as a band"
+    return replace(panel, lines=((x, law, 0.0),), band=(x, law - room, law + room), described=described)
+
+
+def _turned(sample: Sample, joint: int, grid: Array) -> Conditions:
+    """Conditions of the first reading with one joint turned to every angle of a grid, rad."""
+    conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
+    joints = conditions.joints.copy()
+    joints[:, joint - 1] = grid
+    return replace(conditions, joints=joints)
 
 
 def _by_driver(sample: Sample, effect: Effect) -> Panel:
@@ -161,25 +177,11 @@ def _by_driver(sample: Sample, effect: Effect) -> Panel:
 
 
 def _abscissa(sample: Sample, effect: Effect) -> tuple[Array, str] | None:
-    """What the one driver of an effect is drawn over; None where it has several, or one unknown here."""
+    """What the one driver of an effect is drawn over; None where it has several, or one without an axis."""
     driver = effect.terms[0].regressor
     if any(term.regressor != driver for term in effect.terms):
         return None
-    if isinstance(driver, JointAngle):
-        return sample.angle(driver.joint) / DEG, f"θ{driver.joint}, deg"
-    if isinstance(driver, StepAt):
-        return sample.column("order") + 1.0, "reading, in order of time"
-    if isinstance(driver, Time | WarmUp):
-        return sample.column("time") / 3600.0, "time, h"
-    if isinstance(driver, Temperature):
-        return sample.column("temperature"), "air temperature, °C"
-    if isinstance(driver, LastMove):
-        return sample.driver(driver) / DEG, f"last move of joint {driver.joint}, deg"
-    if isinstance(driver, Torque | TorqueCubed | TorqueSign):
-        return sample.driver(Torque(driver.joint)) / 1000.0, f"gravity torque of joint {driver.joint}, N·m"
-    if isinstance(driver, Moment | MomentBehind):
-        return sample.driver(driver) / 1000.0, f"gravity moment at joint {driver.joint}, N·m"
-    return None
+    return sample.axis(driver) if isinstance(driver, Drawn) else None
 
 
 def _panel(
@@ -192,7 +194,7 @@ def _panel(
     y_label: str,
     side: Array | None = None,
 ) -> Panel:
-    """Points and law over x; one line a side where sides are told apart."""
+    """Points and law over x; one line a side where sides are distinguished."""
     law, lines = seen.law / scale, []
     for s in (0.0,) if side is None else (1.0, -1.0):
         mine = np.ones(len(x), dtype=bool) if side is None else side == s
@@ -253,10 +255,7 @@ def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: b
     """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
     angle = sample.angle(joint)
     grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
-    conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
-    joints = conditions.joints.copy()
-    joints[:, joint - 1] = grid
-    conditions = replace(conditions, joints=joints)
+    conditions = _turned(sample, joint, grid)
     model, estimate = sample.fitted.model, sample.fitted.estimate
     # between readings far apart the law is a guess: no line there
     gap = 0.01 * float(np.ptp(angle))

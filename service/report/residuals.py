@@ -1,4 +1,4 @@
-"""What the readings say about one effect, reading by reading, with all other effects left in the model.
+"""The residuals of one effect, reading by reading, with all other effects left in the model.
 
 With the effect's parameters set to zero and all others kept, r is the whitened residual of a reading and w the
 whitened displacement for a unit of what the effect drives. Then y = w.r / w.w is the best estimate of that drive
@@ -10,18 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.conditions import Conditions
-from calib.dataset import Dataset
-from calib.effects.effect import Effect
-from calib.identification import Identification
-from calib.kinematics import Array
-from calib.model import Design
-from calib.readings import Readings, readings_of
-from calib.regressors import Regressor
+from calib.array import Array
+from calib.data import Conditions, Dataset
+from calib.fit import Identification, Readings, readings_of
+from calib.model import Design, Drawn, Effect
 from calib.units import DEG
 
 MDEG = DEG * 1e-3
@@ -32,7 +29,7 @@ Law = Callable[[Readings], Array]
 
 @dataclass(frozen=True)
 class Seen:
-    """What n readings say of one quantity: estimate y, standard error sd, fitted law, all in internal units."""
+    """The values of one quantity in n readings: estimate y, standard error sd, fitted law, in internal units."""
 
     y: Array
     sd: Array
@@ -59,6 +56,11 @@ class Sample:
         """(n,) which of the readings took no part in the fit."""
         return np.concatenate([np.full(len(p.rows), i > 0) for i, p in enumerate(self.parts)])
 
+    @cached_property
+    def designs(self) -> tuple[Design, ...]:
+        """The model bound to the conditions of each part: many figures ask for it."""
+        return tuple(Design(self.fitted.model, part.conditions) for part in self.parts)
+
     def angle(self, joint: int) -> Array:
         """(n,) model angle of a joint, rad."""
         return np.concatenate([p.conditions.joints[:, joint - 1] for p in self.parts])
@@ -71,11 +73,10 @@ class Sample:
         """(n,) any of the conditions that is one number a reading."""
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
-    def driver(self, regressor: Regressor) -> Array:
-        """(n,) what drives an effect, internal units."""
-        return np.concatenate(
-            [np.broadcast_to(regressor.evaluate(p.conditions), (len(p.rows),)) for p in self.parts]
-        )
+    def axis(self, regressor: Drawn) -> tuple[Array, str]:
+        """Over what a regressor is drawn: (n,) values in the unit of the label, and the label."""
+        axes = [regressor.drawn_over(part.conditions) for part in self.parts]
+        return np.concatenate([axis.values for axis in axes]), axes[0].label
 
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
         """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
@@ -107,11 +108,12 @@ class Sample:
         return self._seen([effect], amounts, lambda part: np.ones(len(part.rows)))
 
     def moved(self, effect: Effect) -> Array:
-        """(n, 3) how the effect moves the tool point, mm."""
+        """(n, 3) how the effect moves the tool point, mm; against the base target where it moves that."""
         return np.concatenate([self._moved(effect, part.conditions) for part in self.parts])
 
     def displacement(self, effect: Effect) -> float:
-        """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, mm."""
+        """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, or the base target,
+        mm."""
         part = self.parts[0]
         few = np.unique(np.linspace(0, len(part.rows) - 1, 400).astype(int))
         moved = self._moved(effect, part.conditions.take(few))
@@ -121,11 +123,14 @@ class Sample:
         design = Design(self.fitted.model, conditions)
         without = self.fitted.estimate.copy()
         without[self.fitted.model.positions(effect)] = 0.0
+        if any(term.slot.startswith("anchor") for term in effect.terms):
+            here, there = (design.frames(estimate, ()).anchor for estimate in (self.fitted.estimate, without))
+            return np.broadcast_to(there - here, (3, len(conditions))).T
         return design.predict(self.fitted.estimate) - design.predict(without)
 
     def left(self, dataset: Dataset) -> Array:
         """(n, 3) measured less predicted point of every reading, mm; NaN where no point was measured."""
-        predicted = np.concatenate([self.fitted.predict(part.conditions) for part in self.parts])
+        predicted = np.concatenate([design.predict(self.fitted.estimate) for design in self.designs])
         return dataset.points[np.concatenate([part.rows for part in self.parts])] - predicted
 
     def _estimate(self, parameter: str) -> float:
@@ -137,8 +142,8 @@ class Sample:
         for effect in effects:
             without[model.positions(effect)] = 0.0
         seen = []
-        for part in self.parts:
-            frames = Design(model, part.conditions).frames(without)
+        for part, design in zip(self.parts, self.designs, strict=True):
+            frames = design.frames(without)
             residual = part.observed.residual(frames)
             moved = np.zeros_like(residual)
             for slot, amount in amounts(part).items():

@@ -81,8 +81,14 @@ def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
             label="fitted law" if s == 0.0 else _SIDE_NAMES[s],
             zorder=1.5 if fast else 4.0,
         )
+    if panel.band is not None:
+        x, lowest, highest = panel.band
+        axes.fill_between(
+            x, lowest, highest, color=drawing.FITTED, alpha=0.25, linewidth=0.0, label="k = 2", zorder=3.0
+        )
     axes.set_ylim(*_heights(panel))
-    low, high = float(np.min(panel.x)), float(np.max(panel.x))
+    low, high = float(np.min(panel.lines[0][0])), float(np.max(panel.lines[0][0]))
+    low, high = min(low, float(np.min(panel.x))), max(high, float(np.max(panel.x)))
     if low < high:
         room = _SIDE_ROOM * (high - low)
         axes.set_xlim(low - room, high + room)
@@ -121,7 +127,7 @@ def _heights(panel: Panel) -> tuple[float, float]:
 
 
 def thinned(rows: np.ndarray, most: int) -> np.ndarray:
-    """At most so many of the rows, drawn once and for all."""
+    """The rows thinned to at most so many, by a fixed draw."""
     if len(rows) <= most:
         return rows
     return np.sort(np.random.default_rng(0).choice(rows, most, replace=False))

@@ -1,4 +1,4 @@
-"""For what the figures of a report hold: poses, side of approach, temperature, load, time and noise of the data."""
+"""The scope of a report's figures: poses, side of approach, temperature, load, time and noise of the data."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from acquisition.individuals import individual_of
-from calib.dataset import Dataset
-from calib.kinematics import Array
+from acquisition.record import individual_of
+from calib.array import Array
+from calib.data import Dataset
 from calib.units import DEG
 
 
@@ -31,7 +31,13 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
         lines.append(("Not protected against damage on the wire", dataset.header.unprotected))
     if len(conditions.series_names) > 1:
         lines.append(("Series", ", ".join(conditions.series_names)))
-    return lines + [_device(table, len(conditions.series_names) > 1) for table in dataset.header.devices]
+    return lines
+
+
+def devices_of(dataset: Dataset) -> list[tuple[str, str]]:
+    """(role, which one) for every robot and instrument that the data set names."""
+    several = len(dataset.conditions.series_names) > 1
+    return [_device(table, several) for table in dataset.header.devices]
 
 
 def _device(table: Mapping[str, str], several: bool) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""How far the model can be trusted: predicted uncertainty over the workspace, and what the fit leans on."""
+"""The trust in a model: predicted uncertainty over the workspace, and what the fit leans on."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter
 
-from calib.dataset import Dataset
-from calib.identification import Identification
-from calib.uncertainty_map import UncertaintyMap, uncertainty_map
-from service.parameters import high_leverage, strong_correlations
+from calib.data import Dataset
+from calib.fit import Identification, UncertaintyMap, uncertainty_map
 from service.report import drawing
+from service.results.parameters import high_leverage, strong_correlations
 from service.wording import millimetres
 
 _LISTED = 6

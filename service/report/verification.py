@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from acquisition.verification import Verification
-from calib.diagnose.diagnosis import Diagnosis
-from calib.statistics import ErrorStatistics
+from acquisition.record import Verification
+from calib.diagnose import Diagnosis
+from calib.fit import ErrorStatistics
 from service import wording
 
 NEARLY = 1.3  # times the floor: what a correction is held to
@@ -34,7 +34,7 @@ def floor_in_words(verification: Verification) -> str:
 
 
 def scope_in_words(verification: Verification) -> str:
-    """For what the figures hold."""
+    """The scope of the figures in words."""
     text = (
         f"{wording.counted(verification.poses, 'new pose')}, {wording.counted(verification.verified.n, 'reading')}; "
         f"approach {verification.approach}; "
@@ -62,12 +62,13 @@ def document_of(verification: Verification) -> dict[str, Any]:
     }
 
 
-def section_of(diagnosis: Diagnosis, verification: Verification | None) -> Mapping[str, Any] | None:
-    """What the template needs; None where nothing was driven."""
+def section_of(verification: Verification | None) -> Mapping[str, Any] | None:
+    """What the template needs; None where nothing was driven. What models predict is in the ladder alone."""
     if verification is None:
         return None
+    driven = {"Driven uncorrected": verification.uncorrected, "Driven corrected": verification.verified}
     return {
-        "rows": [(name, e) for name, e in rows_of(diagnosis, verification).items() if e is not None],
+        "rows": [(name, e) for name, e in driven.items() if e is not None],
         "floor": floor_in_words(verification),
         "scope": scope_in_words(verification),
         "reached": verification.ratio <= NEARLY,

@@ -1,23 +1,10 @@
 "use strict";
-const API = "/api/v1", KEPT = "truepose-token", LEASE = "truepose-lease", MOST_EVENTS = 300, LEASE_S = 15;
-const $ = (id) => document.getElementById(id);
-const wait = (ms) => new Promise((go) => setTimeout(go, ms));
-let token = sessionStorage.getItem(KEPT) || "";
+// The page itself: what is shown, what is ordered, and keeping up with both.
+
+const LEASE = "truepose-lease", MOST_EVENTS = 300, LEASE_S = 15, ARMED_MS = 1500, NOT_ASKED = 3020;
 // The secret of the lease is given once: a page that is loaded again in this window goes on with the one that is kept.
 let lease = JSON.parse(sessionStorage.getItem(LEASE) || "null");
-let cell = null, run = null, chosen = "", stream = null, asked = "";
-
-// -- asking the service ----------------------------------------------------------------------------------------
-
-async function ask(method, path, body, headers = {}) {
-  const sent = { Authorization: `Bearer ${token}`, ...headers };
-  if (body !== undefined) sent["Content-Type"] = "application/json";
-  const answer = await fetch(API + path, { method, headers: sent, body: body === undefined ? undefined : JSON.stringify(body) });
-  if (answer.status === 401) { leave(); throw new Error("The token is not that of this service."); }
-  const told = answer.status === 204 ? null : await answer.json();
-  if (!answer.ok) throw Object.assign(new Error(`${told.operator_text} ${told.what_to_do}`), { status: answer.status });
-  return told;
-}
+let cell = null, run = null, loop = null, chosen = "", stream = null, asked = "", armed = "";
 
 async function order(work) {
   try { $("trouble").textContent = ""; await work(); await refresh(); }
@@ -33,13 +20,19 @@ const key = () => ({ "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() 
 // What an order concerns: the loop that has the robot, else the run that is shown.
 const subject = () => (cell && cell.loop_id && (!run || run.id.startsWith(cell.loop_id)) ? `/loops/${cell.loop_id}` : `/runs/${chosen}`);
 
+// The serial number of another robot or instrument than that of the record, which has kept the run from going on.
+function another() {
+  const why = subject().startsWith("/loops/") ? loop && loop.problem : run && run.error;
+  return run && run.state === "paused" && why && why.name === "OtherIndividual" ? why.serial : "";
+}
+
 const looksOn = () => Boolean(cell && cell.role === "viewer");
 
 function stop() {
   const target = cell && cell.loop_id ? `/loops/${cell.loop_id}` : cell && cell.run_id ? `/runs/${cell.run_id}` : chosen && `/runs/${chosen}`;
-  if (!target) { $("trouble").textContent = "No run uses the robot."; return; }
+  if (!target) { $("trouble").textContent = cell ? "No run uses the robot." : "This page does not know yet which run uses the robot."; return; }
   order(async () => {
-    const told = await ask("POST", `${target}/stop`);
+    const told = await stopBy(`${target}/stop`);
     if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => `${p.message}. ${p.what_to_do}`).join(" "));
   });
 }
@@ -48,18 +41,25 @@ function stop() {
 
 const words = (text) => text.replaceAll("_", " ");
 const number = (x, digits = 3) => (typeof x === "number" ? x.toFixed(digits) : "–");
-function duration(s) {
-  if (s === null || s === undefined) return "";
-  return s < 100 ? `${s.toFixed(0)} s left` : s < 6000 ? `${(s / 60).toFixed(0)} min left` : `${(s / 3600).toFixed(1)} h left`;
+// A forecast counts down while a person is waited for, and is 0 or missing before there is one: then it is not shown.
+function timeLeft(of, now = new Date()) {
+  if (of.state === "waiting_for_operator") return looksOn() ? "waiting for the operator" : "waiting for you";
+  if (of.state !== "running") return "";
+  const s = of.seconds_left;
+  if (!s) return of.total && of.done >= of.total ? "all readings are done" : "time left: being reckoned";
+  const left = s < 100 ? `${Math.ceil(s)} s` : s < 6000 ? `${(s / 60).toFixed(0)} min` : `${(s / 3600).toFixed(1)} h`;
+  const end = new Date(now.getTime() + s * 1000);
+  const day = end.toDateString() === now.toDateString() ? "" : `${end.toLocaleDateString("en", { weekday: "short" })} `;
+  return `${left} left, done at ${day}${clock(end, 5)}`;
 }
 
 function showCell() {
   $("cell").textContent = `${cell.name}: ${cell.robot} and ${cell.instrument}`;
-  document.title = `${run ? words(run.state) + " · " : ""}${cell.name}`;
+  document.title = `${silent ? "NO CONNECTION · " : run ? words(run.state) + " · " : ""}${cell.name}`;
   $("simulated").hidden = !cell.simulated;
-  const other = cell.lease && !lease;
+  const other = cell.lease && !lease, mine = lease && cell.lease && cell.lease.holder === lease.holder;
   $("viewer").hidden = !looksOn(); $("other").hidden = !other || looksOn();
-  $("holder").textContent = lease ? `You hold it as ${lease.holder}.` : other ? `${cell.lease.holder} holds it.` : "Nobody holds it: nothing may begin to move.";
+  $("holder").textContent = silent ? "Nobody knows who holds it: no connection." : mine ? `You hold it as ${lease.holder}.` : lease ? "It is being asked whether you still hold it." : other ? `${cell.lease.holder} holds it.` : "Nobody holds it: nothing may begin to move.";
   $("take").disabled = Boolean(lease || other || looksOn()); $("give").disabled = !lease; $("name").disabled = Boolean(lease || looksOn());
 }
 
@@ -71,10 +71,11 @@ function showRun() {
   $("why").textContent = run.prompt ? "" : run.reason;
   $("bar").max = Math.max(run.total, 1); $("bar").value = run.done;
   $("done").textContent = `${run.done} of ${run.total} readings${run.skipped ? `, ${run.skipped} skipped` : ""}`;
-  $("left").textContent = active ? duration(run.seconds_left) : "";
-  $("pause").disabled = !active;
-  $("resume").disabled = !(["paused", "stopped", "ready"].includes(run.state) && lease) || run.dry_run;
-  $("restation").disabled = looksOn() || run.dry_run || ["succeeded", "failed"].includes(run.state);
+  $("left").textContent = silent ? "" : timeLeft(run);
+  $("pause").disabled = silent || !active;
+  $("resume").disabled = silent || !(["paused", "stopped", "ready"].includes(run.state) && lease) || run.dry_run;
+  $("restation").disabled = silent || looksOn() || run.dry_run || ["succeeded", "failed"].includes(run.state);
+  $("individual").hidden = !another() || looksOn(); $("accept").disabled = !lease;
   showReading(run.last_reading);
   $("off").textContent = run.drift ? `${number(run.drift.off_mm)} mm now, ${number(run.drift.most_mm)} mm at most, ${run.drift.readings} readings` : "No second reading yet.";
   showPrompt(run.prompt);
@@ -94,53 +95,37 @@ function showReading(data) {
   }));
 }
 
+// The buttons take no answer before the question can have been read: a click may have been meant for the one before.
 function showPrompt(prompt) {
   $("asking").hidden = !prompt;
-  if (!prompt) { asked = ""; return; }
-  $("question").textContent = prompt.text;
-  for (const button of document.querySelectorAll("[data-answer]")) {
-    button.hidden = !prompt.expects.includes(button.dataset.answer); button.disabled = looksOn();
+  if (!prompt) { asked = armed = ""; return; }
+  const fresh = asked !== prompt.id;
+  if (fresh) {
+    asked = prompt.id; armed = ""; $("reason").value = ""; $("question").textContent = prompt.text;
+    setTimeout(() => { if (asked === prompt.id) { armed = asked; showRun(); } }, ARMED_MS);
   }
-  if (asked !== prompt.id) { asked = prompt.id; $("reason").value = ""; $("asking").focus(); }
+  $("arming").textContent = looksOn() ? "The operator answers." : armed ? "" : "The buttons work in a moment.";
+  for (const button of document.querySelectorAll("[data-answer]")) {
+    button.hidden = !prompt.expects.includes(button.dataset.answer); button.disabled = silent || looksOn();
+    button.setAttribute("aria-disabled", String(!armed));
+  }
+  if (fresh) $("asking").focus();
 }
 
-// -- drift and events ------------------------------------------------------------------------------------------
-
-let first = {}, drifts = [];
-function drifted(event) {
-  const data = event.data;
-  if (event.kind !== "reading" || data.set !== "reference" || !data.world_mm) return;
-  const from = first[data.target] = first[data.target] || data.world_mm;
-  drifts.push({ t: event.t_s / 60, off: Math.hypot(...data.world_mm.map((x, i) => x - from[i])), target: data.target });
+async function answer(verb) {
+  const id = armed;
+  if (!id) return;  // not armed yet, or answered: a second click is no second answer
+  armed = ""; showRun();
+  try { await ask("POST", `/runs/${chosen}/prompts/${id}/${verb}`, { reason: $("reason").value }, { ...held(), ...key() }); }
+  catch (error) {
+    const late = error.code === NOT_ASKED;
+    if (late && verb !== "abort") { $("link").textContent = "It was answered already."; return; }
+    if (!late && asked === id) armed = id;
+    throw error;
+  }
 }
 
-function drawDrift() {
-  const svg = $("drift"), W = svg.clientWidth || 480, H = 176, L = 66, B = 26, T = 12;
-  const made = (name, values, text) => {
-    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [k, v] of Object.entries(values)) node.setAttribute(k, v);
-    if (text) node.textContent = text;
-    return node;
-  };
-  const label = (x, y, anchor, text, fill = "#5a6675") => made("text", { x, y, "text-anchor": anchor, fill }, text);
-  svg.setAttribute("viewBox", `0 0 ${W} ${H}`);
-  const most = Math.max(0.01, ...drifts.map((d) => d.off)) * 1.1;
-  const t0 = drifts.length ? drifts[0].t : 0, t1 = Math.max(t0 + 1, ...drifts.map((d) => d.t));
-  const x = (t) => L + (W - L - 8) * (t - t0) / (t1 - t0), y = (off) => H - B - (H - B - T) * off / most;
-  const parts = [
-    made("path", { d: `M${L} ${T}V${H - B}H${W - 8}`, fill: "none", stroke: "#8d97a5" }),
-    label(L - 6, T + 4, "end", `${number(most)} mm`), label(L - 6, H - B, "end", "0 mm"),
-    label(L, H - 8, "start", `${number(t0, 0)} min`), label(W - 8, H - 8, "end", `${number(t1, 0)} min`),
-  ];
-  const colours = ["#1f6fd0", "#b3541e", "#17633a", "#7a3f98"];
-  Object.keys(first).forEach((target, i) => {
-    const own = drifts.filter((d) => d.target === target), stroke = colours[i % colours.length];
-    parts.push(made("polyline", { points: own.map((d) => `${x(d.t).toFixed(1)},${y(d.off).toFixed(1)}`).join(" "), fill: "none", stroke, "stroke-width": 2 }));
-    parts.push(...own.map((d) => made("circle", { cx: x(d.t), cy: y(d.off), r: 2.5, fill: stroke })));
-    parts.push(label(L + 10 + 34 * i, T + 4, "start", target, stroke));
-  });
-  svg.replaceChildren(...parts);
-}
+// -- events ---------------------------------------------------------------------------------------------------
 
 function summary(event) {
   const d = event.data;
@@ -179,9 +164,9 @@ async function follow(id, control) {
   control.signal.addEventListener("abort", () => clearInterval(ticking));
   while (!control.signal.aborted) {
     try {
-      const headers = { Authorization: `Bearer ${token}`, ...(seen ? { "Last-Event-ID": seen } : {}) };
+      const headers = { ...bearer(), ...(seen ? { "Last-Event-ID": seen } : {}) };
       const answer = await fetch(`${API}/runs/${id}/events`, { headers, signal: control.signal });
-      if (!answer.ok) break;
+      if (answer.status >= 400 && answer.status < 500) break;
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
       for (text = ""; ;) {
         const { value, done } = await reader.read();
@@ -196,6 +181,7 @@ async function follow(id, control) {
       }
       if (run && run.id === id && ["succeeded", "failed"].includes(run.state)) break;
     } catch (error) { if (control.signal.aborted) return; }
+    look();  // the service may be gone
     await wait(1000);
   }
   turn(); clearInterval(ticking);
@@ -203,9 +189,12 @@ async function follow(id, control) {
 
 // -- keeping up ------------------------------------------------------------------------------------------------
 
+// The run that is shown is the page's address: a link leads to it, and the browser's back to the one before.
+const addressed = () => location.hash.slice(1);
 function choose(id) {
   if (id === chosen) return;
-  chosen = id; run = null; first = {}; drifts = [];
+  if (id !== addressed()) history[chosen ? "pushState" : "replaceState"](null, "", `#${id}`);
+  chosen = $("runs").value = id; run = given = null; showGiven(); first = {}; drifts = [];
   $("events").replaceChildren(); drawDrift();
   if (stream) stream.abort();
   stream = new AbortController();
@@ -215,7 +204,8 @@ function choose(id) {
 async function refresh() {
   cell = await ask("GET", "/cell");
   if (chosen) run = await ask("GET", `/runs/${chosen}`);
-  $("step").textContent = cell.loop_id ? `Loop: ${(await ask("GET", `/loops/${cell.loop_id}`)).step}` : "";
+  loop = cell.loop_id ? await ask("GET", `/loops/${cell.loop_id}`) : null;
+  $("step").textContent = loop ? `Loop: ${loop.step}` : "";
   showCell(); showRun();
 }
 
@@ -226,36 +216,41 @@ async function list() {
     $("runs").dataset.shown = shown;
     $("runs").replaceChildren(...runs.map((each) => new Option(`${each.name} · ${each.id.slice(0, 15)} · ${words(each.state)}`, each.id)));
   }
-  const busy = cell && cell.run_id;
-  if (busy && busy !== keepUp.busy) choose(busy);  // a run that has just begun is shown
+  const busy = cell && cell.run_id, linked = !chosen && runs.find((each) => each.id === addressed());
+  if (linked) choose(linked.id);
+  else if (busy && busy !== keepUp.busy) choose(busy);  // a run that has just begun is shown
   else if (!chosen && runs.length) choose(runs[0].id);
   keepUp.busy = busy;
   if (chosen) $("runs").value = chosen;
 }
 
+let awake = () => {};
+const look = () => awake();  // now, rather than at the next beat
+
 async function keepUp() {
   while (token) {
-    try { await refresh(); await list(); if (chosen && !run) await refresh(); $("link").textContent = ""; }
-    catch (error) { $("link").textContent = error instanceof TypeError ? "No answer from the service." : token ? error.message : ""; }
-    await wait(2000);
+    const pause = new Promise((go) => { awake = go; });
+    try { await refresh(); await list(); if (chosen && !run) await refresh(); await collect(); $("link").textContent = ""; }
+    catch (error) { $("link").textContent = error instanceof Silence || !token ? "" : error.message; }
+    await Promise.race([pause, wait(2000)]);
   }
 }
 
-async function beat() {
-  for (; ; await wait(LEASE_S * 1000 / 3)) {
-    const mine = lease;
-    if (!mine || !token) continue;
-    try { await ask("POST", "/cell/lease", { holder: mine.holder, seconds: LEASE_S }, held()); }
-    catch (error) {
-      if (lease !== mine) continue;  // given back meanwhile
-      if (error.status === 409) { keep(null); await refresh().catch(() => {}); }  // it has ended, or somebody took it over
-      $("trouble").textContent = error.message;
-    }
+async function prolong() {
+  const mine = lease;
+  if (!mine || !token) return;
+  try { await ask("POST", "/cell/lease", { holder: mine.holder, seconds: LEASE_S }, held()); }
+  catch (error) {
+    if (lease !== mine || error instanceof Silence) return;  // given back meanwhile; or the page says it already
+    if (error.status === 409) { keep(null); await refresh().catch(() => {}); }  // it has ended, or somebody took it over
+    $("trouble").textContent = error.message;
   }
 }
+
+async function beat() { for (; ; await wait(LEASE_S * 1000 / 3)) await prolong(); }
 
 function enter() { $("door").hidden = Boolean(token); $("desk").hidden = !token; if (token) keepUp(); else $("token").focus(); }
-function leave() { token = ""; keep(null); sessionStorage.removeItem(KEPT); if (stream) stream.abort(); chosen = ""; enter(); }
+function leave() { token = ""; keep(null); sessionStorage.removeItem(KEPT); if (stream) stream.abort(); cell = run = loop = given = null; chosen = ""; showGiven(); enter(); }
 
 $("door").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -263,23 +258,39 @@ $("door").addEventListener("submit", (event) => {
   order(async () => { await ask("GET", "/cell"); sessionStorage.setItem(KEPT, token); enter(); });
 });
 $("stop").addEventListener("click", stop);
-document.addEventListener("keydown", (event) => { if (event.key === "Escape") { event.preventDefault(); stop(); } });
+addEventListener("popstate", () => {
+  const known = [...$("runs").options].some((option) => option.value === addressed());
+  if (known) { choose(addressed()); look(); } else if (chosen) history.replaceState(null, "", `#${chosen}`);
+});
+addEventListener("resize", drawDrift);
+addEventListener("offline", look);
+document.addEventListener("visibilitychange", look);  // a window that slept shows the past
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape") { event.preventDefault(); if (!event.repeat) stop(); }
+  else if (event.repeat && event.target.closest("button")) event.preventDefault();  // a key held down presses once
+});
 $("runs").addEventListener("change", () => { choose($("runs").value); order(async () => {}); });
 $("pause").addEventListener("click", () => order(() => ask("POST", `${subject()}/pause`)));
-$("resume").addEventListener("click", () => order(() => ask("POST", `${subject()}/resume`, undefined, { ...held(), ...key() })));
+const resume = (body) => ask("POST", `${subject()}/resume`, body, { ...held(), ...key() });
+$("resume").addEventListener("click", () => order(() => resume()));
 $("restation").addEventListener("click", () => order(() => ask("POST", `/runs/${chosen}/restation`, { reason: "told on the operator page" }, { ...held(), ...key() })));
-for (const button of document.querySelectorAll("[data-answer]")) button.addEventListener("click", () => order(() =>
-  ask("POST", `/runs/${chosen}/prompts/${asked}/${button.dataset.answer}`, { reason: $("reason").value }, { ...held(), ...key() })));
+for (const button of document.querySelectorAll("[data-answer]")) button.addEventListener("click", () => order(() => answer(button.dataset.answer)));
 function said(id, otherwise) {
   const text = $(id).value.trim();
   if (!text) { $(id).focus(); throw new Error(otherwise); }
   return text;
 }
 const myself = () => ({ holder: said("name", "Say who you are first."), seconds: LEASE_S });
-$("take").addEventListener("click", () => order(async () => keep(await ask("POST", "/cell/lease", myself()))));
+$("mine").addEventListener("submit", (event) => { event.preventDefault(); take(); });  // also Enter in the name
+const take = () => order(async () => keep(await ask("POST", "/cell/lease", myself())));
 $("over").addEventListener("click", () => order(async () => {
   keep(await ask("POST", "/cell/lease/takeover", { ...myself(), reason: said("because", "Say why you take it over.") }));
   $("because").value = "";
 }));
+$("accept").addEventListener("click", () => order(async () => {
+  await resume({ accept_other: another(), reason: said("exchanged", "Say why it was exchanged.") });
+  $("exchanged").value = "";
+}));
 $("give").addEventListener("click", () => order(async () => { const mine = held(); keep(null); await ask("DELETE", "/cell/lease", undefined, mine); }));
+$("export").addEventListener("click", () => order(async () => { await ask("POST", `/runs/${chosen}/dataset`, {}, key()); await collect(true); }));
 enter(); beat(); drawDrift();

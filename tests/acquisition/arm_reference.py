@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.cell import Cell
-from acquisition.obstacles import Box, Post, Table
-from calib.kinematics import Array
+from acquisition.cell.cell import Cell
+from acquisition.cell.obstacles import Box, Post, Table
+from calib.array import Array
 
 _INVERSE_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 

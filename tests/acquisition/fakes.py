@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.campaign import Campaign, campaign_from
-from acquisition.cell import Cell, cell_from
-from acquisition.devices import Devices
-from acquisition.workspace import targets_at
-from acquisition.world_frame import WorldFrame
+from acquisition.campaign.campaign import Campaign, campaign_from
+from acquisition.cell.cell import Cell, cell_from
+from acquisition.cell.devices import Devices
+from acquisition.cell.workspace import targets_at
+from acquisition.cell.world_frame import WorldFrame
 from drivers.errors import MotionStopped, NotArmed, OutOfRange, TargetNotSeen
 from drivers.interfaces import (
     Answer,
@@ -148,9 +148,8 @@ class Bench:
     spanned: tuple[str, str] | None = None  # base ball and tool ball between which the ballbar is
     zeroed: int = 0
     off_deg: tuple[float, ...] = (0.0,) * 6  # by how much the joints are off
-    quiet_moves: int = (
-        0  # made since anything disturbed the cell: a fault, connecting, arming, a stop, a person
-    )
+    # Moves made since anything disturbed the cell: a fault, connecting, arming, a stop, a person
+    quiet_moves: int = 0
     asking: bool = False  # a person has a question before them
     who: dict[str, Identity] = field(
         default_factory=lambda: {
@@ -300,7 +299,13 @@ class FakeMeter:
 
 
 class FakeBar(FakeMeter):
-    """A ballbar of 300 mm that shows +-1 mm."""
+    """A ballbar of 300 mm, unless it has been built to another length, that shows +-1 mm."""
+
+    nominal_mm = 300.0
+
+    def build(self, nominal_mm: float) -> None:
+        self.bench.call(f"build {nominal_mm:g}")
+        self.nominal_mm, self.armed = nominal_mm, False
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading:  # pyright: ignore
         bench = self.bench
@@ -310,18 +315,21 @@ class FakeBar(FakeMeter):
         if not self.armed:
             raise MotionStopped("stopped", device=self.name)
         names = list(bench.cell.tool.targets)
-        there = targets_at(bench.cell, np.array([bench.where]) + np.array(bench.off_deg))[
-            0, names.index(target)
-        ]
-        length = float(np.linalg.norm(there - np.array(bench.cell.nests[base_target])))
-        number = float(bench.calls)
-        if abs(length - 300.0) > 1.0:
-            raise OutOfRange(f"deviation of {length - 300.0:+.3f} mm", device=self.name, raw=b"510")
+        tool = targets_at(bench.cell, np.array([bench.where]) + np.array(bench.off_deg))[0]
+        balls = {
+            name: np.array(place) + np.array([bench.shift_mm.get(name, 0.0), 0.0, 0.0])
+            for name, place in bench.cell.nests.items()
+        }
+        balls |= {name: tool[k] for k, name in enumerate(names)}
+        length = float(np.linalg.norm(balls[target] - balls[base_target]))
+        number, off = float(bench.calls), length - self.nominal_mm
+        if abs(off) > 1.0:
+            raise OutOfRange(f"deviation of {off:+.3f} mm", device=self.name, raw=b"510")
         bench.shots[number] = Shot(
             target, bench.where, bench.came_from, None, bench.quiet_moves, base_target, bench.spanned
         )
         return LengthReading(
-            target, base_target, length, 0.0005, length - 300.0, 0.0, samples, number, 0.0, 22.0, raw=b"shot"
+            target, base_target, length, 0.0005, off, 0.0, samples, number, 0.0, 22.0, raw=b"shot"
         )
 
     def zero(self) -> float:
@@ -360,5 +368,5 @@ class SeatingOperator:
 
 
 def devices_of(bench: Bench, operator: Operator | None = None, *, can_stop: bool = True) -> Devices:
-    meter = FakeBar(bench) if bench.cell.instrument.measures_lengths else FakeMeter(bench)
+    meter = FakeBar(bench) if bench.cell.instrument.declared.measures_lengths else FakeMeter(bench)
     return Devices(FakeArm(bench, can_stop=can_stop), meter, operator)

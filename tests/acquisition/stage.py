@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from acquisition.event import Event
-from acquisition.outcome import Outcome
-from acquisition.run import Run
+from acquisition.record.event import Event
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
 from drivers.errors import (
     AcquisitionError,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.check import check_plan
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import make_plan
+from acquisition.cell.workspace import targets_at
 from acquisition.errors import NotResumed, RecordError
-from acquisition.event import Event
-from acquisition.export import export
-from acquisition.merge import export_together
-from acquisition.plan import make_plan
-from acquisition.run import Run
-from acquisition.workspace import targets_at
-from calib.dataset import read_dataset
-from calib.identify import identify
+from acquisition.record.event import Event
+from acquisition.record.export import export
+from acquisition.record.merge import export_together
+from acquisition.run.run import Run
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
 from drivers.errors import ConfigError, LinkLost, NotReady, OutOfRange
 from drivers.interfaces import Answer
 from tests.acquisition.fakes import (
@@ -48,10 +49,15 @@ class Bar:
     """A ballbar campaign on fakes."""
 
     def __init__(
-        self, folder: Path, *answers: Answer, off_deg: tuple[float, ...] = (0.0,) * 6, **campaign: Any
+        self,
+        folder: Path,
+        *answers: Answer,
+        off_deg: tuple[float, ...] = (0.0,) * 6,
+        cell: dict[str, Any] = BALLBAR,
+        **campaign: Any,
     ):
         self.folder = folder
-        self.bench = Bench(a_cell(**BALLBAR), off_deg=off_deg)
+        self.bench = Bench(a_cell(**cell), off_deg=off_deg)
         self.run = Run.create(
             folder, self.bench.cell, a_campaign(**({"block": HEXAPOD} | campaign)), simulated=True
         )
@@ -174,7 +180,7 @@ def test_the_zero_is_read_between_poses(bars: Any, every: int) -> None:
     assert bar.execute() == "succeeded"
     expected = 2 if every <= 6 else 1
     assert bar.bench.zeroed == expected
-    assert bar.told("zeroed") == [{"zero_mm": 0.001}] * expected
+    assert bar.told("zeroed") == [{"zero_mm": 0.001, "bar_mm": 300.0}] * expected
     first = bar.bench.log.index("zero")
     assert first < bar.bench.log.index("move")
 
@@ -237,12 +243,16 @@ def test_one_stage_leaves_the_others_out(bars: Any) -> None:
     assert bar.run.status().skipped > 0
 
 
-def test_too_few_readings_for_a_second_stage_are_told(bars: Any) -> None:
+def test_too_few_readings_for_a_second_stage_are_told(
+    bars: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))  # a stage is planned without a file
     bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "count": 3}])
     assert bar.execute() == "succeeded"
     (refused,) = bar.told("second_stage_refused")
     assert refused["readings"] == bar.run.status().skipped
     assert "readings" in refused["reason"]
+    assert refused["reason"].startswith(str(bar.folder / "data.csv"))
 
 
 def test_a_second_stage_survives_the_end_of_the_program(bars: Any) -> None:

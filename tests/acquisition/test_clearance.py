@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.cell import Cell, cell_from
-from acquisition.clearance import NEAREST_MM
-from acquisition.obstacles import Box, Post, Table, between_lines
-from calib.kinematics import Array
+from acquisition.cell.cell import Cell, cell_from
+from acquisition.cell.clearance import NEAREST_MM
+from acquisition.cell.obstacles import Box, Post, Table, between_lines
+from calib.array import Array
 from drivers.errors import ConfigError
 from mocks.world.kinematics import frames, nominal_geometry
 from mocks.world.robots import robot_named

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from acquisition.errors import Misplaced, WronglySeated
-from acquisition.event import Event
+from acquisition.record.event import Event
 from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
 from drivers.interfaces import Answer, Identity, JointReading, Prompt
 from tests.acquisition.fakes import FakeArm, SeatingOperator

@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import json
 from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from acquisition.export import export, export_events
-from acquisition.run import Run
-from calib.dataset import read_dataset
+from acquisition.record.export import export, export_events, table_of
+from acquisition.record.store import Store
+from acquisition.run.run import Run
+from calib.data.read import read_dataset
 from drivers.interfaces import Answer
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
@@ -50,6 +53,26 @@ def test_a_reading_that_was_done_again_stays_but_does_not_count(tmp_path: Path) 
     assert int(read_dataset(out).usable.sum()) == 2 * 12
 
 
+def test_the_data_set_in_memory_is_the_one_in_the_files(tmp_path: Path) -> None:
+    record = measured(tmp_path / "r", redo=True)
+    unwritten, written = table_of(record).dataset(), read_dataset(export(record, tmp_path / "out.csv"))
+    assert not unwritten.path.exists()
+    assert unwritten.sha256 == written.sha256
+    assert unwritten.header == written.header
+    assert unwritten.reading_id == written.reading_id
+    for name in ("sets", "status", "points", "lengths"):
+        np.testing.assert_array_equal(getattr(unwritten, name), getattr(written, name))
+    for name in ("joints", "previous", "time", "temperature", "target"):
+        np.testing.assert_array_equal(getattr(unwritten.conditions, name), getattr(written.conditions, name))
+
+
+def test_every_pose_says_where_the_robot_came_from(tmp_path: Path) -> None:
+    for row in rows(export(measured(tmp_path / "r"), tmp_path / "out.csv")):
+        for k in range(1, 7):
+            way = float(row[f"j{k}_deg"]) - float(row[f"prev{k}_deg"])
+            assert way * float(row[f"approach{k}"]) > 1.0
+
+
 def test_stations_are_told_apart(tmp_path: Path) -> None:
     found = rows(export(measured(tmp_path / "r", move=True), tmp_path / "out.csv"))
     stations = [row["station"] for row in found]
@@ -81,3 +104,20 @@ def test_what_the_wire_could_not_see_is_in_record_and_data_set(tmp_path: Path, w
     header = read_dataset(export(tmp_path / "r", tmp_path / "out.csv")).header
     assert header.unprotected == (f"robot: {weakness}" if weakness else "")
     assert header.unknown_keys == ()
+
+
+def test_a_data_set_says_when_it_was_measured_and_by_whom(tmp_path: Path) -> None:
+    folder = measured(tmp_path / "r", move=True)
+    with closing(Store.open(folder)) as store:
+        for who in ("anna", "watchdog of anna", "bert", "anna"):
+            store.command("pause", by=who)
+        began, ended = [
+            datetime.fromtimestamp(utc, UTC).strftime("%Y-%m-%d %H:%M UTC")
+            for utc in store.database.query(
+                "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'measure'"
+            )[0]
+        ]
+    occasion = read_dataset(export(folder, tmp_path / "out.csv")).header.occasion
+    assert occasion is not None
+    assert (occasion.began, occasion.ended) == (began, ended)
+    assert occasion.operators[-2:] == ("anna", "bert")

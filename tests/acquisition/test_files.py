@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from acquisition.campaign import campaign_of_record, read_campaign, read_poses
-from acquisition.cell import cell_of_record, read_cell
+from acquisition.campaign.campaign import campaign_of_record, read_campaign, read_poses
+from acquisition.cell.cell import cell_of_record, read_cell
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import a_campaign, a_cell
 
@@ -56,6 +56,16 @@ def test_what_the_record_keeps_means_the_same(tmp_path: Path) -> None:
         ({"tool__normals": {"T9": [0, 0, 1]}}, "tool.normals"),
         ({"tool__normals": {"T1": [0, 0, 0]}}, "tool.normals"),
         ({"simulation": {"time_scale": 0}}, "simulation.time_scale"),
+        ({"simulation": {"misplaced_mm": {"N9": [0, 0, 1]}}}, "simulation.misplaced_mm"),
+        ({"simulation": {"misplaced_mm": {"N1": 0.3}}}, "simulation.misplaced_mm.N1"),
+        ({"world__u_m": 0.3}, "world.u_m"),
+        ({"world__u_mm": -0.3}, "world.u_mm"),
+        ({"world__u_mm": "small"}, "world.u_mm"),
+        ({"world__u_mm": 1e-30}, "world.u_mm"),
+        ({"world__nests_u_mm": {"N9": 0.3}}, "world.nests_u_mm.N9"),
+        ({"world__nests_u_mm": 0.3}, "world.nests_u_mm"),
+        ({"tool__target_u_mm": {}}, "tool.target_u_mm"),
+        ({"tool__targets_u_mm": {"T1": [0.1]}}, "tool.targets_u_mm.T1"),
         ({"surprise": 1}, "surprise"),
     ],
 )
@@ -135,5 +145,5 @@ def test_poses_of_a_file(tmp_path: Path) -> None:
 def test_prompts_only_confirm_themselves_where_the_cell_file_says_so() -> None:
     assert not a_cell().rehearsed
     assert a_cell(simulation={"operator": "confirms"}).rehearsed
-    with pytest.raises(ConfigError, match=r"simulation\.operator': is 'robot'; use 'person' or 'confirms'"):
+    with pytest.raises(ConfigError, match=r"simulation\.operator': is 'robot'. Use 'person' or 'confirms'"):
         a_cell(simulation={"operator": "robot"})

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import Cell, campaign_from, checked_plan, read_campaign, read_cell, rehearsal
-from acquisition.follow_up import campaign_table, campaign_text, in_cell
-from calib.dataset import read_dataset
+from acquisition import Cell, campaign_from, checked_plan, read_campaign, read_cell
+from acquisition.loop import rehearsal
+from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, in_cell
+from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.follow_up import POSES, FollowUp, choose, stands
 from calib.errors import DataError

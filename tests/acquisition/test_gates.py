@@ -14,16 +14,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.blocks.block import Settle
-from acquisition.campaign import campaign_of_record
-from acquisition.devices import Devices
-from acquisition.drift import Drift, drift_of
-from acquisition.event import Event
-from acquisition.export import export
-from acquisition.outcome import Outcome
-from acquisition.run import Run
-from acquisition.settling import TRIES, until_still
-from calib.dataset import read_dataset
+from acquisition.campaign.blocks.block import Settle
+from acquisition.campaign.campaign import campaign_of_record
+from acquisition.cell.devices import Devices
+from acquisition.record.drift import Drift, drift_of
+from acquisition.record.event import Event
+from acquisition.record.export import export
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
+from acquisition.run.settling import TRIES, until_still
+from calib.data.read import read_dataset
 from drivers.errors import ConfigError, NoisyMeasurement
 from drivers.interfaces import Answer, JointReading, PointReading
 from tests.acquisition.fakes import (

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 from acquisition.errors import OtherIndividual
-from acquisition.export import export
-from acquisition.individuals import Acceptance, individuals_of
-from acquisition.merge import export_together
-from acquisition.outcome import Outcome
-from calib.dataset import read_dataset
+from acquisition.record.export import export
+from acquisition.record.individuals import Acceptance, individuals_of
+from acquisition.record.merge import export_together
+from acquisition.run.outcome import Outcome
+from calib.data.read import read_dataset
 from drivers.errors import ConfigError, LinkLost
-from service.report.scope import scope_of
+from service.report.scope import devices_of
 from tests.acquisition.stage import Stage
 from tests.service.campaigns import read_rows
 
@@ -112,8 +112,8 @@ def test_an_accepted_one_is_kept_with_its_reason_and_is_a_series(
     dataset = read_dataset(out)
     assert set(dataset.conditions.series_names) == set(names)
     assert dataset.header.unknown_keys == ()
-    assert [line for line in scope_of(dataset) if "arm replaced under warranty" in line[1]] == [
-        (role.capitalize(), next(t for n, t in scope_of(dataset) if "777777," in t and "warranty" in t))
+    assert [line for line in devices_of(dataset) if "arm replaced under warranty" in line[1]] == [
+        (role.capitalize(), next(t for n, t in devices_of(dataset) if "777777," in t and "warranty" in t))
     ]
     # Back to the first one: that is another one again.
     stage.run.close()
@@ -138,7 +138,7 @@ def test_what_is_not_told_proves_nothing_until_it_is_told(make: Callable[..., St
     stage.run.resume()
     assert stage.execute().error is None
     assert individuals_of(stage.folder)["robot"].serial == "120-000001"
-    exchange(stage, "robot", "")  # a dialect that does not tell, of the same robot for all one knows
+    exchange(stage, "robot", "")  # a dialect that does not report it, of the same robot for all one knows
     stage.bench.faults[stage.bench.calls + 8] = stage.run.pause
     stage.run.resume()
     assert stage.execute().error is None
@@ -157,7 +157,7 @@ def test_another_model_is_another_device_and_new_software_is_not(make: Callable[
     stage.bench.who["instrument"] = replace(stage.bench.who["instrument"], model="another", serial="")
     stage.run.resume(accepted=Acceptance("meter", "no", "anna"))
     assert isinstance(stage.execute().error, OtherIndividual)
-    stage.run.resume(accepted=Acceptance("another", "it tells no serial number", "anna"))
+    stage.run.resume(accepted=Acceptance("another", "it reports no serial number", "anna"))
     assert stage.execute().state.value == "succeeded"
 
 

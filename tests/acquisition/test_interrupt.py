@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.clock import ScaledClock
-from acquisition.control import Control, Pausing, Stopping
-from acquisition.interrupt import pausing_on_interrupt
+from acquisition.run.clock import ScaledClock
+from acquisition.run.control import Control, Pausing, Stopping
+from acquisition.run.interrupt import pausing_on_interrupt
 from tests.acquisition.fakes import JumpingClock
 from tests.acquisition.stage import ALL, Stage
 from tests.drivers.waiting import until

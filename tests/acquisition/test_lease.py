@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
-from acquisition.lease import Lease
-from acquisition.run import Run
+from acquisition.run.lease import Lease
+from acquisition.run.run import Run
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until

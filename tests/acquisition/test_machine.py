@@ -21,10 +21,10 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from acquisition.database import FILE
-from acquisition.errors import NotResumed
-from acquisition.event import Event
-from acquisition.run import Run
+from acquisition.errors import NotResumed, StorageError
+from acquisition.record.database import FILE
+from acquisition.record.event import Event
+from acquisition.run.run import Run
 from drivers.errors import (
     BeamBroken,
     EmergencyStop,
@@ -32,7 +32,6 @@ from drivers.errors import (
     LinkTimeout,
     NoOperator,
     OutOfRange,
-    StorageError,
     WrongMode,
 )
 from drivers.interfaces import Answer, Prompt
@@ -149,14 +148,14 @@ class CampaignMachine(RuleBasedStateMachine):
         elif what == "clock":
             self.clock.calendar += 3600.0
         elif what == "full disk":
-            database.query(f"PRAGMA max_page_count = {database.query('PRAGMA page_count')[0][0]}")
+            database.script(f"PRAGMA max_page_count = {database.query('PRAGMA page_count')[0][0]}")
             while True:
                 try:
                     self.run._store.tell("filler", text="x" * 2000)
                 except StorageError:
                     break
         elif what == "browser":
-            database.query("PRAGMA busy_timeout = 1")
+            database.script("PRAGMA busy_timeout = 1")
             self.browser = sqlite3.connect(self.folder / FILE, isolation_level=None, check_same_thread=False)
             self.browser.execute("BEGIN IMMEDIATE")
         elif what == "tracker moved":
@@ -200,7 +199,7 @@ class CampaignMachine(RuleBasedStateMachine):
             assert outcome.state.value == self.run.status().state
             assert outcome.state.value in ("succeeded", "failed", "paused", "stopped")
             assert self.run.status().reason == outcome.reason
-        self.run._store.database.query("PRAGMA max_page_count = 1000000")
+        self.run._store.database.script("PRAGMA max_page_count = 1000000")
         assert self.bench.calls == calls
 
     @rule()

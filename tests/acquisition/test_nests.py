@@ -38,6 +38,24 @@ def test_wrong_nest_is_asked_about_and_measured_again(stage: Stage) -> None:
     assert stage.bench.log[4:10] == NESTS * 2
 
 
+@pytest.mark.parametrize(
+    ("u_mm", "said"), [({"world__u_mm": 0.02}, True), ({"world__u_mm": 0.3}, False), ({}, False)]
+)
+def test_a_nest_beyond_its_stated_uncertainty_is_named(
+    tmp_path: Path, u_mm: dict[str, float], said: bool
+) -> None:
+    stage = Stage(tmp_path, cell=u_mm)
+    stage.bench.shift_mm = {"N2": 0.4}
+    with closing(stage.run):
+        assert stage.execute().state.value == "succeeded"
+        told = [event.data for event in stage.run.events() if event.kind == "nest_doubted"]
+    assert bool(told) == said
+    if said:
+        assert [each["nest"] for each in told] == ["N2"]
+        assert "Nest N2 lies 0.4" in told[0]["text"]
+        assert "from where the cell file puts it to 0.02 mm" in told[0]["text"]
+
+
 def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
     stage.bench.shift_mm = {"N2": 3.0}
     stage.operator.answers = [Answer.ABORT]
@@ -58,6 +76,14 @@ def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
     assert after is not None
     assert after.origin - before.origin == pytest.approx([40.0, -30.0, 5.0], abs=1e-6)
     assert "instrument_moved" in [event.kind for event in stage.run.events()]
+
+
+def test_nests_that_are_to_be_measured_again_make_no_frame(stage: Stage) -> None:
+    stage.execute()
+    store = stage.run._store
+    assert sorted(store.nests_mm()) == ["N1", "N2", "N3"]
+    store.measure_nests_again("somebody leaned on the table")
+    assert store.nests_mm() == {}
 
 
 def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:

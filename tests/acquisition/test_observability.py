@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.check import check_plan
-from acquisition.observability import setup_of
-from acquisition.plan import Visit, make_plan
-from acquisition.poses import draw_candidates, draw_poses
-from acquisition.workspace import facing
-from calib.kinematics import forward
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.observability import setup_of
+from acquisition.campaign.plan import Visit, make_plan
+from acquisition.campaign.poses import draw_poses
+from acquisition.cell.workspace import facing
+from calib.arm.kinematics import forward
 from calib.selection import candidates_of
 from calib.units import DEG
 from drivers.errors import ConfigError
@@ -96,8 +96,6 @@ def test_only_targets_that_are_measured_need_to_look() -> None:
 
 
 def test_candidates_are_as_many_as_are_found() -> None:
-    assert (
-        draw_candidates(a_cell(robot__table_z_mm=5000.0), 10, np.random.default_rng(1), -5.0, both=False)
-        == []
-    )
-    assert len(draw_candidates(a_cell(), 700, np.random.default_rng(1), -5.0, both=False)) == 700
+    high = a_cell(robot__table_z_mm=5000.0)
+    assert draw_poses(high, 10, np.random.default_rng(1), -5.0, both=False, fewest=0) == []
+    assert len(draw_poses(a_cell(), 700, np.random.default_rng(1), -5.0, both=False, fewest=0)) == 700

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.check import check_plan
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import Visit, make_plan
+from acquisition.cell.workspace import targets_at
 from acquisition.errors import UnsafePlan
-from acquisition.plan import Visit, make_plan
-from acquisition.workspace import targets_at
-from calib.kinematics import forward
+from calib.arm.kinematics import forward
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import CAMPAIGN, a_campaign, a_cell
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.database import FILE
-from acquisition.run import Run
+from acquisition.record.database import FILE
+from acquisition.run.run import Run
 from drivers.errors import BeamBroken, LinkLost
 from drivers.interfaces import Answer
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of

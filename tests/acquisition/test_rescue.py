@@ -16,17 +16,17 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.database import FILE
-from acquisition.errors import DamagedRecord, RecordError, RecordInUse
-from acquisition.event import Event
-from acquisition.export import export
-from acquisition.rescue import rescue
-from acquisition.run import Run
-from acquisition.salvage import salvage
-from acquisition.status import read_status
-from acquisition.store import Store
-from calib.dataset import read_dataset
-from drivers.errors import ConfigError, StorageError
+from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
+from acquisition.record.database import FILE
+from acquisition.record.event import Event
+from acquisition.record.export import export
+from acquisition.record.rescue import rescue
+from acquisition.record.salvage import salvage
+from acquisition.record.store import Store
+from acquisition.run.run import Run
+from acquisition.run.status import read_status
+from calib.data.read import read_dataset
+from drivers.errors import ConfigError
 from service.cli import main
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.service.campaigns import read_rows
@@ -271,14 +271,8 @@ def test_an_empty_file_holds_no_campaign(record: Path) -> None:
 
 def test_no_right_to_read(record: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests may run as a user who may read everything: the system is made to refuse."""
-    opened = Path.open
-
-    def refuse(path: Path, *given: object, **named: object) -> object:
-        if path == record / FILE:
-            raise PermissionError(13, "Permission denied", str(path))
-        return opened(path, *given, **named)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Path, "open", refuse)
+    allowed = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != record / FILE and allowed(path, mode))
     with pytest.raises(StorageError, match=r"record.sqlite3: cannot be read \(Permission denied\)") as caught:
         read_status(record)
     assert "right to read" in caught.value.what_to_do
@@ -297,7 +291,7 @@ def test_what_may_not_be_rescued(record: Path, tmp_path: Path) -> None:
 
 
 def test_a_whole_record_loses_nothing(record: Path, tmp_path: Path) -> None:
-    assert salvage(record).damaged == {"pose": frozenset(), "attempt": frozenset(), "device": frozenset()}
+    assert salvage(record).damaged == dict.fromkeys(("pose", "attempt", "device", "chunk"), frozenset())
     rescued = rescue(record, tmp_path / "out")
     assert rescued.lost == ()
     assert read_rows(export(tmp_path / "out", tmp_path / "a.csv")) == read_rows(

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.database import FILE
-from acquisition.errors import NotResumed
-from acquisition.event import Event
+from acquisition.errors import NotResumed, StorageError
+from acquisition.record.database import FILE
+from acquisition.record.event import Event
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -22,7 +22,6 @@ from drivers.errors import (
     LinkLost,
     LinkTimeout,
     NoOperator,
-    StorageError,
     WrongMode,
 )
 from drivers.interfaces import Answer, JointReading
@@ -245,7 +244,7 @@ def test_storage_error_pauses_and_nothing_is_lost(stage: Stage) -> None:
 
     def fill() -> None:
         count = database.query("PRAGMA page_count")[0][0]
-        database.query(f"PRAGMA max_page_count = {count}")
+        database.script(f"PRAGMA max_page_count = {count}")
         while True:
             try:
                 stage.run._store.tell("filler", text="x" * 400)
@@ -258,7 +257,7 @@ def test_storage_error_pauses_and_nothing_is_lost(stage: Stage) -> None:
     assert isinstance(outcome.error, StorageError)
     assert stage.run.status().state == "paused"
     assert "Make room" in stage.run.status().reason
-    database.query("PRAGMA max_page_count = 1000000")
+    database.script("PRAGMA max_page_count = 1000000")
     stage.run.resume()
     outcome = stage.execute(lambda e: acknowledged.append(e.data["attempt"]) if e.kind == "reading" else None)
     assert outcome.state.value == "succeeded"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.cell import NoiseFigures
-from acquisition.station import FALSE_ALARM, SEAT_MM, change_of
+from acquisition.cell.cell import NoiseFigures
+from acquisition.cell.station import FALSE_ALARM, SEAT_MM, change_of
 
 NESTS = {"N1": (2400.0, 900.0, -350.0), "N2": (1800.0, 900.0, -350.0), "N3": (2400.0, 300.0, -350.0)}
 NOISE = NoiseFigures()

@@ -14,9 +14,17 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.devices import Devices
-from acquisition.rig import PRESS
-from drivers.errors import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
+from acquisition.cell.devices import Devices
+from acquisition.errors import StorageError
+from acquisition.run.noting import Noting
+from acquisition.run.rig import PRESS
+from drivers.errors import (
+    AcquisitionError,
+    CannotStop,
+    LinkLost,
+    LinkTimeout,
+    ProtectiveStop,
+)
 from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
 from tests.acquisition.stage import Stage
 from tests.drivers.waiting import in_thread
@@ -150,3 +158,67 @@ def test_a_link_that_is_there_again_is_none_that_is_down(stage: Stage) -> None:
     stage.bench.faults[CONNECT + 2] = lambda: problems.extend(stage.run.stop(by="anna"))
     assert stage.run.execute(devices, stage.clock).state.value == "stopped"
     assert problems == []
+
+
+def test_a_stop_does_not_wait_for_the_record_and_the_run_does_not_end_before_it(stage: Stage) -> None:
+    """A sync of a busy disk was seen to take 250 ms."""
+    writing, written = threading.Event(), threading.Event()
+    events: list[tuple[str, object]] = []
+
+    def write() -> None:
+        with stage.run._store.changing():
+            writing.set()
+            written.wait(20.0)
+
+    def stop() -> None:
+        held = in_thread(write)
+        assert writing.wait(20.0)
+        told = in_thread(lambda: stage.run.stop(by="anna"))
+        try:
+            assert told.result(10.0) == []
+            assert stage.bench.log[-1] == "move"
+        finally:
+            written.set()
+        held.result(20.0)
+
+    stage.bench.faults[MOVE] = stop
+    outcome = stage.execute(lambda event: events.append((event.kind, event.data.get("state"))))
+    assert outcome.state.value == "stopped"
+    assert events.index(("command", None)) < events.index(("state", "stopped"))
+
+
+def test_an_order_that_could_not_be_noted_is_noted_with_the_end(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = stage.run._store
+    command, tried = store.command, threading.Event()
+
+    def full(verb: str, by: str, key: str | None = None) -> bool:
+        monkeypatch.setattr(store, "command", command)
+        tried.set()
+        raise StorageError("disk is full")
+
+    def stop() -> None:
+        monkeypatch.setattr(store, "command", full)
+        stage.run.stop(by="anna")
+        assert tried.wait(20.0)
+
+    stage.bench.faults[MOVE] = stop
+    assert stage.execute().state.value == "stopped"
+    noted = [event.data for event in stage.run.events() if event.kind == "command"]
+    assert noted == [{"verb": "stop", "by": "anna"}]
+
+
+def test_the_end_of_a_run_waits_for_what_is_being_noted(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_go, noting = threading.Event(), Noting(stage.run._store)
+    monkeypatch.setattr(stage.run._store, "command", lambda *order: let_go.wait(20.0))
+    noting.begin("anna", None)
+    ending = in_thread(noting.finish)
+    try:
+        with pytest.raises(TimeoutError):
+            ending.result(0.2)
+    finally:
+        let_go.set()
+    ending.result(20.0)

@@ -15,12 +15,11 @@ from pathlib import Path
 import apsw
 import pytest
 
-from acquisition.database import FILE, LOCK
-from acquisition.errors import ClockJumped, RecordTaken, RobotInUse
-from acquisition.event import Event
-from acquisition.outcome import Outcome
-from acquisition.run import Run
-from drivers.errors import StorageError
+from acquisition.errors import ClockJumped, RecordTaken, RobotInUse, StorageError
+from acquisition.record.database import FILE, LOCK
+from acquisition.record.event import Event
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.acquisition.platter import Disk, Op, connect
 
@@ -126,7 +125,9 @@ def test_stopping_a_robot_needs_no_disk(tmp_path: Path, monkeypatch: pytest.Monk
     outcome = stage.execute()
     assert stage.bench.calls == 9  # nothing moved after it
     assert outcome.state.value == "paused"  # it may not say "stopped", the record does not know it
-    assert [type(problem) for problem in problems] == [StorageError]
+    assert outcome.error is not None
+    assert "disk is full" in outcome.reason
+    assert problems == []  # what could not be stopped
     disk.before = lambda op: None
     monkeypatch.undo()
     stage.finish()
@@ -135,7 +136,7 @@ def test_stopping_a_robot_needs_no_disk(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("call", [5, 8, 9, 10, 11, 14])
 def test_a_record_locked_by_another_program(tmp_path: Path, call: int) -> None:
     stage = Stage(tmp_path)
-    stage.run._store.database.query("PRAGMA busy_timeout = 20")  # the patience of a test
+    stage.run._store.database.script("PRAGMA busy_timeout = 20")  # the patience of a test
     browser = sqlite3.connect(tmp_path / FILE, isolation_level=None)
     stage.bench.faults[call] = lambda: void(browser.execute("BEGIN IMMEDIATE"))
     outcome = stage.execute()

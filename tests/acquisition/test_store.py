@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import sqlite3
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing
@@ -15,19 +17,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.attempts import Attempts
-from acquisition.database import FILE
-from acquisition.errors import IllegalTransition, RecordError, RecordInUse
-from acquisition.event import Moment
-from acquisition.plan import make_plan
-from acquisition.schema import SCRIPTS
-from acquisition.states import TRANSITIONS, State, check_transition
-from acquisition.status import read_status, status_of
-from acquisition.store import Planned, Store
-from acquisition.world_frame import WorldFrame
-from drivers.errors import LinkLost, StorageError
+from acquisition.campaign.plan import make_plan
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import IllegalTransition, RecordError, RecordInUse, StorageError
+from acquisition.record.attempts import Attempts
+from acquisition.record.database import FILE
+from acquisition.record.event import Moment
+from acquisition.record.schema import SCRIPTS
+from acquisition.record.states import TRANSITIONS, State, check_transition
+from acquisition.record.store import Planned, Store
+from acquisition.run.status import read_status, status_of
+from drivers.errors import LinkLost
 from drivers.interfaces import JointReading, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell
+from tests.drivers.waiting import PATIENCE_S, in_thread
 
 READING = PointReading("T1", (1.0, 2.0, 3.0), (0.1, 0.1, 0.1), 10, 5.0, 0.0, 22.5, raw=b"\x00raw")
 
@@ -193,11 +196,11 @@ def test_a_reading_that_is_not_trusted_is_planned_once_more(tmp_path: Path) -> N
     arrival = attempts.begin_arrival(planned.visit)
     attempts.arrived(arrival, JointReading((1.0,) * 6, 1e-5))
     attempts.measured(attempts.begin_reading(planned, arrival), planned, READING, None)
-    assert [each.target for each in store.left("pose", "planned")] == ["T2"]
+    assert [each.target for each in store.left("planned")] == ["T2"]
     store.measure_again([planned.id], "bumped")
-    assert [each.target for each in store.left("pose", "planned")] == ["T2", "T1"]
+    assert [each.target for each in store.left("planned")] == ["T2", "T1"]
     assert store.counts() == {"planned": 5}
-    again = store.left("pose", "planned")[1]
+    again = store.left("planned")[1]
     assert (again.visit.joints_deg, again.visit.number) == (planned.visit.joints_deg, planned.visit.number)
     with pytest.raises(StorageError, match="replaced once"):
         store.measure_again([planned.id], "twice")
@@ -234,7 +237,7 @@ def test_a_record_of_version_1_is_carried_over(tmp_path: Path) -> None:
         assert store.state is State.PAUSED
         assert [e.kind for e in store.events()] == ["state", "attempt_died", "state"]
         store.start()
-        Attempts(store).begin_arrival(store.left("pose", "planned")[0].visit)
+        Attempts(store).begin_arrival(store.left("planned")[0].visit)
 
 
 def test_changes_within_a_change_are_one(tmp_path: Path) -> None:
@@ -285,6 +288,7 @@ def test_recovery_marks_what_was_open(tmp_path: Path) -> None:
     assert store.state is State.PAUSED
     died = [event for event in store.events() if event.kind == "attempt_died"]
     assert [event.data["attempt"] for event in died] == [arrival]
+    assert [row[0] for row in store.database.query("SELECT status FROM attempt")] == ["died"]
     version = store.version
     store.recover()
     assert store.version == version
@@ -300,6 +304,24 @@ def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
     assert (status.state, status.done, status.total) == ("ready", 0, 5)
     store.close()
     Store.open(tmp_path).close()
+
+
+def test_what_is_written_after_a_look_by_the_same_program_survives(tmp_path: Path) -> None:
+    """A file that a process closes takes all locks of the process on it along. Whoever read the record next then seemed
+    to be the last user of the journal and took it away: what the run wrote from there on was lost with the run."""
+    store = new_store(tmp_path)
+    read_status(tmp_path)
+    assert "after the look" not in seen_by_another_process(tmp_path)
+    store.tell("after the look")
+    assert "after the look" in seen_by_another_process(tmp_path)
+    store.close()
+
+
+def seen_by_another_process(folder: Path) -> str:
+    """The kinds of the events that are there: what a killed process would leave behind."""
+    asked = "import sqlite3, sys; print(sqlite3.connect(sys.argv[1]).execute('SELECT kind FROM event').fetchall())"
+    command = [sys.executable, "-c", asked, str(folder / FILE)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
 def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
@@ -337,15 +359,29 @@ def test_a_full_disk_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None
     """`max_page_count` stands for the end of the disk: SQLite answers the same 'disk is full'."""
     store = new_store(tmp_path)
     count = store.database.query("PRAGMA page_count")[0][0]
-    store.database.query(f"PRAGMA max_page_count = {count}")
+    store.database.script(f"PRAGMA max_page_count = {count}")
     told: list[int] = []
     with pytest.raises(StorageError, match="full"):
         told.extend(fill(store))
     fillers = [event for event in store.events(limit=20_000) if event.kind == "filler"]
     assert len(fillers) == len(told) > 0
-    store.database.query(f"PRAGMA max_page_count = {count * 100}")
+    store.database.script(f"PRAGMA max_page_count = {count * 100}")
     store.tell("filler", text="again")
     assert store.database.query("PRAGMA integrity_check")[0][0] == "ok"
+    store.close()
+
+
+def test_a_look_does_not_wait_for_a_change_that_is_being_written(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    before = store.version
+    with store.changing() as db:
+        store.note(db, "news")
+        assert in_thread(lambda: (store.version, status_of(store).version)).result(PATIENCE_S) == (
+            before,
+            before,
+        )
+        assert store.version == before + 1  # in its own thread
+    assert store.version == before + 1
     store.close()
 
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.check import check_plan
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import make_plan
+from acquisition.cell.transit import Transit, clear_ways, home_of, may_visit
+from acquisition.cell.workspace import lowest_of, may_stand
 from acquisition.errors import NoClearWay, UnsafePlan
-from acquisition.event import Event
-from acquisition.plan import make_plan
-from acquisition.transit import Transit, clear_ways, home_of, may_visit
-from acquisition.workspace import lowest_of, may_stand
+from acquisition.record.event import Event
 from drivers.errors import ConfigError
 from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import SeatingOperator, a_campaign, a_cell

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from acquisition.cell.world_frame import WorldFrame, frame_of, from_nests
 from acquisition.errors import NestsDisagree
-from acquisition.world_frame import WorldFrame, frame_of, from_nests
 
 NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
 ELSEWHERE = {"A": (100.0, -50.0, 20.0), "B": (400.0, 300.0, 40.0), "C": (-200.0, 500.0, -10.0)}

@@ -14,20 +14,27 @@ from collections.abc import Callable
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread against one thread
 
 from tests.benchmarks import (
+    align,
+    ballbar,
     campaign,
     clearance,
     coverage,
     demo,
     diagnosis,
     floor,
+    hexapod,
     identification,
     inverse,
     kinematics,
     misread,
+    nests,
     overhead,
     pairs,
     parsers,
+    path,
     peers,
+    real_data,
+    regress,
     selection,
     stop,
 )
@@ -38,22 +45,29 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "selection": (selection.run, None),
     "pairs": (pairs.run, None),
     "inverse": (inverse.run, None),
+    "hexapod": (hexapod.run, None),
     "clearance": (clearance.run, None),
     "overhead": (overhead.run, None),
+    "align": (align.run, 20),
     "stop": (stop.run, 20),
     "parsers": (parsers.run, None),
     "floor": (floor.run, 50),
+    "regress": (regress.run, 40),
     "coverage": (coverage.run, 300),
     "diagnosis": (diagnosis.run, 100),
     "misread": (misread.run, 3),
+    "nests": (nests.run, 20),
+    "ballbar": (ballbar.run, 20),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
+    "path": (path.run, None),
     "peers": (peers.run, None),
+    "real_data": (real_data.run, None),
 }
 """Name -> function, and the number of campaigns that it takes, where it takes one."""
 
-APART = ("campaign", "demo", "peers")
-"""Run by name only: kills and demos take minutes, the peers are installed first."""
+APART = ("campaign", "demo", "path", "peers", "real_data")
+"""Run by name only: kills, demos and the path take minutes, peers are installed first, the real data lie elsewhere."""
 
 
 def main() -> int:

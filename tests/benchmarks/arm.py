@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.robot import Robot
+from calib.arm.robot import Robot
 
 Array = NDArray[np.float64]
 Slots = Mapping[str, Array | float]

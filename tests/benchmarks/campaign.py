@@ -25,11 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.devices import Devices
-from acquisition.event import Event
-from acquisition.export import export
-from acquisition.run import Run
-from calib.kinematics import Array
+from acquisition.cell.devices import Devices
+from acquisition.record.event import Event
+from acquisition.record.export import export
+from acquisition.run.run import Run
+from calib.array import Array
 from drivers.interfaces import JointReading, PointReading
 from tests.acquisition.fakes import Bench, FakeArm, FakeMeter, JumpingClock, a_campaign, a_cell
 from tests.benchmarks.clock import line

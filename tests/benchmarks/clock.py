@@ -19,3 +19,17 @@ def seconds(call: Callable[[], object], tries: int = 5) -> float:
 def line(name: str, value: str, wanted: str, reached: bool) -> None:
     """One row of the table."""
     print(f"{name:<64} {value:>12} {wanted:>10}  {'ok' if reached else 'MISSED'}", flush=True)
+
+
+def at_most(name: str, found: int, total: int, share: float) -> bool:
+    """A count that may be a share of all at most."""
+    reached = found <= share * total
+    line(f"{name}, of {total}", str(found), f"<= {share:.1%}", reached)
+    return reached
+
+
+def at_least(name: str, found: int, total: int, share: float) -> bool:
+    """A count that must be a share of all at least."""
+    reached = found >= share * total
+    line(f"{name}, of {total}", str(found), f">= {share:.0%}", reached)
+    return reached

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from calib.dataset import Dataset
-from calib.header import Header
-from calib.identification import Identification
-from calib.identify import identify
-from calib.noise import Noise
-from calib.placing import base_model_of
-from calib.robot import load_robot
+from calib.arm.robot import load_robot
+from calib.data.dataset import Dataset
+from calib.data.header import Header
+from calib.data.noise import Noise
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.fit.placing import base_model_of
 from calib.units import to_internal
 from tests.benchmarks.arm import tool_frames, torques
 from tests.benchmarks.clock import line
@@ -98,7 +98,9 @@ def header_of(kind: Kind) -> Header:
         loads=ROBOT.loads,
         holdout="as measured",
         base_targets={} if kind.points else BASE_TARGETS,
-        base_targets_u_mm=kind.base_targets_u_mm,
+        base_targets_u_mm=dict.fromkeys(BASE_TARGETS, kind.base_targets_u_mm)
+        if kind.base_targets_u_mm
+        else {},
     )
 
 

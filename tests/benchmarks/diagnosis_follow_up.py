@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from calib.array import Array
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.follow_up import FollowUp
-from calib.kinematics import Array
 from mocks.campaign import Campaign, plan
 from mocks.world import ArmState, Robot, Session, World, scaled, stream
 from mocks.world.dataset import row_of

@@ -11,7 +11,7 @@ from calib.diagnose import diagnosis as end_to_end
 from calib.diagnose import select
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.effects import Survey, offers
-from calib.effects.effect import Offer
+from calib.scan.scores import Family
 from tests.benchmarks.diagnosis_sets import Draw, load
 from tests.benchmarks.diagnosis_truth import Shown, Truth, truth_of
 
@@ -29,6 +29,7 @@ MECHANISMS: dict[str, str] = {
     "dead_zone": "load on gear",
     "cubic_stiffness": "load on gear",
     "backlash": "arrival of gear",
+    "backlash_load": "arrival of gear",
     "settling": "arrival of gear",
     "lost_motion": "arrival of gear",
     "parallel_twist": "structure",
@@ -42,6 +43,7 @@ MECHANISMS: dict[str, str] = {
     "target_offset": "tool",
     "tool_shift": "tool",
     "base_shift": "place of robot and instrument",
+    "base_target_shift": "place of robot and instrument",
     "drift_translation": "place of robot and instrument",
     "drift_rotation": "place of robot and instrument",
     "tracker_scale": "scale",
@@ -177,7 +179,7 @@ def examine(draw: Draw, missing: bool = False) -> Case | None:
 def without(*labels: str) -> Iterator[None]:
     """The library without the families of these labels; of a periodic error all orders of its joint are gone."""
 
-    def fewer(survey: Survey) -> list[Offer]:
+    def fewer(survey: Survey) -> list[Family]:
         return [
             offer
             for offer in offers(survey)

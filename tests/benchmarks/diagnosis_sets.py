@@ -14,11 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.dataset import Dataset, read_dataset
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from calib.effects.coupling import pairs
 from mocks.campaign import DEFAULT_FIT, Campaign, make_campaign, plan, write_campaign
-from mocks.world import DEPARTURES, OUTSIDE, Session, World, stream
+from mocks.world import DEPARTURES, OUTSIDE, ArmState, Session, World, stream
 from mocks.world.dataset import header_of, row_of
+from mocks.world.poses import approach_point, random_sides
 from mocks.world.scaling import Reading
 from mocks.world.world import POSE_STREAM
 
@@ -194,3 +196,34 @@ def crowded(readings: int, labels: Sequence[str], seed: int = 7) -> Campaign:
     world = World("abb-irb120", seed, labels, session=Session(readings))
     rng = stream(seed, POSE_STREAM)
     return measured(world, plan(world, ["calibration"] * readings, True, "offset", rng))
+
+
+def visits(
+    world: World, n: int, held_out: int, each: int, at_once: int, approach: str, rng: np.random.Generator
+) -> tuple[list[str], list[Reading]]:
+    """n calibration and so many validation readings in random order of time: every pose visited `each` times, from
+    sides drawn anew, and `at_once` targets read in each visit, which share its repeatability."""
+    names, per_pose = list(world.targets), each * at_once
+    sets = ["calibration"] * -(-n // per_pose) + ["validation"] * -(-held_out // per_pose)
+    stops = [pose for pose in range(len(sets)) for _ in range(each)]
+    stops = [stops[i] for i in rng.permutation(len(stops))]
+    drawn = plan(world, sets, True, "offset", rng)
+    poses = [state.joints_deg for state, _ in drawn]
+    kinds, readings, previous = [], [], poses[stops[-1]]
+    for stop, pose in enumerate(stops):
+        joints, sides = poses[pose], random_sides(6, rng)
+        length = float(rng.uniform(5.0, 15.0)) if approach == "varied" else 5.0
+        start = approach_point(joints, sides, length)
+        if approach == "direct" and previous != joints:
+            start, sides = previous, tuple(1 if q >= p else -1 for q, p in zip(joints, previous, strict=True))
+        first = int(rng.integers(len(names)))
+        if at_once == 1 and each > 1:
+            first = pose % len(names)
+        for k in range(at_once):
+            order = stop * at_once + k
+            t_s = round((order + 1) * world.session.seconds, 3)
+            state = ArmState(joints, start, sides, t_s, round(world.air_c(t_s), 2), stop)
+            readings.append((state, names[(first + k) % len(names)]))
+            kinds.append(sets[pose])
+        previous = joints
+    return kinds, readings

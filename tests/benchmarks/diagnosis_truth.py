@@ -20,15 +20,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.dataset import Dataset
-from calib.diagnose.scan import HarmonicScores, Scores
-from calib.diagnose.space import Space
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.effects import Survey, offers
-from calib.effects.effect import Offer
-from calib.identification import Identification
-from calib.identify import identify
-from calib.kinematics import Array
-from calib.model import Design
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.model.model import Design
+from calib.scan.harmonics import HarmonicScores
+from calib.scan.scores import Family, Scores
+from calib.scan.space import Space
 from mocks.campaign import Campaign
 from mocks.world import Effect, World, displacement
 
@@ -102,7 +102,7 @@ def _whitened(base: Identification, columns: Array) -> Array:
     )
 
 
-def _shown(space: Space, library: list[Offer], label: str, displaced: Array, others: list[Array]) -> Shown:
+def _shown(space: Space, library: list[Family], label: str, displaced: Array, others: list[Array]) -> Shown:
     """lambda and gap of one effect beside the true columns of the others."""
     basis = _wider(space.basis, others)
     held = np.zeros(len(basis))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.identify import identify
+from calib.fit.identify import identify
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import GROUPS, POINT_MM, Campaign, Kind, simulate, true_frames
 

@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.dataset import Dataset, read_dataset
-from calib.identify import identify
-from calib.kinematics import Array
-from calib.least_squares import jacobian
-from calib.model import Design
-from calib.placing import base_model_of
-from calib.readings import readings_of
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
+from calib.fit.least_squares import jacobian
+from calib.fit.placing import base_model_of
+from calib.fit.readings import readings_of
+from calib.model.model import Design
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.clock import line, seconds
 

@@ -13,12 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.compensate import StatedConditions, correct, correct_poses, stands_of
-from calib.effects import base_model
-from calib.inverse_kinematics import BRANCHES, inverse_kinematics
-from calib.kinematics import Array, forward
-from calib.model import RobotModel
-from calib.robot import Robot, load_robot
+from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.compensate import correct, correct_poses, stands_of
+from calib.data.groups import DEFAULT_GROUPS
+from calib.model import base_model
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
 from calib.units import to_internal
 from calib.validation.branch import branches
 from tests.benchmarks.clock import line, seconds
@@ -139,7 +142,7 @@ def _ratio(name: str, count: int, together: float, alone: float) -> bool:
 def _errant(robot: Robot) -> tuple[RobotModel, Array]:
     """The base model of a robot that is tenths of a millimetre and hundredths of a degree wrong."""
     rng = np.random.default_rng(3)
-    effects = base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
+    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
     model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
     sizes = {"mm": 0.25, "deg": 0.04}
     estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]

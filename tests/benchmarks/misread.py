@@ -19,9 +19,9 @@ import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
 
-from calib.dataset import read_dataset
+from calib.arm.robot import BUILT_IN, built_in_robots
+from calib.data.read import read_dataset
 from calib.errors import DataError
-from calib.robot import BUILT_IN, built_in_robots
 from mocks.campaign import make_campaign
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import RANGE

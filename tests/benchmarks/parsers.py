@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.columns import Columns
+from calib.arm.robot import load_robot
 from calib.convert import IMPORTERS
-from calib.csv_text import rows_of
 from calib.errors import DataError
-from calib.json_text import parse_json
-from calib.robot import load_robot
-from calib.toml_text import parse_toml
-from drivers import mbp
+from calib.text.columns import Columns
+from calib.text.csv_text import rows_of
+from calib.text.json_text import parse_json
+from calib.text.toml_text import parse_toml
+from drivers.bridge import mbp
 from drivers.errors import ProtocolError
 from service.programs import KnownFrames
 from service.programs.read import parse
@@ -156,7 +156,7 @@ def run() -> bool:
         ("JSON", JSON, lambda text: parse_json(text, "f")),
         ("TOML", TOML, lambda text: parse_toml(text, "f")),
         ("CSV", TABLE, lambda text: rows_of(text, "f")),
-        ("columns of a data set", TABLE, partial(_of_file, Columns)),
+        ("columns of a data set", TABLE, partial(_of_file, Columns.read)),
         ("published readings", TABLE, partial(_of_file, IMPORTERS["ipa-ur10"])),
         *(
             (f"program {Path(name).suffix}", programs[Path(name).suffix], partial(_program, name, robot))

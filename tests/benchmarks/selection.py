@@ -12,13 +12,13 @@ import time
 
 import numpy as np
 
-from calib.kinematics import Array
-from calib.noise import Noise
-from calib.robot import load_robot
+from calib.arm.robot import load_robot
+from calib.array import Array
+from calib.data.noise import Noise
 from calib.selection import Setup, candidates_of, choose
-from calib.selection.blocks import Blocks
 from calib.selection.bound import optimum
-from calib.selection.exchange import State, best_of_starts, log_det
+from calib.selection.exchange import SelectionState, best_of_starts, log_det
+from calib.selection.pose_rows import PoseRows
 from calib.units import DEG
 from tests.benchmarks.clock import line, seconds
 
@@ -40,7 +40,7 @@ def run() -> bool:
             load_robot("abb-irb120"), {t: TARGETS[t] for t in targets}, Noise("isotropic", sigma_mm=0.02)
         )
         rows = candidates_of(setup, joints).rows
-        blocks = Blocks.of(rows)
+        blocks = PoseRows.of(rows)
         best = optimum(blocks)
         for count in (38, 42, 50):
             begin = time.process_time()
@@ -75,9 +75,9 @@ def run() -> bool:
     return bool(reached)
 
 
-def _updates(blocks: Blocks) -> float:
+def _updates(blocks: PoseRows) -> float:
     """Seconds for a pose to leave, all candidates to be judged, and the best to enter."""
-    state = State.of(blocks, blocks.information(np.arange(38)))
+    state = SelectionState.of(blocks, blocks.information(np.arange(38)))
 
     def once() -> None:
         without = state.changed(5, -1.0)

@@ -130,6 +130,7 @@ def _load(service: Served, run: str, data: Path) -> Iterator[None]:
             yield
         finally:
             process.stdin.close()
-            answered = json.loads(process.stdout.readline())
-            told = ", ".join(f"{what}: {number}" for what, number in sorted(answered.items()))
-            print(f"answered meanwhile: {told}", flush=True)
+            told = json.loads(process.stdout.readline())
+            kinds = ", ".join(f"{what}: {number}" for what, number in sorted(told["answered"].items()))
+            print(f"answered meanwhile: {kinds}", flush=True)
+            print(f"the 200 clients took {100 * told['core']:.0f} % of a core", flush=True)

@@ -1,16 +1,20 @@
 """`python -m tests.benchmarks.stop_load BASE_URL AUTHORIZATION RUN DATA.csv`: 200 clients who keep a service busy.
 
-Dry runs of 400 poses, uploads, diagnoses, long polls and listings, forty clients each; every one asks again as soon as
-it is answered, a refused one half a second later. Until the input closes; then it prints how they were answered.
+Dry runs of 400 poses, dry runs whose body lists 5,000, uploads, diagnoses, long polls and listings; every client asks
+again as soon as it is answered, a refused one half a second later. Until the input closes; then it prints how they were
+answered, and what part of a core the clients themselves took.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import random
 import sys
+import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +23,8 @@ import httpx2
 CLIENTS, POSES, PAUSE_S = 200, 400, 0.5
 BLOCK: dict[str, Any] = {"set": "calibration", "count": POSES, "select": "random"}
 CAMPAIGN: dict[str, Any] = {"format": "truepose-campaign/1", "block": [BLOCK]}
+LISTED = 5_000  # poses of one body, as many as are taken
+JSON = {"Content-Type": "application/json"}
 Ask = Callable[[], Awaitable[httpx2.Response]]
 
 
@@ -37,12 +43,15 @@ async def main(base: str, authorization: str, run: str, data: Path) -> None:
 
         kinds: dict[str, Ask] = {
             "dry run": lambda: client.post("/runs", json={"campaign": CAMPAIGN}),
+            "large dry run": lambda: client.post("/runs", content=listed, headers=JSON),
             "upload": lambda: client.post("/datasets", files=files),
             "diagnosis": lambda: client.post("/diagnoses", json={"dataset_id": dataset}),
             "long poll": long_poll,
             "listing": lambda: client.get("/runs"),
         }
+        listed = _listed()
         answered: Counter[str] = Counter()
+        began, began_s = time.monotonic(), time.process_time()
 
         async def keep_asking(kind: str) -> None:
             while True:
@@ -54,14 +63,23 @@ async def main(base: str, authorization: str, run: str, data: Path) -> None:
                 if not (isinstance(status, int) and status < 300):
                     await asyncio.sleep(PAUSE_S)
 
-        tasks = [asyncio.create_task(keep_asking(kind)) for kind in [*kinds] * (CLIENTS // len(kinds))]
+        tasks = [asyncio.create_task(keep_asking(kind)) for kind in islice(cycle(kinds), CLIENTS)]
         sys.stdout.write("ready\n")
         sys.stdout.flush()
         await asyncio.to_thread(sys.stdin.read)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        sys.stdout.write(json.dumps(answered) + "\n")
+        core = (time.process_time() - began_s) / (time.monotonic() - began)
+        sys.stdout.write(json.dumps({"answered": answered, "core": core}) + "\n")
+
+
+def _listed() -> bytes:
+    """A body of some 300 kB."""
+    rng = random.Random(1)
+    poses = [[round(rng.uniform(-40.0, 40.0), 4) for _ in range(6)] for _ in range(LISTED)]
+    block = {"set": "calibration", "select": "list", "joints_deg": poses}
+    return json.dumps({"campaign": CAMPAIGN | {"block": [block]}}).encode()
 
 
 if __name__ == "__main__":

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from calib.conditions import Conditions
-from calib.dataset import Dataset, read_dataset
-from calib.kinematics import Array, statics
-from calib.model import RobotModel
-from calib.robot import Robot, load_robot
+from calib.arm.kinematics import statics
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.model.model import RobotModel
 from mocks.campaign import Campaign, make_campaign
 from mocks.world import World
 
@@ -91,6 +93,7 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
         series=rng.integers(0, 2, n),
         target=rng.integers(0, 2, n),
         anchor=rng.integers(0, 2, n),
+        waypoint=np.full(n, -1),
         series_names=("day", "night"),
         target_names=("T1", "T2"),
         anchor_names=("B1", "B2"),

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.dataset import Dataset, read_dataset
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from tests.benchmarks.arm import tool_frames, torques
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE, ROBOT, TARGETS
 from tests.calib.campaigns import Row, write_files

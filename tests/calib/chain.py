@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.robot import Robot
+from calib.arm.robot import Robot
 
 Matrix = NDArray[np.complex128]
 

@@ -10,16 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from calib.compensate import StatedConditions
-from calib.effects import base_model
+from calib.arm.kinematics import gravity_torques
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.data.groups import DEFAULT_GROUPS
 from calib.effects.backlash import backlash
 from calib.effects.drift import drift_rotation, drift_translation
 from calib.effects.periodic import periodic
 from calib.effects.shift import base_shift, tool_shift
 from calib.effects.thermal_growth import thermal_growth
-from calib.kinematics import Array, gravity_torques
-from calib.model import RobotModel
-from calib.robot import Robot, load_robot
+from calib.model import base_model
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
 from calib.units import to_internal
 from tests.calib.chain import chain
 
@@ -48,7 +50,7 @@ def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
     """A model with the errors of a real arm and every kind of effect; drawn from the seed."""
     rng = np.random.default_rng(seed)
     effects = (
-        *base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), (dict.fromkeys(TARGETS, False),)),
+        *base_model.build(DEFAULT_GROUPS, robot, ("main",), (dict.fromkeys(TARGETS, False),)),
         backlash(4),
         periodic(3, 2.0),
         thermal_growth(robot, 22.0),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 
 HEADER = """
 format = "truepose-dataset/1"

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from calib.errors import DataError
-from calib.identify import identify
+from calib.fit.identify import identify
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import Row, write_files
 from tests.calib.cells import POSE, Cell
@@ -287,7 +287,7 @@ class TestLengthsAndTurns:
         ("cells", "words"),
         [
             (("rot_x", "rot_y", "rot_z", "rot_w"), "scalar last"),
-            (("rot_w", "-rot_x", "-rot_y", "-rot_z"), "the other way"),
+            (("rot_w", "-rot_x", "-rot_y", "-rot_z"), "in the other direction"),
         ],
     )
     def test_quaternions_read_wrongly(self, cells: tuple[str, ...], words: str, tmp_path: Path) -> None:
@@ -320,7 +320,7 @@ def one_side(rows: list[Row], header: dict[str, Any]) -> None:
 
 # what is done, and the words of a warning that must then be there and is not there else
 TOLD: dict[str, tuple[Change, str]] = {
-    "readings that stand twice": (twice, r"3 readings repeat.*1021, 1033, 1041"),
+    "readings that are given twice": (twice, r"3 readings repeat.*1021, 1033, 1041"),
     "a joint that hardly moves": (narrow, r"Joint 4 moves only from .* deg"),
     "one side": (one_side, r"Joints 2, 5 always arrived from the same side.*backlash"),
     "noise in metres": (

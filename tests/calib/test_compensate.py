@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.compensate import FLANGE, Correction, StatedConditions, Status, conditions_at, correct
+from calib.arm.kinematics import gravity_torques
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.compensate import Correction, Status, correct
 from calib.compensate.inverse import least_singular_value, nominal_inverse
-from calib.compensate.stated import nominal_poses
 from calib.errors import DataError
-from calib.kinematics import Array, gravity_torques
-from calib.model import RobotModel
-from calib.robot import Robot, load_robot
+from calib.model.model import RobotModel
+from calib.model.stated import FLANGE, StatedConditions, conditions_at, nominal_poses
 from tests.calib.chain import chain
 from tests.calib.errant import (
     ROBOT,

@@ -11,21 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.compensate import (
-    StatedConditions,
-    Status,
-    correct,
-    correct_poses,
-    model_sides,
-    nominal_of,
-    stands_of,
-)
-from calib.effects import base_model
+from calib.arm.inverse_kinematics import BRANCHES
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.compensate import Status, correct, correct_poses, model_sides, nominal_of, stands_of
+from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
-from calib.inverse_kinematics import BRANCHES
-from calib.kinematics import Array, forward
-from calib.model import RobotModel
-from calib.robot import Robot, load_robot
+from calib.model import base_model
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
 from calib.units import to_internal
 from calib.validation.branch import branches
 from tests.calib.errant import ROBOT, STATED, WIDE, landing, random_targets, real_robot
@@ -79,7 +74,7 @@ def test_98_percent_within_a_nanometre_after_four_iterations_and_all_in_the_end(
 def _only_geometry(robot: Robot, seed: int) -> tuple[RobotModel, Array]:
     """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
     rng = np.random.default_rng(seed)
-    effects = base_model.build(base_model.DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
+    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
     model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
     sizes = {"mm": 0.25, "deg": 0.04}
     estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]

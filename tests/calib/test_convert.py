@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.convert import IMPORTERS, Table
 from calib.convert.ipa_ur10 import read
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from calib.errors import DataError
 from tests.fuzz import formats
 
@@ -109,6 +109,19 @@ def test_holdouts_are_what_they_say(tmp_path: Path) -> None:
     assert "set" not in table.columns
     runs = {kind: int(np.sum(np.diff(mask.astype(int)) != 0)) for kind, mask in held.items()}
     assert runs["block"] <= 8 < runs["random"]
+
+
+def test_samples_of_one_waypoint_are_held_out_together() -> None:
+    n = 60
+    joints = [f"{i / 1000:.4f}" for i in range(n)]  # each sample of a moving robot has its own
+    columns = {
+        "reading_id": [str(i) for i in range(n)],
+        "waypoint": [str(i % 6) for i in range(n)],
+        "j1_deg": joints,
+    }
+    marked = Table(columns, "").hold_out("random", 1.0 / 3.0, 1).columns
+    held = [{marked["set"][i] for i in range(n) if i % 6 == waypoint} for waypoint in range(6)]
+    assert sorted(map(sorted, held)) == [["calibration"]] * 4 + [["validation"]] * 2
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.2, 1.5, math.nan])

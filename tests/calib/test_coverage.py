@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from calib.kinematics import gravity_torques
-from calib.robot import load_robot
+from calib.arm.kinematics import gravity_torques
+from calib.arm.robot import load_robot
 from tests.benchmarks.arm import tool_frames, torques
 from tests.benchmarks.coverage import KINDS, Kind, simulate, study
 from tests.calib.chain import chain

@@ -16,7 +16,8 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.dataset import Dataset, read_dataset
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from calib.errors import DataError
 from calib.units import DEG
 from mocks.campaign import make_campaign
@@ -238,3 +239,25 @@ def test_only_sentences_come_back_from_any_header(tmp_path: Path, key: str, valu
     path.with_suffix(".toml").write_text(tomli_w.dumps(header), encoding="utf-8")
     result = attempt(path)
     assert isinstance(result, Dataset) or str(tmp_path) in str(result)
+
+
+def test_readings_of_one_waypoint_are_one_pose(tmp_path: Path) -> None:
+    rows = fresh()[:8]
+    for row, waypoint in zip(rows, (0, 1, 2, 1, "", "", 7, 7), strict=True):
+        row["waypoint"] = waypoint
+    for joint in range(1, 7):
+        rows[5][f"j{joint}_deg"] = rows[4][f"j{joint}_deg"]
+        rows[3][f"j{joint}_deg"] += 0.003
+    data = read_dataset(write_files(tmp_path, rows, CAMPAIGN.header))
+    assert list(data.waypoint) == [0, 1, 2, 1, -1, -1, 7, 7]
+    pose = data.conditions.pose
+    alike = pose[:, None] == pose[None, :]
+    assert {(int(i), int(k)) for i, k in np.argwhere(alike) if i < k} == {(1, 3), (4, 5), (6, 7)}
+    np.testing.assert_array_equal(data.conditions.take([3, 4]).waypoint, [1, -1])
+
+
+@pytest.mark.parametrize("number", [-1, 0.5, 1e12])
+def test_a_waypoint_is_a_whole_number(tmp_path: Path, number: float) -> None:
+    rows = [row | {"waypoint": number} for row in fresh()]
+    with pytest.raises(DataError, match=r"line 2.*'waypoint' is .* Number the poses 0, 1, 2"):
+        read_dataset(write_files(tmp_path, rows, CAMPAIGN.header))

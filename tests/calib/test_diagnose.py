@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.effects import Effect
+from calib.model.effect import Effect
 from calib.units import to_display
 from mocks.campaign import Campaign, make_campaign
 from tests.calib.campaigns import simulate, true_points, write_files

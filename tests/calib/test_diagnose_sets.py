@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from calib.diagnose import select
-from calib.effects import Candidate, Survey, offers
+from calib.effects import Survey, offers
 from calib.effects.periodic import periodic
-from calib.identify import identify
+from calib.fit.identify import identify
+from calib.scan.fixed import Candidate
 from tests.benchmarks.diagnosis_follow_up import before_and_after
 from tests.benchmarks.diagnosis_judge import examine, mechanism, without
 from tests.benchmarks.diagnosis_sets import Draw, complete, departing, load, outside

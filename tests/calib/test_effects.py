@@ -16,37 +16,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib import regressors
-from calib.conditions import Conditions
-from calib.effects import (
-    Candidate,
-    Effect,
-    Harmonics,
-    Offer,
-    Parameter,
-    Steps,
-    Survey,
-    Term,
-    base_model,
-    offers,
-)
+from calib.arm.robot import Robot, built_in_robots
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.groups import GROUPS
+from calib.effects import LIBRARY, Survey, kind_of, offers
 from calib.effects.backlash import backlash
-from calib.effects.check import check_effect
-from calib.effects.gear_curve import gear_curve
+from calib.effects.gear_orders import BANDS, curve_of, gear_orders
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
-from calib.kinematics import Array
-from calib.model import Design
-from calib.regressors import Constant, JointAngle, Temperature
-from calib.robot import Robot, built_in_robots
+from calib.model import base_model, regressors
+from calib.model.check import check_effect
+from calib.model.effect import Effect, Parameter, Term
+from calib.model.model import Design
+from calib.model.regressors import Constant, JointAngle, Temperature
+from calib.scan import Candidate, Family, Harmonics, Shapes, Steps
 from calib.units import FACTORS, to_internal
 from tests.calib.campaigns import situation
 
 
-def some_effects(offer: Offer) -> list[Effect]:
+def some_effects(offer: Family) -> list[Effect]:
     """The effects of an offer: all there are, or the first, a middle and the last of a scan."""
     if isinstance(offer, Candidate):
         return [offer.effect]
+    assert isinstance(offer, Harmonics | Steps | Shapes)
     places = (
         offer.orders
         if isinstance(offer, Harmonics)
@@ -66,43 +59,39 @@ def library(robot: Robot, conditions: Conditions) -> list[Effect]:
     return [effect for offer in offers(survey) for effect in some_effects(offer)]
 
 
-OWNERS = {
-    "robot": {
-        "periodic", "backlash", "lost_motion", "settling", "encoder_scale", "coupling", "joint_offset", "joint_step",
-        "joint_compliance", "dead_zone", "cubic_stiffness", "parallel_twist", "link_torsion", "bearing_tilt",
-        "thermal_growth", "thermal_joint", "warm_up",
-    },
-    "mounting": {
-        "pedestal", "payload_mass", "payload_cog", "tool_offset", "tool_tilt", "target_offset", "base_shift",
-        "tool_shift",
-    },
-    "instrument": {"drift_translation", "drift_rotation", "tracker_scale"},
-}  # fmt: skip
-
-
 @pytest.mark.parametrize("name", built_in_robots())
 def test_every_effect_of_the_library_conforms(name: str) -> None:
     model, conditions = situation(name)
     effects = library(model.robot, conditions)
-    for owner, names in OWNERS.items():
-        assert {e.label.partition(":")[0] for e in effects if e.owner == owner} == names
+    assert {kind_of(each.label).name for each in effects} == {kind.name for e in LIBRARY for kind in e.KINDS}
     for effect in effects:
         check_effect(effect, model, conditions)
 
 
-def test_a_curve_conforms() -> None:
-    """It is offered only where readings are many; its places once shared their short names, and JSON lost most."""
+def test_a_curve_of_gear_orders_conforms() -> None:
     model, conditions = situation("abb-irb120")
-    angle = conditions.joints[:, 3]
-    curve = gear_curve(4, float(angle.min()), float(angle.max()), float(np.ptp(angle)) / 6.0)
+    curve = gear_orders(4, np.full(BANDS, 0.01), without=(3, 50))
     check_effect(curve, model, conditions)
+    assert len(curve.parameters) == 2 * (100 - 2)
+    assert len({p.short for p in curve.parameters}) == len(curve.parameters), "JSON goes by the short names"
+
+
+def test_a_curve_that_is_held_moves_the_joint_as_the_effect_does() -> None:
+    model, conditions = situation("abb-irb120")
+    curve = gear_orders(4, np.full(BANDS, 0.01), without=(7,))
+    values = np.random.default_rng(1).normal(size=len(curve.parameters)) * 1e-4
+    free = Design(replace(model, effects=(curve,)), conditions).predict(values)
+    held = Design(replace(model, effects=(), curves=(curve_of(4, curve, values),)), conditions)
+    nominal = Design(replace(model, effects=()), conditions).predict(np.zeros(0))
+    assert np.abs(held.predict(np.zeros(0)) - nominal).max() > 0.01
+    np.testing.assert_allclose(held.predict(np.zeros(0)), free, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", built_in_robots())
 def test_every_group_of_the_base_model_conforms(name: str) -> None:
     model, conditions = situation(name)
     seen = 0
-    for group in base_model.GROUPS:
+    for group in GROUPS:
         effects = base_model.build(
             (group,), model.robot, ("day", "night"), ({"T1": False, "T2": True}, {"T2": False})
         )
@@ -113,7 +102,7 @@ def test_every_group_of_the_base_model_conforms(name: str) -> None:
             check_effect(effect, model, conditions)
             seen += 1
     check_effect(base_model.base_targets({"B1": None, "B2": 0.1}), model, conditions)
-    assert seen == len(base_model.GROUPS) + 3
+    assert seen == len(GROUPS) + 3
 
 
 class TestCheckEffectRefuses:
@@ -195,9 +184,7 @@ def test_effects_survive_json(name: str) -> None:
     model, conditions = situation(name)
     effects = [
         *library(model.robot, conditions),
-        *base_model.build(
-            base_model.GROUPS, model.robot, ("day", "night"), ({"T1": False}, {"T1": False, "T2": False})
-        ),
+        *base_model.build(GROUPS, model.robot, ("day", "night"), ({"T1": False}, {"T1": False, "T2": False})),
     ]
     for effect in effects:
         text = json.dumps(effect.to_json(), allow_nan=False)

@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.conditions import Conditions
-from calib.effects import Candidate, Effect, Survey, offers
+from calib.arm.robot import Load, Robot, built_in_robots
+from calib.data.conditions import Conditions
+from calib.effects import Survey, offers
 from calib.effects.joint_compliance import joint_compliance
-from calib.identify import identify
-from calib.model import Design
-from calib.robot import Load, Robot, built_in_robots
+from calib.fit.identify import identify
+from calib.model.effect import Effect
+from calib.model.model import Design
+from calib.scan.fixed import Candidate
 from calib.units import to_internal
 from tests.calib.campaigns import simulate, situation
 
@@ -45,13 +47,13 @@ def test_every_joint_and_target_has_its_offers(name: str) -> None:
         ),
         6,
     )
-    per_load = dict.fromkeys(("joint_compliance", "dead_zone", "cubic_stiffness"), loaded)
+    per_load = dict.fromkeys(("joint_compliance", "dead_zone", "cubic_stiffness", "backlash_load"), loaded)
     single = dict.fromkeys(
         ("pedestal", "tool_offset", "tool_tilt", "base_shift", "tool_shift", "drift_translation",
          "drift_rotation", "tracker_scale", "thermal_growth", "warm_up"), 1
     )  # fmt: skip
     assert counted == {
-        **per_joint, **per_load, **single, "joint_offset": 5, "target_offset": 2,
+        **per_joint, **per_load, **single, "joint_offset": 5, "target_offset": 2, "base_target_shift": 2,
         "parallel_twist": len(model.robot.parallel_axes),
     }  # fmt: skip
 
@@ -74,16 +76,17 @@ def test_an_offer_needs_what_it_is_driven_by() -> None:
     assert complete - names(temperature=np.full(n, 21.3)) == of_temperature
     one = conditions.side.copy()
     one[:, 3] = 1.0
-    assert complete - names(side=one) == {"backlash:j4", "lost_motion:j4"}
+    assert complete - names(side=one) == {"backlash:j4", "backlash_load:j4", "lost_motion:j4"}
     still = conditions.joints.copy()
     still[:, 1] = 0.7
     of_motion = ("encoder_scale", "periodic", "backlash", "lost_motion", "settling", "joint_step", "joint_offset",
-                 "joint_compliance", "dead_zone", "cubic_stiffness", "thermal_joint")  # fmt: skip
+                 "joint_compliance", "dead_zone", "cubic_stiffness", "thermal_joint", "backlash_load", "bearing_tilt",
+                 "link_torsion")  # fmt: skip
     assert complete - names(joints=still) == {"coupling:j2-j3", *(f"{name}:j2" for name in of_motion)}
     assert complete - names(previous=conditions.joints) == {f"settling:j{k}" for k in range(1, 7)}
     torque = conditions.torque.copy()
     torque[:, 4] *= 10.0 / np.abs(torque[:, 4]).max()
-    of_load = {"joint_compliance:j5", "dead_zone:j5", "cubic_stiffness:j5"}
+    of_load = {"joint_compliance:j5", "dead_zone:j5", "cubic_stiffness:j5", "backlash_load:j5"}
     assert complete - names(torque=torque) == of_load, "10 N.mm bend nothing"
     torque[:, 4] = 1000.0 + np.arange(n)
     assert complete - names(torque=torque) == {"dead_zone:j5"}, "a gap that never closes the other way"

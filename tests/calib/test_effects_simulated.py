@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.dataset import Dataset
-from calib.effects import Effect, effect
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.effects.backlash import backlash
+from calib.effects.backlash_load import backlash_load
 from calib.effects.bearing_tilt import bearing_tilt
 from calib.effects.coupling import coupling
 from calib.effects.cubic_stiffness import cubic_stiffness
@@ -36,10 +37,10 @@ from calib.effects.thermal_joint import thermal_joint
 from calib.effects.tool import target_offset, tool_offset, tool_tilt
 from calib.effects.tracker_scale import tracker_scale
 from calib.effects.warm_up import warm_up
-from calib.kinematics import Array
-from calib.model import Design, RobotModel
-from calib.placing import base_model_of
-from calib.regressors import Constant, Regressor, Torque
+from calib.fit.placing import base_model_of
+from calib.model.effect import Effect, effect
+from calib.model.model import Design, RobotModel
+from calib.model.regressors import Constant, Regressor, Torque
 from calib.units import DEG
 from mocks.campaign import Campaign
 from mocks.world import scaled
@@ -72,6 +73,7 @@ def of_joint(k: int) -> dict[str, Translation]:
         f"joint_offset:j{k}": lambda c, m, p: (joint_offset(k), {"offset": p["offset"] * DEG}),
         f"joint_compliance:j{k}": lambda c, m, p: (joint_compliance(k), {"c": p["c"]}),
         f"backlash:j{k}": lambda c, m, p: (backlash(k), {"gap": p["gap"] * DEG}),
+        f"backlash_load:j{k}": lambda c, m, p: (backlash_load(k, 1e4), {"c": p["c"]}),
         f"joint_step:j{k}": lambda c, m, p: (joint_step(k, p["at_reading"]), {"step": p["step"] * DEG}),
         f"lost_motion:j{k}": lambda c, m, p: (lost_motion(k), {"width": p["width"] * DEG}),
         f"dead_zone:j{k}": lambda c, m, p: (dead_zone(k, p["width"]), {"gap": p["gap"] * DEG}),

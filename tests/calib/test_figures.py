@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.statistics import statistics_of
-from calib.uncertainty import expanded
+from calib.fit.statistics import statistics_of
+from calib.fit.uncertainty import expanded
 
 
 def test_statistics_of_a_hundred_and_one_errors() -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from calib.dataset import Dataset
+from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.identify import identify
+from calib.fit.identify import identify
 from tests.calib.cells import NOISE, Cell
 from tests.calib.test_kinds_of_reading import miss
 

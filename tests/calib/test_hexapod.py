@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from calib.hexapod import LEGS, stances, trilaterated
+from calib.arm.hexapod import LEGS, stances, trilaterated
 
 THIRDS = np.radians([90.0, 210.0, 330.0])
 BASE = 300.0 / np.sqrt(3.0) * np.column_stack([np.cos(THIRDS), np.sin(THIRDS), np.zeros(3)])

@@ -12,10 +12,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from calib.arm.kinematics import forward
+from calib.arm.robot import load_robot
+from calib.arm.start import base_and_tool
 from calib.errors import DataError
-from calib.kinematics import forward
-from calib.robot import load_robot
-from calib.start import base_and_tool
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
 from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal
 from tests.calib.cells import NOISE, POSE, Cell

@@ -1,7 +1,5 @@
-"""Identification. These would catch: a base model that cannot become the true robot, a prior or a weight that biases
-it, series that share what they must not, redundancy that is not found or not named, gross errors that steer the fit,
-standard errors of the wrong size, and results that depend on the order of rows, on names, or on where the world
-frame lies.
+"""Identification. These would catch: a base model that cannot become the true robot, a prior that biases it, series
+that share what they must not, groups that cannot be chosen, and a start that finds no base.
 """
 
 from __future__ import annotations
@@ -11,23 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 
-from calib.dataset import Dataset, read_dataset
+from calib.arm.kinematics import forward
+from calib.arm.robot import load_robot
+from calib.arm.start import base_and_tool
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from calib.errors import DataError
-from calib.identification import Identification
-from calib.identify import identify
-from calib.kinematics import Array, forward
-from calib.placing import base_model_of
-from calib.robot import load_robot
-from calib.start import base_and_tool
-from calib.units import to_internal
-from mocks.campaign import Campaign, make_campaign
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.fit.placing import base_model_of
+from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
 from tests.calib.campaigns import Row, exact, move_rows, simulate, true_points, write_files
-from tests.calib.chain import chain
 
 POSE = np.eye(4)
 POSE[:3, :3] = Rotation.from_rotvec([1.9, -1.1, 0.7]).as_matrix()
@@ -171,304 +167,6 @@ class TestWithoutNoise:
             read_dataset(
                 write_files(tmp_path, rows, {**header, "robot": "fanuc-lrmate200ic", "world": "free"})
             )
-
-
-@pytest.mark.parametrize(
-    ("robot", "expected"),
-    [("abb-irb120", {"d3": {"d2"}}), ("ur10", {"d3": {"d2"}, "d4": {"d2"}, "c6": set()})],
-)
-def test_redundant_parameters_are_found_and_named(
-    robot: str, expected: dict[str, set[str]], tmp_path: Path
-) -> None:
-    """Parallel axes: sliding along them is one freedom. A UR's last joint carries no load."""
-    _, data = simulate(tmp_path, robot, seed=2, n=30, n_validation=0, effects=[])
-    result = identify(data)
-    assert {drop.name: set(drop.confounded_with) for drop in result.dropped} == expected
-    for name, others in expected.items():
-        assert any(name in warning and all(o in warning for o in others) for warning in result.warnings)
-        position = result.model.index[name]
-        assert result.estimate[position] == 0.0
-        assert result.standard_errors[position] == 0.0
-    active = len(result.estimate) - len(result.dropped)
-    assert result.degrees_of_freedom == 3 * len(result.readings.rows) - active
-    # told independently: the rank of the derivative of plain matrices
-    columns = reference_problem(data, result)["jacobian"](np.zeros(active))
-    everything = reference_problem(data, result, drop=False)["jacobian"](np.zeros(len(result.estimate)))
-    rows = 3 * len(result.readings.rows)  # without the prior
-    lengths = [np.linalg.norm(c[:rows], axis=0) for c in (columns, everything)]
-    ranks = [
-        int(np.linalg.matrix_rank(c[:rows] / np.maximum(size, 1e-9 * size.max()), tol=1e-6))
-        for c, size in zip((columns, everything), lengths, strict=True)
-    ]
-    assert ranks == [active, active]
-
-
-def test_a_target_on_the_axis_leaves_rank_26(tmp_path: Path) -> None:
-    """Thesis: with T1 alone, 26 of the 31 parameters are seen. Ours says so before it fits anything."""
-    campaign = make_campaign(seed=2, n=60, n_validation=0, effects=[], targets={"T1": (0.0, 0.0, 125.0)})
-    header = {**campaign.header, "model": {"fit": ["base", "geometry", "compliance"]}}
-    header["tool_targets"] = {"T1": [0.0, 1.5, 125.0]}  # just far enough off the axis to be let through
-    data = read_dataset(write_files(tmp_path, campaign.rows, header))
-    result = identify(data)
-    assert any("hardly seen" in w for w in result.warnings)
-
-
-class TestGrossErrors:
-    """5 % of the readings 2 mm off and 4 % with a wrong target name: found, each by its id, and harmless."""
-
-    @pytest.mark.parametrize("seed", [1, 2, 3])
-    def test_they_are_found_and_do_not_steer(self, seed: int, tmp_path: Path) -> None:
-        options: dict[str, Any] = {"seed": seed, "n": 200, "n_validation": 100, "effects": []}
-        campaign, data = simulate(tmp_path / "bad", **options, gross_rows=10, swapped_rows=8)
-        _, clean_data = simulate(tmp_path / "good", **options)
-        result = identify(data)
-        wrong = {str(i) for i in campaign.truth["faulty_rows"]}
-        swapped = {(str(i), written, true) for i, written, true in campaign.truth["relabelled_rows"]}
-        assert (len(wrong), len(swapped)) == (10, 8)
-        assert wrong <= set(result.faulty_rows)
-        assert len(result.faulty_rows) <= 11  # 99 % confidence: one more may happen
-        assert {tuple(map(str, r)) for r in result.relabelled_rows} == swapped
-        assert any("left out" in w for w in result.warnings)
-        assert any("relabelled" in w for w in result.warnings)
-        undisturbed = identify(clean_data)
-        rows = data.validation_rows
-        truth = true_points(campaign)[rows]
-        errors = [
-            np.sqrt(np.mean((r.predict(data.conditions.take(rows)) - truth) ** 2))
-            for r in (result, undisturbed)
-        ]
-        assert errors[0] < 1.3 * errors[1]
-        assert 0.9 < result.noise_scale < 1.1
-
-    def test_nothing_is_called_faulty_in_clean_sets(self, tmp_path: Path) -> None:
-        called = []
-        for seed in range(20, 28):
-            _, data = simulate(tmp_path / str(seed), seed=seed, n=100, n_validation=0, effects=[])
-            result = identify(data)
-            assert result.relabelled_rows == ()
-            called += result.faulty_rows
-        assert len(called) <= 2
-
-
-def reference_problem(data: Dataset, result: Identification, *, drop: bool = True) -> dict[str, Any]:
-    """The fit as a textbook would write it: matrices, loops, derivative by complex numbers."""
-    model = result.model
-    dropped = {d.name for d in result.dropped} if drop else set()
-    names = [p.name for p in model.parameters if p.name not in dropped]
-    # The prior weighs with the noise that the robust passes found: taken from the result, and looked at.
-    size = []
-    for p, weight in zip(model.parameters, result.prior, strict=True):
-        usual = to_internal(p.size, p.unit) if p.size else np.inf
-        if p.size and p.name not in dropped and p.name not in {d.name for d in result.dropped}:
-            assert weight * usual == pytest.approx(result.noise_scale, rel=0.5)
-            usual = 1.0 / weight
-        if p.name in names:
-            size.append(usual)
-    rows = result.readings.rows
-    noise = data.header.noise
-    whiteners, measured = [], data.points[rows]
-    for point in measured:
-        beam = point - np.array(noise.station_mm)
-        distance = np.linalg.norm(beam)
-        beam = beam / distance
-        along = noise.range_mm + noise.range_ppm * 1e-6 * distance
-        across = noise.transverse_mm + noise.transverse_ppm * 1e-6 * distance
-        # symmetric root: sums of squares are those of any other root
-        whiteners.append(np.eye(3) / across + np.outer(beam, beam) * (1.0 / along - 1.0 / across))
-    c = data.conditions
-
-    def point(x: Any, i: int) -> Any:
-        add: dict[str, Any] = {}
-        for name, value in zip(names, x, strict=True):
-            slot, amount = name, value
-            if name[0] == "c" and name[1:].isdigit():
-                slot, amount = f"theta{name[1:]}", value * c.torque[i, int(name[1:]) - 1]
-            add[slot] = add.get(slot, 0.0) + amount
-        target = data.header.targets_of("main")[c.target_names[c.target[i]]]
-        return chain(model.robot, c.joints[i], add, target)[:3, 3]
-
-    def residual(x: Array) -> Array:
-        parts = [w @ (m - point(x, i).real) for w, m, i in zip(whiteners, measured, rows, strict=True)]
-        return np.concatenate([*parts, -x / np.array(size)])
-
-    def jacobian(x: Array) -> Array:
-        out = []
-        for k in range(len(x)):
-            step = x.astype(complex)
-            step[k] += 1e-30j
-            parts = [-w @ point(step, i).imag / 1e-30 for w, i in zip(whiteners, rows, strict=True)]
-            out.append(np.concatenate(parts))
-        return np.vstack([np.column_stack(out), -np.diag(1.0 / np.array(size))])
-
-    return {"names": names, "residual": residual, "jacobian": jacobian}
-
-
-@pytest.mark.parametrize("robot", ["abb-irb120", "ur10"])
-def test_the_estimate_is_that_of_an_independent_program(robot: str, tmp_path: Path) -> None:
-    """scipy.optimize.least_squares on the documented cost: estimate to 1e-8, standard errors to 1e-6."""
-    campaign = make_campaign(
-        robot, seed=4, n=20, n_validation=0, effects=[], noise_declared_factor=1.4, repeatability_deg=0.0
-    )
-    data = read_dataset(write_files(tmp_path, campaign.rows, campaign.header))
-    result = identify(data)
-    assert result.faulty_rows == ()
-    assert result.relabelled_rows == ()
-    problem = reference_problem(data, result)
-    start = np.zeros(len(problem["names"]))
-    size = 1.0 / np.linalg.norm(problem["jacobian"](start), axis=0)
-    scaled = least_squares(
-        lambda u: problem["residual"](u * size),
-        start,
-        jac=lambda u: problem["jacobian"](u * size) * size,  # pyright: ignore[reportArgumentType]
-        method="lm",
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-    )
-    reference = scaled.x * size
-    for _ in range(2):  # MINPACK stops where the cost no longer falls, half the digits of the estimate away
-        step, *_ = np.linalg.lstsq(
-            problem["jacobian"](reference) * size, problem["residual"](reference), rcond=None
-        )
-        reference = reference - step * size
-    places = [result.model.index[name] for name in problem["names"]]
-    columns = problem["jacobian"](reference) * size
-    spread = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns))) * size
-    left = problem["residual"](reference)[: 3 * len(result.readings.rows)]
-    scale = np.sqrt(np.sum(left**2) / (len(left) - len(reference)))
-    assert scale < 1.0
-    assert result.noise_scale == pytest.approx(scale, rel=1e-7)
-    assert np.sum(result.residual**2) == pytest.approx(np.sum(left**2), rel=1e-9)
-    np.testing.assert_allclose(result.standard_errors[places], spread, rtol=1e-6)
-    # relative to the value, or where the value is nearly nothing, to its standard error
-    limit = 1e-8 * np.maximum(np.abs(reference), spread)
-    assert np.all(np.abs(result.estimate[places] - reference) < limit), (
-        np.abs(result.estimate[places] - reference) / limit
-    )
-
-
-def test_standard_errors_are_those_of_repetition(tmp_path: Path) -> None:
-    """Over many campaigns, parameters scatter about the truth as they say they do: squares sum to chi-square."""
-    total, count = 0.0, 0
-    for seed in range(100, 116):
-        campaign, data = simulate(tmp_path / str(seed), seed=seed, n=60, n_validation=0, effects=[])
-        result = identify(data)
-        value = dict(zip(result.model.index, result.estimate, strict=True))
-        spread = dict(zip(result.model.index, result.standard_errors, strict=True))
-        geometry = campaign.world.geometry
-        truth = {f"c{k}": campaign.world.compliance[k - 1] for k in range(3, 6)} | {
-            "beta3": geometry.beta[2],
-            "alpha4": geometry.alpha[3] - result.model.robot.alpha[3],
-            "d4": geometry.d[3] - result.model.robot.d[3],
-        }
-        for name, expected in truth.items():
-            total += ((value[name] - expected) / spread[name]) ** 2
-            count += 1
-    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], count)
-    # parameters of one campaign are correlated: allow for it by half as much again
-    assert low / 1.5 < total < 1.5 * high
-
-
-class TestMetamorphic:
-    """What must not matter does not matter."""
-
-    campaign: Campaign = make_campaign(
-        seed=9, n=60, n_validation=20, effects=[], gross_rows=2, swapped_rows=2
-    )
-
-    def identified(
-        self, folder: Path, rows: list[Row], header: dict[str, Any]
-    ) -> tuple[Dataset, Identification, dict[str, Array]]:
-        data = read_dataset(write_files(folder, rows, header))
-        result = identify(data)
-        predicted = result.predict(data.conditions)
-        return data, result, dict(zip(data.reading_id, predicted, strict=True))
-
-    def compare(self, one: dict[str, Array], other: dict[str, Array], limit: float = 1e-8) -> None:
-        assert one.keys() == other.keys()
-        assert len(one) == 80
-        assert max(np.linalg.norm(one[name] - other[name]) for name in one) < limit
-
-    def rows(self) -> list[Row]:
-        return [dict(row) for row in self.campaign.rows]
-
-    def test_order_of_rows(self, tmp_path: Path) -> None:
-        _, plain, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
-        rows = self.rows()
-        shuffled = [rows[i] for i in np.random.default_rng(0).permutation(len(rows))]
-        _, other, after = self.identified(tmp_path / "2", shuffled, self.campaign.header)
-        self.compare(before, after)
-        assert set(plain.faulty_rows) == set(other.faulty_rows) != set()
-        assert set(plain.relabelled_rows) == set(other.relabelled_rows) != set()
-
-    def test_names_of_targets_and_readings(self, tmp_path: Path) -> None:
-        _, plain, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
-        new = {"T1": "zenith", "T2": "alpha", "T3": "Meßkugel 3"}  # another order in the alphabet
-        rows = [{**row, "tool_target": new[row["tool_target"]]} for row in self.rows()]
-        targets = {new[name]: point for name, point in self.campaign.header["tool_targets"].items()}
-        _, other, after = self.identified(
-            tmp_path / "2", rows, {**self.campaign.header, "tool_targets": targets}
-        )
-        self.compare(before, after)
-        assert {(a, new[b], new[c]) for a, b, c in plain.relabelled_rows} == set(other.relabelled_rows)
-
-    def test_where_the_world_lies(self, tmp_path: Path) -> None:
-        header = {**self.campaign.header, "world": "free"}
-        _, plain, before = self.identified(tmp_path / "1", self.rows(), header)
-        rows = self.rows()
-        move_rows(rows, POSE)
-        station = POSE[:3, :3] @ np.array(header["noise"]["station_mm"]) + POSE[:3, 3]
-        noise = {**header["noise"], "station_mm": station.tolist()}
-        _, other, after = self.identified(tmp_path / "2", rows, {**header, "noise": noise})
-        back = {name: POSE[:3, :3].T @ (point - POSE[:3, 3]) for name, point in after.items()}
-        self.compare(before, back, 1e-6)
-        assert set(plain.faulty_rows) == set(other.faulty_rows)
-        np.testing.assert_allclose(
-            other.standard_errors[6:], plain.standard_errors[6:], rtol=1e-3, atol=1e-15
-        )
-
-    def test_nominal_and_free_world_agree(self, tmp_path: Path) -> None:
-        _, _, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
-        _, _, after = self.identified(tmp_path / "2", self.rows(), {**self.campaign.header, "world": "free"})
-        self.compare(before, after, 1e-4)
-
-    def test_unit_of_the_noise(self, tmp_path: Path) -> None:
-        """Half the declared noise: the same robot, twice the noise scale."""
-        _, plain, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
-        noise = self.campaign.header["noise"]
-        half = {k: 0.5 * v if isinstance(v, float) else v for k, v in noise.items()}
-        _, other, after = self.identified(
-            tmp_path / "2", self.rows(), {**self.campaign.header, "noise": half}
-        )
-        assert other.noise_scale == pytest.approx(2.0 * plain.noise_scale, rel=0.02)
-        self.compare(before, after, 2e-3)
-
-    def test_validation_rows_do_not_matter(self, tmp_path: Path) -> None:
-        data, plain, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
-        rows = self.rows()
-        for row in rows:
-            if row["set"] == "validation":
-                row |= {"x_mm": 1e6, "y_mm": -3e5, "z_mm": 7.0}
-        other_data, other, after = self.identified(tmp_path / "2", rows, self.campaign.header)
-        assert not np.array_equal(data.points, other_data.points)
-        np.testing.assert_array_equal(plain.estimate, other.estimate)
-        np.testing.assert_array_equal(plain.covariance, other.covariance)
-        np.testing.assert_array_equal(plain.residual, other.residual)
-        assert (plain.faulty_rows, plain.relabelled_rows) == (other.faulty_rows, other.relabelled_rows)
-        self.compare(before, after, 1e-300)
-        rows = [row for row in self.rows() if row["set"] != "validation"]
-        alone = identify(read_dataset(write_files(tmp_path / "3", rows, self.campaign.header)))
-        np.testing.assert_array_equal(plain.estimate, alone.estimate)
-
-    def test_rejected_rows_do_not_matter(self, tmp_path: Path) -> None:
-        rows = self.rows()
-        for row in rows[10:14]:
-            row |= {"status": "rejected:beam", "x_mm": 1e5}
-        with_them = identify(read_dataset(write_files(tmp_path / "1", rows, self.campaign.header)))
-        without = identify(
-            read_dataset(write_files(tmp_path / "2", rows[:10] + rows[14:], self.campaign.header))
-        )
-        np.testing.assert_array_equal(with_them.estimate, without.estimate)
 
 
 def test_groups_can_be_chosen(tmp_path: Path) -> None:

@@ -12,18 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.errors import DataError
-from calib.inverse_kinematics import (
+from calib.arm.inverse_kinematics import (
     BRANCHES,
     Reached,
-    all_turns,
     branch_index,
     inverse_kinematics,
+    nearest_branch,
     nearest_turns,
     structure_of,
+    within_limits,
 )
-from calib.kinematics import Array, forward
-from calib.robot import Robot, load_robot
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot, load_robot
+from calib.array import Array
+from calib.errors import DataError
 from calib.validation.branch import branches
 from tests.calib.chain import chain
 
@@ -98,7 +100,7 @@ def test_a_pose_out_of_reach_says_so_in_every_branch() -> None:
     found = inverse_kinematics(robot, np.vstack([_pose(400.0, 0.0, 400.0), _pose(4000.0, 0.0, 400.0)]))
     assert found.valid[0].all()
     assert not found.valid[1].any()
-    assert {found.why(1, k) for k in range(8)} == {Reached.TOO_FAR}
+    assert set(found.all_of(1)) == {Reached.TOO_FAR}
     assert np.all(np.isnan(found.joints[1]))
     assert np.isfinite(found.joints[0]).all()
 
@@ -107,7 +109,7 @@ def test_some_branches_of_a_pose_may_be_out_of_reach() -> None:
     robot = load_robot("fanuc-lrmate200ic")  # axis 2 stands 75 mm before axis 1
     found = inverse_kinematics(robot, forward(robot, np.radians([[0.0, 60.0, -40.0, 10.0, 50.0, 0.0]])))
     assert list(found.valid[0]) == [True] * 4 + [False] * 4
-    assert found.why(0, 5) is Reached.TOO_FAR
+    assert found.all_of(0)[5] is Reached.TOO_FAR
 
 
 def test_within_its_shoulder_offset_a_ur_does_not_reach() -> None:
@@ -116,7 +118,7 @@ def test_within_its_shoulder_offset_a_ur_does_not_reach() -> None:
     wrist_to_axis = np.hypot(*(pose[0, :2, 3] - robot.d[5] * pose[0, :2, 2]))
     pose[0, :2, 3] += (pose[0, :2, 3] - robot.d[5] * pose[0, :2, 2]) * (80.0 / wrist_to_axis - 1.0)
     found = inverse_kinematics(robot, pose)
-    assert {found.why(0, k) for k in range(8)} == {Reached.TOO_NEAR}
+    assert set(found.all_of(0)) == {Reached.TOO_NEAR}
 
 
 @pytest.mark.parametrize(
@@ -134,8 +136,7 @@ def test_a_singular_pose_says_so_and_is_still_solved(name: str, degrees: list[fl
     pose = forward(robot, joints)
     own = branch_index(*(branches(robot, joints + 1e-9) or ()))
     found = inverse_kinematics(robot, pose, seed=joints)
-    assert found.why(0, own) is what
-    assert found.singular[0, own]
+    assert found.all_of(0)[own] is what
     for solution in found.joints[0][found.valid[0]]:
         np.testing.assert_allclose(forward(robot, solution[None]), pose, atol=1e-7)
     if what is Reached.WRIST:  # the free joint is the seed's
@@ -152,7 +153,7 @@ def test_above_axis_1_the_shoulder_is_singular_and_theta_1_the_seeds() -> None:
     wrist = pose[0, :3, 3] - 72.0 * pose[0, :3, 2]
     assert np.hypot(wrist[0], wrist[1]) < 1e-9
     found = inverse_kinematics(robot, pose, seed=joints)
-    assert {found.why(0, k) for k in range(8)} == {Reached.SHOULDER}
+    assert set(found.all_of(0)) == {Reached.SHOULDER}
     assert np.min(apart(found.joints[0], joints)) < 1e-7
 
 
@@ -207,14 +208,13 @@ def test_every_arm_of_the_structure(seed: int, convention: str, against: bool) -
 
 def test_turns_within_limits() -> None:
     lower, upper = np.radians([-400.0, -170.0]), np.radians([400.0, 170.0])
-    got = np.degrees(all_turns(np.radians([30.0, 100.0]), lower, upper))
-    np.testing.assert_allclose(got, [[-330.0, 100.0], [30.0, 100.0], [390.0, 100.0]], atol=1e-9)
-    assert all_turns(np.radians([30.0, 175.0]), lower, upper).shape == (0, 2)
     near = nearest_turns(np.radians([30.0, 100.0]), np.radians([-300.0, -200.0]), lower, upper)
     np.testing.assert_allclose(np.degrees(near), [-330.0, 100.0], atol=1e-9)
     far = nearest_turns(np.radians([30.0, 100.0]), np.radians([9000.0, 0.0]), lower, upper)
     np.testing.assert_allclose(np.degrees(far), [390.0, 100.0], atol=1e-9)
-    assert np.isnan(nearest_turns(np.radians([0.0, 175.0]), np.zeros(2), lower, upper)[1])
+    beyond = np.radians([0.0, 175.0])
+    np.testing.assert_array_equal(nearest_turns(beyond, np.zeros(2), lower, upper), [0.0, np.nan])
+    assert np.all(np.isnan(within_limits(beyond, np.zeros(2), lower, upper)))
 
 
 def test_nearest_to_a_seed_within_limits() -> None:
@@ -223,19 +223,20 @@ def test_nearest_to_a_seed_within_limits() -> None:
     rng = np.random.default_rng(5)
     joints = rng.uniform(lower, upper, (300, 6))
     found = inverse_kinematics(robot, forward(robot, joints))
-    near, branch = found.nearest(joints + rng.uniform(-0.002, 0.002, joints.shape), lower, upper)
-    np.testing.assert_allclose(near, joints, atol=1e-7)
+    seed = joints + rng.uniform(-0.002, 0.002, joints.shape)
+    turned = within_limits(found.joints, seed[:, None], lower, upper)
+    branch = nearest_branch(turned, seed)
+    np.testing.assert_allclose(turned[np.arange(300), branch], joints, atol=1e-7)
     assert [BRANCHES[k] for k in branch] == branches(robot, joints)
-    nowhere, none = found.nearest(joints, lower - 100.0, lower - 99.0)
-    assert np.all(none == -1)
-    assert np.all(np.isnan(nowhere))
+    nowhere = within_limits(found.joints, seed[:, None], lower - 100.0, lower - 99.0)
+    assert np.all(nearest_branch(nowhere, seed) == -1)
 
 
 @pytest.mark.parametrize(
     ("change", "what"),
     [
         ({"alpha": (0.0, -RIGHT, 0.01, -RIGHT, RIGHT, -RIGHT)}, "axes 2 and 3 are not parallel"),
-        ({"alpha": (0.0, -RIGHT, 0.0, -RIGHT, 1.0, -RIGHT)}, r"axes 4 and 5 stand at 57\.296 deg"),
+        ({"alpha": (0.0, -RIGHT, 0.0, -RIGHT, 1.0, -RIGHT)}, r"axes 4 and 5 are at 57\.296 deg"),
         ({"alpha": (0.0, -1.0, 0.0, -RIGHT, RIGHT, -RIGHT)}, "axes 1 and 2"),
         ({"d": (290.0, 0.0, 0.0, 302.0, 5.0, 72.0)}, "axis 4 passes the wrist centre at 5 mm"),
         ({"a": (0.0, 0.0, 270.0, 70.0, 0.0, 3.0)}, "axes 5 and 6 pass each other at 3 mm"),

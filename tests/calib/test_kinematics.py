@@ -16,11 +16,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.conditions import Conditions
-from calib.effects import base_model
-from calib.kinematics import Array, Chain, Placement, forward, gravity_torques, nominal_values, propagate
-from calib.model import Design, RobotModel
-from calib.robot import Robot, built_in_robots, load_robot
+from calib.arm.kinematics import Chain, Placement, forward, gravity_torques, nominal_values, propagate
+from calib.arm.robot import Robot, built_in_robots, load_robot
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.model import base_model
+from calib.model.model import Design, RobotModel
 from tests.calib.campaigns import conditions_of
 from tests.calib.chain import chain
 

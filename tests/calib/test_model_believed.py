@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
+from calib.arm.robot import BUILT_IN, load_robot
 from calib.compensate import Bounds
 from calib.errors import DataError
-from calib.identify import identify
-from calib.model_checks import content_hash
-from calib.model_file import load_model, save_model
-from calib.robot import BUILT_IN, load_robot
+from calib.fit.identify import identify
+from calib.saved.model_checks import content_hash
+from calib.saved.model_file import load_model, save_model
 from tests.calib.campaigns import simulate
 
 Document = dict[str, Any]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import diagnose
 from calib.errors import DataError
-from calib.identify import identify
+from calib.fit.identify import identify
+from calib.units import to_internal
 from mocks.campaign import make_campaign
+from tests.benchmarks.misread import odd_sets
 from tests.calib.campaigns import write_files
 
 
@@ -59,6 +62,22 @@ def test_a_nominal_world_may_be_turned(tmp_path: Path) -> None:
         result = diagnose(read_dataset(write_files(tmp_path / noise, rows, header)))
         assert result.error_nominal is not None
         assert 0.5 < result.error_nominal.rms < 3.0
+
+
+def test_what_stands_in_for_others_may_go_as_far_as_all_of_them(tmp_path: Path) -> None:
+    """One joint alone moves: of some twenty parameters one is left, and it is held to the sizes of all of them."""
+    sweeps = [(what, cell) for what, cell, _ in islice(odd_sets(12), 12) if what.startswith("sweep")]
+    assert [what[9:16] for what, _ in sweeps] == ["joint 3", "joint 1", "joint 1"]
+    for _, cell in sweeps:
+        found = identify(cell.dataset(tmp_path))
+        assert found.converged
+        assert 0.85 < found.noise_scale < 1.15
+        # and of those that could be left, one that need not go far in its own usual size
+        moved = [
+            p.size and found.estimate[found.model.index[p.name]] / to_internal(p.size, p.unit)
+            for p in found.model.parameters
+        ]
+        assert max(abs(m) for m in moved if m is not None) < 5.0
 
 
 def test_status_in_capitals_is_ok_and_other_words_are_refused(tmp_path: Path) -> None:

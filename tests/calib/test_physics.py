@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.arm.robot import load_robot
 from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.diagnose.physics import bounds_of, impossible
-from calib.diagnose.scan import Scores
 from calib.diagnose.select import refit
-from calib.diagnose.space import Space
-from calib.effects import Candidate
 from calib.effects.backlash import backlash
 from calib.effects.lost_motion import lost_motion
 from calib.effects.parallel_twist import parallel_twist
 from calib.effects.pedestal import pedestal
 from calib.effects.periodic import periodic
 from calib.effects.settling import settling
-from calib.identify import identify
-from calib.robot import load_robot
+from calib.fit.identify import identify
+from calib.scan.fixed import Candidate
+from calib.scan.physics import bounds_of, impossible
+from calib.scan.scores import Scores
+from calib.scan.space import Space
 from mocks.world import ArmState, Session, World
 from mocks.world.poses import approach_point
 from tests.benchmarks.diagnosis_sets import load, measured

@@ -12,7 +12,8 @@ import pytest
 
 from calib.convert.ipa_ur10 import read
 from calib.convert.table import Table
-from calib.dataset import Dataset, read_dataset
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "ur10_leica"

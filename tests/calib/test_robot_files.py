@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.arm.robot import BUILT_IN, built_in_robots, load_robot
 from calib.errors import DataError
-from calib.kinematics import Chain, Placement, forward, nominal_values, propagate
-from calib.robot import BUILT_IN, built_in_robots, load_robot
 from mocks.world import robot_named
 
 GOOD = (BUILT_IN / "abb-irb120.toml").read_text(encoding="utf-8")

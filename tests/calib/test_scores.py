@@ -12,27 +12,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.dataset import Dataset
+from calib.arm.robot import load_robot
+from calib.array import Array
+from calib.data.dataset import Dataset
 from calib.diagnose import select
-from calib.diagnose.evidence import evidence_of, p_value
-from calib.diagnose.refine import refine_times
-from calib.diagnose.scan import HarmonicScores, Scores, ShapeScores, StepScores
+from calib.diagnose.refine import refine
 from calib.diagnose.select import leave_one_out, refit
-from calib.diagnose.space import Space
-from calib.diagnose.trigsums import TrigSums
-from calib.effects import Effect, Survey, offers
+from calib.effects import Survey, offers
 from calib.effects.backlash import backlash
 from calib.effects.drift import drift_rotation
 from calib.effects.periodic import periodic
 from calib.effects.shift import tool_shift
 from calib.effects.thermal_growth import thermal_growth
 from calib.effects.warm_up import warm_up
-from calib.identification import Identification
-from calib.identify import identify
-from calib.kinematics import Array
-from calib.least_squares import solve
-from calib.model import Design
-from calib.robot import load_robot
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.fit.least_squares import Linearisation, solve
+from calib.model.effect import Effect
+from calib.model.model import Design
+from calib.scan.evidence import evidence_of, p_value
+from calib.scan.harmonics import HarmonicScores
+from calib.scan.scores import Scores
+from calib.scan.shapes import ShapeScores
+from calib.scan.space import Space
+from calib.scan.steps import StepScores
+from calib.scan.trigsums import TrigSums
 from tests.calib.campaigns import simulate
 
 
@@ -238,7 +242,7 @@ def test_time_constants_are_scanned_and_refined(tmp_path: Path) -> None:
     whole = fitted
     for _ in range(3):
         whole = refit(data, fitted, (found,))
-        (found,) = refine_times(Space.of(whole), (found,))
+        (found,) = refine(Space.of(whole), (found,))
     time = found.shape["time_constant_s"]
     assert time == pytest.approx(truth, rel=0.1)
     family = scores.families[index]
@@ -248,14 +252,15 @@ def test_time_constants_are_scanned_and_refined(tmp_path: Path) -> None:
         for factor in (0.95, 1.0, 1.05)
     }
     assert left[1.0] < min(left[0.95], left[1.05])
-    assert refine_times(Space.of(whole), (backlash(2),)) == (backlash(2),)
+    assert refine(Space.of(whole), (backlash(2),)) == (backlash(2),)
 
 
 def test_the_search_lets_effects_enter_as_a_fit_would(complete: tuple[Dataset, Identification]) -> None:
     _, fitted = complete
     brute = Brute(fitted)
     scores = library(fitted, brute.space)
-    select._enter(scores, brute.space.basis, periodic(2, 7.0))
+    basis = brute.space.basis
+    select._enter(scores, basis, select._new_directions(brute.space, basis, periodic(2, 7.0)))
     brute.add(periodic(2, 7.0))
     assert scores.rss == pytest.approx(brute.rss(), rel=1e-6)
 
@@ -287,9 +292,8 @@ def test_leaving_one_out_is_fitting_without_it(
     design = Design(anew.model, anew.readings.conditions)
     held = whole.model.index["a3"]
     scale = whole.prior[held] * whole.model.prior_std[held]
-    again = solve(
-        design, anew.readings.observed, anew.estimate, anew.covariance.diagonal() > 0.0, scale=scale
-    )
+    at = Linearisation(design, anew.readings.observed, anew.estimate)
+    again = solve(at, anew.covariance.diagonal() > 0.0, scale=scale)
     rss = np.sum(again.residual**2) + np.sum((again.prior * again.estimate) ** 2)
     assert rss == pytest.approx(without.rss, rel=2e-3)
 
@@ -351,7 +355,7 @@ def test_the_chance_of_a_claim_is_that_of_the_f_test(tmp_path: Path) -> None:
         fitted = identify(data)
         scores = library(fitted, Space.of(fitted))
         for index, family in enumerate(scores.families):
-            if family.label.startswith("backlash"):
+            if family.label.startswith("backlash:"):
                 gain, freedom = scores.gains(index)
                 chances.append(p_value(float(gain[0]), int(freedom[0]), scores.rss, scores.freedom, 1))
     assert len(chances) == 48

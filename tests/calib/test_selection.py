@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calib.array import Array
 from calib.errors import DataError
-from calib.kinematics import Array
 from calib.selection import observability, select
-from calib.selection.blocks import Blocks
 from calib.selection.bound import optimum
-from calib.selection.exchange import Indices, State, exchange, greedy, log_det, without_least
+from calib.selection.exchange import Indices, SelectionState, exchange, greedy, log_det, without_least
+from calib.selection.pose_rows import PoseRows
 
 SEEDS = st.integers(0, 10_000)
 
@@ -40,7 +40,7 @@ def test_tiny_problems_are_solved_to_the_optimum(seed: int) -> None:
 @given(seed=SEEDS, k=st.integers(1, 4))
 def test_exchange_never_lowers_the_determinant_and_ends_where_no_swap_helps(seed: int, k: int) -> None:
     rows = random_rows(seed, 30, k, 5)
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     start = np.sort(np.random.default_rng(seed).choice(30, 8, replace=False))
     end = exchange(blocks, start)
     assert len(set(end.tolist())) == 8
@@ -57,11 +57,11 @@ def test_exchange_never_lowers_the_determinant_and_ends_where_no_swap_helps(seed
 @given(seed=SEEDS, k=st.integers(1, 4))
 def test_updates_equal_recomputation(seed: int, k: int) -> None:
     rows = random_rows(seed, 20, k, 4)
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     selection = np.arange(8)
-    state = State.of(blocks, blocks.information(selection)).changed(3, -1.0).changed(15, +1.0)
+    state = SelectionState.of(blocks, blocks.information(selection)).changed(3, -1.0).changed(15, +1.0)
     moved = np.array([0, 1, 2, 4, 5, 6, 7, 15])
-    anew = State.of(blocks, blocks.information(moved))
+    anew = SelectionState.of(blocks, blocks.information(moved))
     assert state.inverse == pytest.approx(anew.inverse, rel=1e-7, abs=1e-9)
     assert state.b == pytest.approx(anew.b, rel=1e-7, abs=1e-9)
     gains = [true_log_det(rows, np.append(moved, j)) - true_log_det(rows, moved) for j in range(20)]
@@ -70,7 +70,7 @@ def test_updates_equal_recomputation(seed: int, k: int) -> None:
 
 def test_prepared_blocks_keep_every_determinant() -> None:
     rows = random_rows(3, 40, 3, 4) * np.array([1e-4, 1.0, 30.0, 1e5])
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     for seed in range(5):
         selection = np.random.default_rng(seed).choice(40, 7, replace=False)
         assert log_det(blocks, selection) + blocks.log_scale == pytest.approx(true_log_det(rows, selection))
@@ -80,13 +80,13 @@ def test_rows_that_say_nothing_new_are_left_out() -> None:
     """Nine rows of three points on a rigid body hold six independent ones."""
     rng = np.random.default_rng(1)
     mixing = rng.normal(size=(9, 6))
-    blocks = Blocks.of(mixing @ rng.normal(size=(50, 6, 12)))
+    blocks = PoseRows.of(mixing @ rng.normal(size=(50, 6, 12)))
     assert blocks.width == 6
 
 
 def test_without_least_leaves_out_what_costs_least() -> None:
     rows = random_rows(5, 12, 2, 4)
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     all_but = [np.delete(np.arange(12), i) for i in range(12)]
     best = max(all_but, key=lambda each: true_log_det(rows, each))
     assert without_least(blocks, np.arange(12), 11).tolist() == best.tolist()
@@ -95,7 +95,7 @@ def test_without_least_leaves_out_what_costs_least() -> None:
 
 
 def test_fixed_poses_stay() -> None:
-    blocks = Blocks.of(random_rows(2, 60, 2, 5))
+    blocks = PoseRows.of(random_rows(2, 60, 2, 5))
     worst = np.argsort(optimum(blocks).sensitivity)[:3]
     start = greedy(blocks, [int(i) for i in worst], 9)
     assert set(worst) <= set(exchange(blocks, start, fixed=worst))
@@ -124,7 +124,7 @@ def test_units_of_the_parameters_do_not_matter() -> None:
 def test_bound_of_quadratic_regression_is_the_textbook_one() -> None:
     """1, x, x^2 on [-1, 1]: a third of the weight at -1, 0 and 1, det 4/27 (Fedorov 1972)."""
     x = np.linspace(-1.0, 1.0, 201)
-    blocks = Blocks.of(np.stack([np.ones_like(x), x, x**2], axis=1)[:, None, :])
+    blocks = PoseRows.of(np.stack([np.ones_like(x), x, x**2], axis=1)[:, None, :])
     best = optimum(blocks, 1e-4)
     above = best.log_det + blocks.log_scale - np.log(4.0 / 27.0)
     assert -1e-12 < above <= 3.0 * np.log1p(best.gap)
@@ -137,7 +137,7 @@ def test_bound_of_quadratic_regression_is_the_textbook_one() -> None:
 @given(seed=SEEDS, tolerance=st.sampled_from([1e-4, 0.5]))
 def test_no_selection_exceeds_the_bound_however_early_it_stops(seed: int, tolerance: float) -> None:
     rows = random_rows(seed, 80, 2, 6)
-    blocks = Blocks.of(rows)
+    blocks = PoseRows.of(rows)
     best = optimum(blocks, tolerance)
     assert best.weights.sum() == pytest.approx(1.0)
     for count in (4, 10, 40):

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.compensate.stated import StatedConditions, conditions_at
+from calib.arm.robot import load_robot
+from calib.array import Array
+from calib.data.noise import Noise
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.model import Design
-from calib.noise import Noise
-from calib.robot import load_robot
+from calib.fit.uncertainty import expanded
+from calib.model.model import Design
+from calib.model.stated import StatedConditions, conditions_at
 from calib.selection import Curve, Setup, candidates_of, choose, curve_of
-from calib.selection.blocks import Blocks
 from calib.selection.bound import optimum
 from calib.selection.coverage import cells_of, filling, missing
 from calib.selection.exchange import best_of_starts, log_det
-from calib.uncertainty import expanded
+from calib.selection.pose_rows import PoseRows
 from calib.units import DEG
 
 ROBOT = load_robot("abb-irb120")
@@ -85,7 +85,7 @@ def test_what_the_candidates_cannot_tell_is_dropped_and_named() -> None:
 
 @pytest.mark.parametrize(("targets", "count"), [(("T2",), 50), (("T1", "T2", "T3"), 38)])
 def test_five_thousand_candidates_reach_the_bound(targets: Sequence[str], count: int) -> None:
-    blocks = Blocks.of(candidates_of(setup(targets, STILL), poses(5000)).rows)
+    blocks = PoseRows.of(candidates_of(setup(targets, STILL), poses(5000)).rows)
     best = optimum(blocks)
     found = best_of_starts(blocks, best, count)
     assert best.efficiency(log_det(blocks, found), count) >= 0.985

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.compensate.stated import StatedConditions, conditions_at
-from calib.dataset import read_dataset
-from calib.kinematics import Array, gravity_torques, statics
-from calib.placing import base_model_of
-from calib.robot import Load, Robot, built_in_robots, load_robot
+from calib.arm.kinematics import gravity_torques, statics
+from calib.arm.robot import Load, Robot, built_in_robots, load_robot
+from calib.array import Array
+from calib.data.read import read_dataset
+from calib.fit.placing import base_model_of
+from calib.model.stated import StatedConditions, conditions_at
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import dataset_of, move_rows, write_files
 from tests.calib.chain import chain

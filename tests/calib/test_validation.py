@@ -12,16 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from calib.dataset import Dataset, read_dataset
+from calib.arm.kinematics import forward
+from calib.arm.robot import load_robot
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
 from calib.errors import DataError
-from calib.identification import Identification
-from calib.identify import identify
-from calib.kinematics import Array, forward
-from calib.model import Design
-from calib.model_file import SavedModel, load_model, save_model
-from calib.placing import base_model_of, place_nominal
-from calib.robot import load_robot
-from calib.statistics import distances
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.fit.placing import base_model_of, place_nominal
+from calib.fit.statistics import distances
+from calib.model.model import Design
+from calib.saved.model_file import SavedModel, load_model, save_model
 from calib.validation import (
     apart,
     differences,
@@ -312,6 +314,12 @@ class TestHoldOuts:
             assert each.errors is not None
             assert (each.errors.n, each.left_out, each.folds) == (int(dataset.fit_rows.sum()), 0, 3)
             assert each.errors.rms < 0.2
+
+    def test_a_waypoint_is_held_out_whole(self, day: tuple[Dataset, Identification]) -> None:
+        dataset, _ = day
+        numbered = replace(dataset.conditions, waypoint=np.arange(len(dataset)) % 4)
+        with pytest.raises(DataError, match="4 poses"):
+            hold_outs(replace(dataset, conditions=numbered), folds=5)
 
     def test_validation_rows_take_no_part(self, day: tuple[Dataset, Identification]) -> None:
         dataset, _ = day

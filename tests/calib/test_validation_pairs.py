@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from calib.kinematics import Array
+from calib.array import Array
 from calib.validation.pairs import RESOLUTION, pair_errors
 from calib.validation.summary import Summary, summarise
 

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from calib.errors import DataError
-from calib.world_frame import (
+from calib.arm.world_frame import (
     WorldFrame,
     by_three_two_one,
     corrected_triangle,
@@ -24,6 +23,7 @@ from calib.world_frame import (
     frame_of,
     of_base_points,
 )
+from calib.errors import DataError
 
 FILE = json.loads(
     (Path(__file__).parent.parent / "vectors" / "world_frame_correction.json").read_text("utf-8")

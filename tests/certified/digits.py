@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.dataset import Dataset, read_dataset
-from calib.least_squares import Solution, solve
-from calib.model import Design, RobotModel
-from calib.placing import base_model_of
-from calib.readings import readings_of
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.fit.least_squares import Ending, Linearisation, Solution, solve
+from calib.fit.placing import base_model_of
+from calib.fit.readings import readings_of
+from calib.model.model import Design, RobotModel
 from calib.units import to_display
 
 FOLDER = Path(__file__).parent
@@ -63,7 +64,7 @@ def solved(name: str) -> tuple[RobotModel, Solution]:
     readings = readings_of(data, data.fit_rows, model, start)
     every = np.ones(len(start), dtype=bool)
     design = Design(model, readings.conditions)
-    return model, solve(design, readings.observed, start, every, tolerance=1e-9)
+    return model, solve(Linearisation(design, readings.observed, start), every, tolerance=1e-9)
 
 
 def count(name: str) -> Digits:
@@ -80,7 +81,9 @@ def count(name: str) -> Digits:
         values[p.name] = correct(to_display(float(solution.estimate[i]), p.unit), Decimal(of["estimate"]))
         errors[p.name] = correct(to_display(float(error[i]), p.unit), Decimal(of["standard_error"]))
     total = correct(float(np.sum(solution.residual**2)), Decimal(table["sum_of_squares"]))
-    return Digits(values, errors, total, table["condition"], solution.iterations, solution.converged)
+    return Digits(
+        values, errors, total, table["condition"], solution.iterations, solution.ending is Ending.CONVERGED
+    )
 
 
 def table(names: Iterable[str] = PROBLEMS) -> str:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers import CTrack, EmsconDeadlines, EmsconTracker, LeicaTracker, MbpDeadlines, Qc20w
+from drivers import CTrack, EmsconTracker, InstrumentDeadlines, LeicaTracker, Qc20w
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -17,9 +17,9 @@ from mocks.world import ArmState
 from tests.conformance.rig import SCALE, Rig
 
 NAMES = ("T1", "N1", "T2", "N2", "T3", "N3")
-PATIENT = MbpDeadlines()
+PATIENT = InstrumentDeadlines()
 HASTY = replace(PATIENT, reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
-PATIENT_EMSCON = EmsconDeadlines()
+PATIENT_EMSCON = InstrumentDeadlines()
 HASTY_EMSCON = replace(PATIENT_EMSCON, reply_s=0.3, point_s=0.3, measure_margin_s=-0.2)  # 0.5 s at least
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from drivers import FaroTracker, MbpDeadlines
+from drivers import FaroTracker, InstrumentDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -16,8 +16,8 @@ from tests.conformance.instrument_rigs import INSTRUMENT_RIGS
 from tests.conformance.rig import SCALE, Rig
 from tests.conformance.ur_rigs import UR_RIGS
 
-PATIENT_FARO = MbpDeadlines()
-HASTY_FARO = MbpDeadlines(reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
+PATIENT_FARO = InstrumentDeadlines()
+HASTY_FARO = InstrumentDeadlines(reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
 
 
 def faro_rig(stack: ExitStack) -> Rig:

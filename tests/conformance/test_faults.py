@@ -14,6 +14,7 @@ import pytest
 
 from drivers import (
     AcquisitionError,
+    CommandRefused,
     CTrack,
     FaroTracker,
     LeicaTracker,
@@ -42,7 +43,7 @@ CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {
     "duplicate_late": (ProtocolError,),
     "drop": (LinkTimeout, ProtocolError),
     "garbage": (ProtocolError,),
-    "flip": (ProtocolError, LinkTimeout),
+    "flip": (ProtocolError, LinkTimeout, CommandRefused),  # a stock ABB says 1 or 0, with no sum behind it
     "half": (LinkTimeout, ProtocolError),
     "half_close": (LinkLost,),
     "close": (LinkLost,),

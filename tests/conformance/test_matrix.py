@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers import INSTRUMENTS, LENGTH_METERS, ROBOTS
+from drivers import INSTRUMENTS, ROBOTS
 from tests.conformance.matrix import Cell, cell, tables
 from tests.conformance.readings import READINGS
 from tests.conformance.wire import log_of, shortened, shown
@@ -49,7 +49,7 @@ def test_tables_have_a_row_a_fault_and_a_column_a_rig() -> None:
 
 def test_every_driver_has_a_wire_log() -> None:
     makers = {name.split(",")[0] for name in READINGS}
-    assert makers | {"emscon"} == {name.split("-")[0] for name in {**ROBOTS, **INSTRUMENTS, **LENGTH_METERS}}
+    assert makers | {"emscon"} == {name.split("-")[0] for name in {**ROBOTS, **INSTRUMENTS}}
 
 
 def test_a_wire_log_shows_beginning_move_and_end() -> None:

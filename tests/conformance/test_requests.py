@@ -21,7 +21,9 @@ from tests.conformance.test_faults import BRIDGED
 QUESTIONS = 20
 FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a question
 STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
-NO_SUM = {"leica-emscon"}  # a beam that is sent elsewhere may find another target there: acquisition.expected
+NO_SUM = {
+    "leica-emscon"
+}  # a beam that is sent elsewhere may find another target there: acquisition.run.expected
 
 
 @pytest.fixture(scope="module", params=sorted(set(RIGS) - STATES_ONLY - NO_SUM))

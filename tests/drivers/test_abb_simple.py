@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import logging
 import math
 import signal
 import socket
@@ -12,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -19,10 +19,8 @@ from drivers import (
     AbbSimpleArm,
     AbbSimpleDeadlines,
     Busy,
-    ConfigError,
     EmergencyStop,
     EnableLost,
-    JointLimit,
     LinkError,
     LinkLost,
     LinkTimeout,
@@ -31,12 +29,11 @@ from drivers import (
     NotReached,
     NotReady,
     ProtectiveStop,
-    RobotArm,
     WireLog,
     WrongMode,
     open_robot,
 )
-from mocks.abb_simple import LAST, START, STOP, SimpleMessageServers
+from mocks.abb.simple import LAST, START, STOP, SimpleMessageServers
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
@@ -47,8 +44,8 @@ FAST = CellFile(time_scale=10_000.0, effects=("none",))
 HASTY = AbbSimpleDeadlines(reply_s=0.4, settle_s=0.3, still_s=0.2, takeover_s=0.2)
 
 
-def connected(cell: CellThread, **options: object) -> AbbSimpleArm:
-    arm = AbbSimpleArm(cell.url("abb-simple"), **options)  # type: ignore[arg-type]
+def connected(cell: CellThread, **options: Any) -> AbbSimpleArm:
+    arm = AbbSimpleArm(cell.url("abb-simple"), **options)
     arm.connect()
     return arm
 
@@ -70,18 +67,13 @@ def fast() -> Iterator[CellThread]:
         yield cell
 
 
-def test_is_a_robot_arm_and_says_what_it_is(fast: CellThread, caplog: pytest.LogCaptureFixture) -> None:
+def test_says_what_it_is(fast: CellThread) -> None:
     arm = open_robot("abb-simple", fast.url("abb-simple"))
-    assert isinstance(arm, RobotArm)
-    assert arm.unverified_on_hardware
-    with caplog.at_level(logging.WARNING):
-        arm.connect()
-        arm.connect()
-        assert arm.can_stop
-        assert arm.identify().protocol == "simple_message"
-        assert arm.status().mode == "auto"
-        arm.disconnect()
-    assert sum("unverified" in record.message for record in caplog.records) == 1
+    arm.connect()
+    assert arm.can_stop
+    assert arm.identify().protocol == "simple_message"
+    assert arm.status().mode == "auto"
+    arm.disconnect()
 
 
 def test_nothing_moves_on_connect(fast: CellThread) -> None:
@@ -115,7 +107,7 @@ def test_a_step_below_tolerance_or_skipping_is_carried_out(fast: CellThread, ste
     arm.arm()
     reached = arm.move_to((step, 0, 0, 0, 0, 0))
     assert reached.joints_deg[0] == pytest.approx(step, abs=1e-5)
-    assert fast.do("state")["joints_deg"][0] == pytest.approx(step, abs=1e-5)  # type: ignore[index]
+    assert fast.do("state")["joints_deg"][0] == pytest.approx(step, abs=1e-5)
     arm.disconnect()
 
 
@@ -124,24 +116,6 @@ def test_a_step_below_tolerance_is_awaited_though_it_begins_late(slow: CellThrea
     arm = connected(slow)
     arm.arm()
     assert arm.move_to((0.03, 0, 0, 0, 0, 0)).joints_deg[0] == pytest.approx(0.03, abs=1e-5)
-    arm.disconnect()
-
-
-def test_stop_ends_a_pending_move(slow: CellThread) -> None:
-    arm = connected(slow)
-    arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    arm.stop()
-    with pytest.raises(MotionStopped):
-        move.result(PATIENCE_S)
-    state = slow.do("state")
-    assert not state["moving"]
-    assert max(state["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
-    with pytest.raises(NotArmed):
-        arm.move_to(FAR)
-    arm.arm()
-    assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=1e-5)
     arm.disconnect()
 
 
@@ -178,7 +152,7 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(
     with pytest.raises(LinkError):
         move.result(PATIENCE_S)
     assert not slow.do("state")["moving"]
-    assert max(slow.do("state")["joints_deg"]) < 60.0  # type: ignore[type-var, operator]
+    assert max(slow.do("state")["joints_deg"]) < 60.0
     with pytest.raises(LinkLost):
         arm.arm()
 
@@ -211,13 +185,13 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread
     ],
 )
 def test_controller_gives_up_during_a_move(
-    slow: CellThread, order: dict[str, object], error: type[Exception]
+    slow: CellThread, order: dict[str, Any], error: type[Exception]
 ) -> None:
     arm = connected(slow)
     arm.arm()
     move = in_thread(lambda: arm.move_to(FAR))
     until(lambda: slow.do("state")["moving"])
-    slow.do(**order)  # type: ignore[arg-type]
+    slow.do(**order)
     with pytest.raises(error):
         move.result(PATIENCE_S)
     arm.disconnect()
@@ -232,26 +206,12 @@ def test_controller_gives_up_during_a_move(
     ],
 )
 def test_arm_refuses_a_controller_that_cannot_move(
-    fast: CellThread, order: dict[str, object], error: type[Exception]
+    fast: CellThread, order: dict[str, Any], error: type[Exception]
 ) -> None:
     arm = connected(fast)
-    fast.do(**order)  # type: ignore[arg-type]
+    fast.do(**order)
     with pytest.raises(error):
         arm.arm()
-    arm.disconnect()
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 91.0, -91.0])
-def test_limits_of_the_cell_are_checked_before_anything_is_sent(fast: CellThread, bad: float) -> None:
-    arm = connected(fast, limits_deg=[(-90, 90)] * 6)
-    arm.arm()
-    before = len(servers(fast).received)
-    with pytest.raises(JointLimit):
-        arm.move_to((0, 0, bad, 0, 0, 0))
-    with pytest.raises(JointLimit):
-        arm.move_to((0, 0))
-    assert len(servers(fast).received) == before
-    arm.move_to((90, 0, 0, 0, 0, 0))
     arm.disconnect()
 
 
@@ -335,23 +295,6 @@ def test_the_wire_log_has_what_was_said_and_the_states_that_were_used(fast: Cell
     assert [len(data) for data in sent] == [68, 68, 68]
     seen = [row["data"] for row in rows if row["device"] == "abb-simple-state"]
     assert seen[-1].encode("latin-1") == reached.raw
-
-
-@pytest.mark.parametrize(
-    ("url", "options"),
-    [
-        ("http://h:1", {}),
-        ("tcp://h", {}),
-        ("tcp://h:11000?state=x", {}),
-        ("tcp://h:11000?state=70000", {}),
-        ("tcp://h:11000", {"speed_deg_s": 0}),
-        ("tcp://h:11000", {"limits_deg": [(0, 1)]}),
-        ("tcp://h:11000", {"colour": "red"}),
-    ],
-)
-def test_configuration_errors(url: str, options: dict[str, object]) -> None:
-    with pytest.raises(ConfigError):
-        open_robot("abb-simple", url, **options)
 
 
 def test_simulator_as_a_process() -> None:

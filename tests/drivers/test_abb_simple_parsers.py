@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import ProtocolError
-from drivers.abb_simple_packets import (
+from drivers.abb.simple_packets import (
     ANSWER_SIZE,
     STATE_SIZE,
     encode_point,
     parse_reply,
     parse_state,
 )
-from mocks.abb_simple import f32, i32, message, point
+from mocks.abb.simple import f32, i32, message, point
 
 ANGLES = st.floats(-17.0, 17.0, width=32)
 SIX, FOUR = st.tuples(*[ANGLES] * 6), st.tuples(*[st.floats(-100, 100, width=32) | st.just(9e6)] * 4)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import ConfigError, read_b5r
-from drivers.b5r import UNITS, parse_b5r
+from drivers.renishaw.b5r import UNITS, parse_b5r
 
 # Written for this test from the names of the elements; no file of the maker's is copied.
 TEXT = """<?xml version="1.0" encoding="UTF-8"?>

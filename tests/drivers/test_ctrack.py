@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ from drivers import (
     ConfigError,
     CTrack,
     EmergencyStop,
+    InstrumentDeadlines,
     LinkError,
-    MbpDeadlines,
     MotionStopped,
     NoisyMeasurement,
     NotArmed,
@@ -28,8 +29,8 @@ from drivers import (
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.ctrack import quaternion
-from mocks.mbp import line
+from mocks.creaform.ctrack import quaternion
+from mocks.shared.mbp import line
 from mocks.world.transforms import turn
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
@@ -160,7 +161,7 @@ def test_turned_away(shared: CellThread, meter: CTrack) -> None:
     ],
 )
 def test_impossible_poses_are_void(
-    shared: CellThread, meter: CTrack, fields: dict[str, object], error: type[Exception]
+    shared: CellThread, meter: CTrack, fields: dict[str, Any], error: type[Exception]
 ) -> None:
     meter.measure("T1")
     shared.do("odd_pose", fields=fields)
@@ -207,7 +208,7 @@ def test_stop_ends_a_pending_pose_and_a_second_client_is_refused() -> None:
         meter = CTrack(cell.url("ctrack"), heartbeat_s=None)
         meter.connect()
         meter.arm()
-        second = CTrack(cell.url("ctrack"), deadlines=MbpDeadlines(takeover_s=0.1))
+        second = CTrack(cell.url("ctrack"), deadlines=InstrumentDeadlines(takeover_s=0.1))
         with pytest.raises(Busy):
             second.connect()
         reading = in_thread(lambda: meter.measure("N1", samples=1000))

@@ -10,7 +10,7 @@ import pytest
 from drivers import BeamBroken, FaroTracker, NoisyMeasurement, Qc20w
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from tests.drivers.expected import MBP_MEASURE, ExpectedDevice, Pair
 
 MODE: Pair = (line("5 MODE distance=IFM_ADM"), line("5 OK"))

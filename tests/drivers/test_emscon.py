@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,8 +15,8 @@ from drivers import (
     BeamBroken,
     Busy,
     ConfigError,
-    EmsconDeadlines,
     EmsconTracker,
+    InstrumentDeadlines,
     LinkError,
     LinkLost,
     MotionStopped,
@@ -27,11 +28,11 @@ from drivers import (
     TargetNotSeen,
     open_instrument,
 )
-from drivers import emscon_packets as tpi
-from mocks import emscon as server
+from drivers.leica import emscon_packets as tpi
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.leica_device import LeicaDevice
+from mocks.leica import emscon as server
+from mocks.leica.device import LeicaDevice
 from tests.drivers.expected import ExpectedDevice, Pair, converse
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -135,9 +136,9 @@ def test_broken_beam(shared: CellThread, tracker: EmsconTracker, device: LeicaDe
     ],
 )
 def test_arm_waits_for_a_ready_tracker(
-    shared: CellThread, tracker: EmsconTracker, order: dict[str, object], error: type[Exception]
+    shared: CellThread, tracker: EmsconTracker, order: dict[str, Any], error: type[Exception]
 ) -> None:
-    shared.do(**order)  # type: ignore[arg-type]
+    shared.do(**order)
     with pytest.raises(error):
         tracker.arm()
 
@@ -167,7 +168,7 @@ def test_impossible_readings_are_void(
     shared: CellThread,
     tracker: EmsconTracker,
     device: LeicaDevice,
-    fields: dict[str, object],
+    fields: dict[str, Any],
     error: type[Exception],
 ) -> None:
     near = truth(device, "T1")
@@ -208,7 +209,7 @@ def test_stop_beam_break_in_a_reading_and_second_client() -> None:
         near = truth(cell.cell.at960, "N1")
         tracker = EmsconTracker(cell.url("emscon"))
         tracker.connect()
-        second = EmsconTracker(cell.url("emscon"), deadlines=EmsconDeadlines(takeover_s=0.1))
+        second = EmsconTracker(cell.url("emscon"), deadlines=InstrumentDeadlines(takeover_s=0.1))
         with pytest.raises(Busy):
             second.connect()
         for interrupt, error in ((tracker.stop, MotionStopped), (lambda: cell.do("break_beam"), BeamBroken)):

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import AcquisitionError, FanucDeadlines
-from drivers.fanuc_mappdk import MappdkController, sealed
-from drivers.fanuc_modbus import ModbusController, answers_to
-from drivers.fanuc_registers import HmiProfile, IoProfile
+from drivers.fanuc.mappdk import MappdkController, sealed
+from drivers.fanuc.modbus import ModbusController, answers_to
+from drivers.fanuc.registers import HmiProfile, IoProfile
 from drivers.link import Address
-from mocks.fanuc_mappdk import sealed as seal
+from mocks.fanuc.mappdk import sealed as seal
 from tests.drivers.hearing import hearing
 
 DEADLINES = FanucDeadlines(reply_s=5.0)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,7 +35,7 @@ def test_endpoints(tmp_path: Path, whole_cell: bool, stock: bool) -> None:
     command = [sys.executable, "-W", "error", "-m", "mocks", *chosen, *(["--stock"] if stock else [])]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        ends: dict[str, dict[str, object]] = {}
+        ends: dict[str, dict[str, Any]] = {}
         while "backdoor" not in ends:
             end = json.loads(process.stdout.readline())
             ends[end["device"]] = end

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.fanuc_controller import OTHER_TARGET, OUT_OF_RANGE, SILENCE, STOPPED_BY_CLIENT, UNFIT, VERSION
+from drivers.fanuc.controller import OTHER_TARGET, OUT_OF_RANGE, SILENCE, STOPPED_BY_CLIENT, UNFIT, VERSION
 
-FOLDER = Path(__file__).parents[2] / "drivers" / "robot_side" / "fanuc"
+FOLDER = Path(__file__).parents[2] / "drivers" / "fanuc" / "robot_side"
 KAREL = sorted(FOLDER.glob("*.kl"))
 TP = sorted(FOLDER.glob("*.LS"))
 RESERVED = {
@@ -80,7 +80,7 @@ def test_tp_lines_are_counted(path: Path) -> None:
 
 
 def test_registers_and_ends_are_those_of_the_driver() -> None:
-    """R[81..88] lie at 60..67 and PR[81] at 20, as `drivers.fanuc_registers` reads and writes them."""
+    """R[81..88] lie at 60..67 and PR[81] at 20, as `drivers.fanuc.registers` reads and writes them."""
     move = (FOLDER / "CALMOVE.LS").read_text(encoding="ascii")
     assert "J PR[81] R[81]% FINE" in move
     assert f"R[87]={SILENCE}" in (FOLDER / "CALWATCH.LS").read_text(encoding="ascii")
@@ -104,7 +104,7 @@ def test_registers_and_ends_are_those_of_the_driver() -> None:
 
 
 def test_every_answer_of_our_server_is_known_to_the_driver() -> None:
-    source = (Path(__file__).parents[2] / "drivers" / "fanuc_mappdk_link.py").read_text(encoding="utf-8")
+    source = (FOLDER.parent / "mappdk_link.py").read_text(encoding="utf-8")
     for path in (FOLDER / "calsrv.kl", FOLDER / "callog.kl", FOLDER / "caltext.kl"):
         for answer in re.findall(r"'1:([^']+)'", path.read_text(encoding="ascii")):
             assert answer in source, answer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ from drivers import (
     ConfigError,
     EmergencyStop,
     FaroTracker,
+    InstrumentDeadlines,
     LinkError,
-    MbpDeadlines,
     MotionStopped,
     NoisyMeasurement,
     NotArmed,
@@ -29,7 +30,7 @@ from drivers import (
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from tests.drivers.expected import MBP_MEASURE, ExpectedDevice
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -53,7 +54,7 @@ def tracker(cell: CellThread) -> Iterator[FaroTracker]:
 
 
 def truth(cell: CellThread, name: str) -> tuple[float, ...]:
-    return tuple(cell.do("state")["targets_tracker_mm"][name])  # type: ignore[index]
+    return tuple(cell.do("state")["targets_tracker_mm"][name])
 
 
 def test_is_a_point_meter_and_says_what_it_is(cell: CellThread) -> None:
@@ -82,7 +83,7 @@ def test_world_frame_comes_from_the_nests(cell: CellThread, tracker: FaroTracker
     z /= np.linalg.norm(z)
     turn = np.array([x, np.cross(z, x), z])
     world = turn @ (np.array(tracker.measure("T1").xyz_mm) - n1)
-    assert math.dist(world, cell.do("state")["targets_world_mm"]["T1"]) < 0.5  # type: ignore[index, call-overload]
+    assert math.dist(world, cell.do("state")["targets_world_mm"]["T1"]) < 0.5
     assert math.dist(n1, (0, 0, 0)) > 1000.0  # the tracker's frame is not the world's
 
 
@@ -104,7 +105,7 @@ def test_one_smr_is_measured_where_it_sits_whatever_its_name(cell: CellThread, t
 def test_more_samples_scatter_less(cell: CellThread) -> None:
     assert cell.cell is not None
     device = cell.cell.tracker
-    device._indicated_world = device.true_world  # type: ignore[method-assign]
+    device._indicated_world = device.true_world
     ones = [device.average("N1", 1)[0] for _ in range(300)]
     many = [device.average("N1", 100)[0] for _ in range(300)]
     assert np.std(ones, axis=0).mean() == pytest.approx(0.02, rel=0.2)
@@ -182,7 +183,7 @@ def test_unknown_target_and_bad_arguments(tracker: FaroTracker) -> None:
     ],
 )
 def test_impossible_readings_are_void(
-    cell: CellThread, tracker: FaroTracker, fields: dict[str, object], error: type[Exception]
+    cell: CellThread, tracker: FaroTracker, fields: dict[str, Any], error: type[Exception]
 ) -> None:
     tracker.measure("T1")
     cell.do("odd_reading", fields=fields)
@@ -205,9 +206,9 @@ def test_impossible_readings_are_void(
     ],
 )
 def test_arm_waits_for_a_ready_tracker(
-    cell: CellThread, order: dict[str, object], error: type[Exception]
+    cell: CellThread, order: dict[str, Any], error: type[Exception]
 ) -> None:
-    cell.do(**order)  # type: ignore[arg-type]
+    cell.do(**order)
     tracker = FaroTracker(cell.url("faro"), heartbeat_s=None)
     tracker.connect()
     with pytest.raises(error):
@@ -247,7 +248,7 @@ def test_stop_ends_a_pending_reading() -> None:
 
 
 def test_second_client_is_busy(cell: CellThread, tracker: FaroTracker) -> None:
-    second = FaroTracker(cell.url("faro"), deadlines=MbpDeadlines(takeover_s=0.1))
+    second = FaroTracker(cell.url("faro"), deadlines=InstrumentDeadlines(takeover_s=0.1))
     with pytest.raises(Busy):
         second.connect()
     second.disconnect()
@@ -275,7 +276,7 @@ def test_wrong_device_or_version_on_the_port(change: tuple[str, str]) -> None:
 
 
 def test_wrong_protocol_on_the_port(cell: CellThread) -> None:
-    tracker = FaroTracker(cell.url("abb"), heartbeat_s=None, deadlines=MbpDeadlines(reply_s=0.2))
+    tracker = FaroTracker(cell.url("abb"), heartbeat_s=None, deadlines=InstrumentDeadlines(reply_s=0.2))
     with pytest.raises(LinkError):
         tracker.connect()
     tracker.disconnect()

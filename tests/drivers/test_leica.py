@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from drivers import (
     CommandRefused,
     ConfigError,
     EmergencyStop,
+    InstrumentDeadlines,
     LeicaTracker,
     LinkError,
-    MbpDeadlines,
     MotionStopped,
     NoisyMeasurement,
     NotArmed,
@@ -27,11 +28,11 @@ from drivers import (
     TargetNotSeen,
     open_instrument,
 )
-from mocks.at_rest import hidden_by
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.leica_device import LeicaDevice
-from mocks.mbp import line
+from mocks.leica.device import LeicaDevice
+from mocks.shared.at_rest import hidden_by
+from mocks.shared.mbp import line
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -57,7 +58,7 @@ def device(shared: CellThread) -> LeicaDevice:
         {"what": "weather", "on": True},
         {"what": "seat", "target": None},
     ):
-        shared.do(**order)  # type: ignore[arg-type]
+        shared.do(**order)
     return shared.cell.at960
 
 
@@ -174,11 +175,11 @@ def test_head_drifts_while_it_warms_up(device: LeicaDevice) -> None:
 
 
 def _indicated(device: LeicaDevice, t_s: float) -> np.ndarray:
-    now, device.clock.now = device.clock.now, lambda: t_s  # type: ignore[method-assign]
+    now, device.clock.now = device.clock.now, lambda: t_s
     try:
         return device._indicated_world("N1")
     finally:
-        device.clock.now = now  # type: ignore[method-assign]
+        device.clock.now = now
 
 
 @pytest.mark.parametrize(
@@ -190,9 +191,9 @@ def _indicated(device: LeicaDevice, t_s: float) -> np.ndarray:
     ],
 )
 def test_states(
-    shared: CellThread, tracker: LeicaTracker, order: dict[str, object], error: type[Exception]
+    shared: CellThread, tracker: LeicaTracker, order: dict[str, Any], error: type[Exception]
 ) -> None:
-    shared.do(**order)  # type: ignore[arg-type]
+    shared.do(**order)
     with pytest.raises(error):
         tracker.measure("T1")
 
@@ -248,7 +249,7 @@ def test_both_faces(shared: CellThread, device: LeicaDevice) -> None:
     ],
 )
 def test_impossible_readings_are_void(
-    shared: CellThread, tracker: LeicaTracker, fields: dict[str, object], error: type[Exception]
+    shared: CellThread, tracker: LeicaTracker, fields: dict[str, Any], error: type[Exception]
 ) -> None:
     tracker.measure("T1")
     shared.do("odd_reading", fields=fields)
@@ -266,7 +267,7 @@ def test_stop_beam_break_in_a_reading_and_second_client() -> None:
         tracker = LeicaTracker(cell.url("leica"), heartbeat_s=None)
         tracker.connect()
         tracker.arm()
-        second = LeicaTracker(cell.url("leica"), deadlines=MbpDeadlines(takeover_s=0.1))
+        second = LeicaTracker(cell.url("leica"), deadlines=InstrumentDeadlines(takeover_s=0.1))
         with pytest.raises(Busy):
             second.connect()
         for interrupt, error in ((tracker.stop, MotionStopped), (lambda: cell.do("break_beam"), BeamBroken)):

@@ -18,15 +18,15 @@ from drivers import (
     CommandRefused,
     EmergencyStop,
     FaroTracker,
+    InstrumentDeadlines,
     LeicaTracker,
     LinkTimeout,
-    MbpDeadlines,
     MotionStopped,
     NotReady,
     ProtocolError,
     TargetNotSeen,
 )
-from drivers.mbp import checksum
+from drivers.bridge.mbp import checksum
 from mocks.faultproxy import FaultProxy
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -101,7 +101,7 @@ def test_states_and_exceptions_of_the_library(bridge: Any, tracker: LeicaTracker
 
 
 def test_stop_and_second_client(bridge: Any, tracker: LeicaTracker) -> None:
-    second = LeicaTracker(f"tcp://127.0.0.1:{bridge.port}", deadlines=MbpDeadlines(takeover_s=0.1))
+    second = LeicaTracker(f"tcp://127.0.0.1:{bridge.port}", deadlines=InstrumentDeadlines(takeover_s=0.1))
     with pytest.raises(Busy):
         second.connect()
     reading = in_thread(lambda: tracker.measure("T1", samples=1000))
@@ -135,7 +135,7 @@ def test_never_a_wrong_reading_through_it(bridge: Any, fault: str) -> None:
 
     bridge.device.measure = measure
     with FaultProxy(bridge.port, boundary=b"\n") as proxy:
-        limits = MbpDeadlines(reply_s=0.3, measure_margin_s=0.3)
+        limits = InstrumentDeadlines(reply_s=0.3, measure_margin_s=0.3)
         tracker = LeicaTracker(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None, deadlines=limits)
         for after in (0, 1):
             tracker.connect()

@@ -9,7 +9,7 @@ import pytest
 from drivers import FaroTracker, ProtocolError
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from tests.drivers.expected import ExpectedDevice, Pair
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import string
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import AbbArm, AbbDeadlines, AcquisitionError, ConfigError, ProtocolError, mbp
-from drivers.abb_conversation import parse_numbered
+from drivers import AbbArm, AbbDeadlines, AcquisitionError, ConfigError, ProtocolError
+from drivers.abb.conversation import parse_numbered
+from drivers.bridge import mbp
 from drivers.link import parse_url
-from mocks import mbp as bridge
+from mocks.shared import mbp as bridge
 from tests.drivers.hearing import hearing
 
 NAMES = st.text(string.ascii_lowercase, min_size=1, max_size=8)
@@ -45,21 +47,21 @@ def test_any_body_with_a_good_sum(body: bytes) -> None:
 
 
 @given(st.integers(1, 2**31 - 1), st.dictionaries(NAMES, VALUES, max_size=8))
-def test_requests_are_read_by_the_bridge(number: int, fields: dict[str, object]) -> None:
+def test_requests_are_read_by_the_bridge(number: int, fields: dict[str, Any]) -> None:
     got = bridge.request(mbp.encode(number, "MEASURE", fields))
     assert got is not None
     assert got[:2] == (number, "MEASURE")
     for key, value in fields.items():
-        assert type(value)(got[2][key]) == value  # type: ignore[call-arg]
+        assert type(value)(got[2][key]) == value
 
 
 @given(st.integers(1, 2**31 - 1), st.dictionaries(NAMES, VALUES, max_size=8))
-def test_answers_of_the_bridge_are_read(number: int, fields: dict[str, object]) -> None:
+def test_answers_of_the_bridge_are_read(number: int, fields: dict[str, Any]) -> None:
     data = bridge.line(f"{number} OK {bridge.pairs(**fields)}".rstrip())
     message = mbp.parse(data.removesuffix(b"\n"), checksum_needed=True)
     assert (message.kind, message.number) == ("OK", number)
     for key, value in fields.items():
-        assert type(value)(message.fields[key]) == value  # type: ignore[call-arg]
+        assert type(value)(message.fields[key]) == value
 
 
 @given(st.integers(0, 60), st.integers(0, 7))

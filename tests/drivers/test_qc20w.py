@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ import pytest
 from drivers import (
     Busy,
     ConfigError,
+    InstrumentDeadlines,
     LengthMeter,
     LinkLost,
     LinkTimeout,
-    MbpDeadlines,
     MotionStopped,
     NoisyMeasurement,
     NotArmed,
@@ -23,12 +24,12 @@ from drivers import (
     OutOfRange,
     ProtocolError,
     Qc20w,
-    open_length_meter,
+    open_instrument,
 )
 from drivers.serial_link import SerialLink
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from mocks.world import ArmState
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
@@ -69,7 +70,7 @@ def meter(shared: CellThread, request: pytest.FixtureRequest) -> Iterator[Qc20w]
 
 
 def test_is_a_length_meter(shared: CellThread) -> None:
-    meter = open_length_meter("qc20w", shared.url("qc20w"), nominal_mm=300.0)
+    meter = open_instrument("qc20w", shared.url("qc20w"), nominal_mm=300.0)
     assert isinstance(meter, LengthMeter)
     assert meter.unverified_on_hardware
     meter.connect()
@@ -78,7 +79,7 @@ def test_is_a_length_meter(shared: CellThread) -> None:
         meter.measure("T1", base_target="B1")
     meter.disconnect()
     with pytest.raises(ConfigError):
-        open_length_meter("qc20w", shared.url("qc20w"))  # no nominal length
+        open_instrument("qc20w", shared.url("qc20w"))  # no nominal length
 
 
 def test_length_between_two_balls(meter: Qc20w) -> None:
@@ -134,6 +135,43 @@ def test_wrong_extension_bar(shared: CellThread) -> None:
     shared.do("extend", nominal_mm=300.0)
 
 
+def test_a_bar_built_to_another_length_is_held_against_its_calibration() -> None:
+    with CellThread(FAST, devices=("qc20w",)) as cell:
+        meter = Qc20w(cell.url("qc20w"), nominal_mm=300.0, heartbeat_s=None)
+        meter.connect()
+        meter.arm()
+        meter.zero()
+        apart = float(np.linalg.norm(np.subtract(BALLS["B1"], BALLS["B2"])))
+        meter.build(apart)
+        assert meter.zero_mm == 0.0  # it was that of the other bar
+        with pytest.raises(NotArmed):
+            meter.measure("B1", base_target="B2")
+        meter.arm()
+        reading = meter.measure("B1", base_target="B2")
+        assert reading.length_mm == pytest.approx(apart, abs=0.05)
+        assert meter.calibration is not None
+        assert abs(meter.calibration.length_mm - apart) < 0.1
+        cell.do("extend", nominal_mm=300.0)  # the operator takes the wrong bar
+        meter.build(150.0)
+        with pytest.raises(NotReady, match=r"the bar is calibrated to \d+\.?\d* mm, 150 mm are needed now"):
+            meter.arm()
+        with pytest.raises(ConfigError, match="a ballbar of -1 mm cannot be"):
+            meter.build(-1.0)
+        meter.disconnect()
+
+
+def test_a_zero_that_no_well_seated_bar_shows(shared: CellThread, meter: Qc20w) -> None:
+    meter.arm()
+    meter.zero()
+    kept = meter.zero_mm
+    shared.do("knock", by_mm=0.35)
+    with pytest.raises(
+        OutOfRange, match=r"a zero of \+0.35.* mm; a bar well seated in its calibrator shows 0.2 mm"
+    ):
+        meter.zero()
+    assert meter.zero_mm == kept
+
+
 def test_battery_radio_and_calibrator(shared: CellThread, meter: Qc20w) -> None:
     shared.do("battery", percent=2.0)
     with pytest.raises(NotReady):
@@ -170,7 +208,7 @@ def test_battery_radio_and_calibrator(shared: CellThread, meter: Qc20w) -> None:
     ],
 )
 def test_impossible_lengths_are_void(
-    shared: CellThread, meter: Qc20w, fields: dict[str, object], error: type[Exception]
+    shared: CellThread, meter: Qc20w, fields: dict[str, Any], error: type[Exception]
 ) -> None:
     meter.measure("T1", base_target="B1")
     shared.do("odd_length", fields=fields)
@@ -198,7 +236,7 @@ def test_stop_link_drop_in_a_reading_and_second_client() -> None:
         meter = Qc20w(cell.url("qc20w"), nominal_mm=300.0, heartbeat_s=None)
         meter.connect()
         meter.arm()
-        second = Qc20w(cell.url("qc20w"), nominal_mm=300.0, deadlines=MbpDeadlines(takeover_s=0.1))
+        second = Qc20w(cell.url("qc20w"), nominal_mm=300.0, deadlines=InstrumentDeadlines(takeover_s=0.1))
         with pytest.raises(Busy):
             second.connect()
         reading = in_thread(lambda: meter.measure("T1", base_target="B1", samples=1000))
@@ -292,7 +330,7 @@ READ: list[Pair] = [
     (b"2 STATUS*B508\n", line("2 OK state=READY T=21.89 batt=80.0")),
     (b"3 STATUS*F2DB\n", line("3 OK state=READY T=21.89 batt=80.0")),
     (
-        line("4 CAL"),
+        line("4 CAL nominal=300.0"),
         line("4 OK L0=300.002 scale=1.0001 u=0.0005 alpha=11.7 date=2026-03-02 cert=SIM-0001 serial=2Q0001"),
     ),
     (

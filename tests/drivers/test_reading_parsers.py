@@ -24,9 +24,9 @@ from drivers import (
     PointReading,
     Qc20w,
 )
-from drivers.b5r import parse_b5r
-from drivers.mbp_session import MbpSession
-from drivers.qc20w import BarCalibration
+from drivers.bridge.session import MbpSession
+from drivers.renishaw.b5r import parse_b5r
+from drivers.renishaw.qc20w import BarCalibration
 from tests.drivers.hearing import hearing
 
 URL = "tcp://127.0.0.1:1"

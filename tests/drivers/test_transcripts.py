@@ -7,7 +7,7 @@ import pytest
 from drivers import AbbArm, CannotStop, FaroTracker
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from tests.drivers.expected import (
     CALSRV_BACKGROUND,
     CALSRV_MAIN,
@@ -50,6 +50,19 @@ def test_driver_speaks_stock_open_abb() -> None:
         arm.disconnect()
 
 
+def test_an_answer_that_was_damaged_is_not_the_position() -> None:
+    """A tenth of a degree became nine, which is within all limits: only asking again shows it."""
+    damaged = (b"4 #", b"4 1 10.92 -5.00 0.00 0.00 0.00 90.00")
+    moved = STOCK_MOVE.index((b"4 #", b"4 1 10.12 -5.00 0.00 0.00 0.00 90.00"))
+    with ExpectedDevice([*STOCK_MOVE, damaged, STOCK_MOVE[-1], *STOCK_MOVE[moved:]]) as device:
+        arm = AbbArm(f"tcp://127.0.0.1:{device.port}")
+        arm.connect()
+        arm.arm()
+        arm.move_to(TARGET)
+        assert arm.position().joints_deg == (10.12, -5.0, 0.0, 0.0, 0.0, 90.0)
+        arm.disconnect()
+
+
 def test_driver_speaks_calsrv() -> None:
     with ExpectedDevice(CALSRV_MAIN) as main, ExpectedDevice(CALSRV_BACKGROUND) as back:
         arm = AbbArm(f"tcp://127.0.0.1:{main.port}?background={back.port}")
@@ -73,6 +86,18 @@ def test_driver_speaks_mbp() -> None:
     assert (reading.samples, reading.t_s, reading.age_s) == (10, 12.5, 0.0)
     assert (reading.t_air_c, reading.pressure_hpa, reading.humidity_percent) == (21.89, 1013.2, 45.0)
     assert reading.raw + b"\n" == MEASURE_REPLY
+
+
+def test_the_answer_to_an_earlier_question_is_no_reading() -> None:
+    late = MEASURE_REPLY[: MEASURE_REPLY.rindex(b"*")].replace(b"6 OK x=300.0", b"5 OK x=310.0").decode()
+    told = (MEASURE_REQUEST, line("6 ACK eta=1.0") + line(late) + MEASURE_REPLY)
+    with ExpectedDevice([*MBP_FULL[:-1], told]) as device:
+        tracker = FaroTracker(f"tcp://127.0.0.1:{device.port}", heartbeat_s=None)
+        tracker.connect()
+        tracker.arm()
+        reading = tracker.measure("T1", samples=10)
+        tracker.disconnect()
+    assert reading.xyz_mm == (300.0, 400.0, 0.0)
 
 
 def test_stock_simulator_speaks_open_abb() -> None:

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from drivers import LinkError, ProtocolError, UrDeadlines
 from drivers.link import Address
-from drivers.ur_motion import Program
-from drivers.ur_realtime import LENGTHS, parse_packet
-from drivers.ur_rtde import Rtde, encode, parse_data, parse_text
-from drivers.ur_secondary import parse_configuration, parse_kinematics, parse_version, split_packages
-from drivers.ur_state import ROBOT_MODES, UrState, Witness, agree
-from mocks.ur_packets import Dh, configuration, kinematics, package, realtime_packet, version_message
-from mocks.ur_script import ScriptError, ScriptReader, parse_call, parse_program
+from drivers.ur.motion import Program
+from drivers.ur.realtime import LENGTHS, parse_packet
+from drivers.ur.rtde import Rtde, encode, parse_data, parse_text
+from drivers.ur.secondary import parse_configuration, parse_kinematics, parse_version, split_packages
+from drivers.ur.state import ROBOT_MODES, UrState, Witness, agree
+from mocks.ur.packets import Dh, configuration, kinematics, package, realtime_packet, version_message
+from mocks.ur.script import ScriptError, ScriptReader, parse_call, parse_program
 from tests.drivers.hearing import hearing
 
 ANGLES = st.lists(st.floats(-6.3, 6.3), min_size=6, max_size=6).map(tuple)

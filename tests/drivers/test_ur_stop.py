@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
-from drivers.ur_motion import Program
+from drivers.ur.motion import Program
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
 from tests.drivers.ur_bench import FAR, FAST, PATIENT, SLOW, connected, creeping
@@ -48,7 +49,8 @@ def feed(request: pytest.FixtureRequest) -> str:
 
 
 def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
-    arm = creeping(slow, feed)
+    # A program that was stopped before its first state came is waited for during start_s: it may yet begin.
+    arm = creeping(slow, feed, deadlines=replace(PATIENT, start_s=3.0))
     arm.arm()
     move = in_thread(lambda: arm.move_to(FAR))
     until(lambda: slow.do("state")["moving"])
@@ -92,14 +94,14 @@ def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None
                 late.append([])
                 send(late[0])
 
-    slow.cell.ur.submit = hold_back  # type: ignore[method-assign]
+    slow.cell.ur.submit = hold_back
     move = in_thread(lambda: arm.move_to(FAR))
     until(lambda: late)
     in_thread(arm.stop)
     with pytest.raises((MotionStopped, LinkError)):
         move.result(timeout=PATIENCE_S)
     until(lambda: not slow.do("state")["moving"])
-    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+    assert max(slow.do("state")["joints_deg"]) < 45.0
     arm.disconnect()
 
 
@@ -130,7 +132,7 @@ def test_disconnect_does_not_cut_the_stop_of_the_move_that_it_ends(slow: CellThr
         close()
         assert door.waiting.wait(PATIENCE_S)
 
-    arm._rtde.close = close_and_see_the_stop_begin  # type: ignore[method-assign]
+    arm._rtde.close = close_and_see_the_stop_begin
     arm.disconnect()
     door.open.set()
     with pytest.raises((LinkError, MotionStopped)):
@@ -154,7 +156,7 @@ def test_after_a_disconnect_no_program_is_sent(slow: CellThread, feed: str) -> N
                 return
             yield conversation
 
-    arm._realtime.talk = late  # type: ignore[method-assign]
+    arm._realtime.talk = late
     with pytest.raises((LinkError, MotionStopped)):
         arm.move_to(FAR)
     assert slow.do("state")["joints_deg"] == (0.0,) * 6
@@ -170,7 +172,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
     with pytest.raises(LinkError):
         move.result(timeout=PATIENCE_S)
     until(lambda: not slow.do("state")["moving"])
-    assert max(slow.do("state")["joints_deg"]) < 45.0  # type: ignore[type-var, operator]
+    assert max(slow.do("state")["joints_deg"]) < 45.0
 
 
 def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:

@@ -152,7 +152,7 @@ def test_driver_without_rtde_speaks_urscript() -> None:
         arm.connect()
         arm.arm()
         talk = UrArm(f"tcp://127.0.0.1:30004?realtime={programs.port}")._realtime.talk
-        arm._realtime.talk = talk  # type: ignore[method-assign]
+        arm._realtime.talk = talk
         reached = arm.move_to((28.64788975654116, 0, 0, 0, 0, -14.32394487827058))
         assert reached.joints_deg == pytest.approx((28.64788975654116, 0, 0, 0, 0, -14.32394487827058))
         arm.disconnect()
@@ -223,9 +223,9 @@ def test_simulator_runs_the_drivers_program_and_stops() -> None:
                     rtde.sendall(request)
                     read_package(rtde)
                 rtde.sendall(GO)
-                until(lambda: cell.do("state")["joints_deg"][0] == pytest.approx(28.6478898))  # type: ignore[index]
+                until(lambda: cell.do("state")["joints_deg"][0] == pytest.approx(28.6478898))
             client.sendall(b"stopj(4)\nnonsense(1)\ndef f():\n  movej([0,0,0,0,0],v=0.5)\n  popup(1)\nend\n")
-            until(lambda: len(cell.do("ur_refused")["refused"]) == 2)  # type: ignore[arg-type]
+            until(lambda: len(cell.do("ur_refused")["refused"]) == 2)
         assert cell.cell.ur.registers[46] == 6
         assert cell.do("state")["joints_deg"] == pytest.approx((28.6478898, 0, 0, 0, 0, -14.3239449))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from drivers import UrArm, UrDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
@@ -15,13 +17,13 @@ HASTY = UrDeadlines(reply_s=0.4, start_s=0.3, stop_s=0.5, settle_s=0.1, move_fac
 PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
 
 
-def connected(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
+def connected(cell: CellThread, options: str = "", **keywords: Any) -> UrArm:
     arm = UrArm(cell.url("ur") + options, **({"deadlines": PATIENT} | keywords))  # type: ignore[arg-type]
     arm.connect()
     return arm
 
 
-def creeping(cell: CellThread, options: str = "", **keywords: object) -> UrArm:
+def creeping(cell: CellThread, options: str = "", **keywords: Any) -> UrArm:
     """An arm that takes most of a minute to FAR: what shall happen on its way happens there, on a busy machine too.
 
     Nor does its watchdog bark when only this program was starved.

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-PATIENCE_S = (
-    60.0  # for what surely comes; a process that the machine starves may take long, and nothing waits in vain
-)
+# Seconds for what surely comes; a process that the machine starves may take long, and nothing waits in vain
+PATIENCE_S = 60.0
 
 
 def until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> None:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from acquisition.campaign import read_campaign
-from acquisition.cell import read_cell
-from acquisition.devices import open_devices
-from acquisition.event import Event
-from acquisition.run import Run
+from acquisition.campaign.campaign import read_campaign
+from acquisition.cell.cell import read_cell
+from acquisition.cell.devices import open_devices
+from acquisition.record.event import Event
+from acquisition.run.run import Run
 
 
 def tell(event: Event) -> None:

@@ -12,9 +12,9 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acquisition.database import FILE
 from acquisition.errors import RecordError
-from acquisition.run import Run
+from acquisition.record.database import FILE
+from acquisition.run.run import Run
 from tests.end_to_end.simulated import ROOT, SimulatedCell, simulated_cell
 
 CHILD = Path(__file__).with_name("campaign_child.py")

@@ -14,13 +14,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from acquisition.cell import Cell
-from acquisition.devices import Devices, open_devices
-from acquisition.loop import Equipment
+from acquisition.cell.cell import Cell
+from acquisition.cell.devices import Devices, open_devices
+from acquisition.loop.loop import Equipment
 from drivers.interfaces import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
-from mocks.clock import SteppedClock
+from mocks.shared.clock import SteppedClock
 from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]

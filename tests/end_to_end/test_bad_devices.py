@@ -220,7 +220,7 @@ CASES = [
         first("extend", arm, nominal_mm=150.0),
         NotReady,
         3005,
-        "150.* mm, the cell needs 300 mm",
+        "150.* mm, 300 mm are needed now",
         "right extension bar",
     ),
     Case(

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign import read_campaign
-from acquisition.cell import read_cell
+from acquisition.campaign.campaign import read_campaign
+from acquisition.cell.cell import read_cell
 from acquisition.errors import RecordError
-from acquisition.event import Event
-from acquisition.export import export
-from acquisition.run import Run
-from acquisition.status import read_status
-from calib.dataset import read_dataset
-from calib.identify import identify
+from acquisition.record.event import Event
+from acquisition.record.export import export
+from acquisition.run.run import Run
+from acquisition.run.status import read_status
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
 from drivers.errors import SafetyStop
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 from tests.end_to_end.simulated import campaign_file, cell_file, simulated_cell

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.export import export
-from calib.dataset import read_dataset
+from acquisition.record.export import export
+from calib.data.read import read_dataset
 from tests.end_to_end.killing import kill_and_resume
 from tests.end_to_end.simulated import campaign_file, cell_file
 

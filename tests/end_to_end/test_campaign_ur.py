@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from drivers import UrArm
 from service.cli import main
 from tests.drivers.waiting import PATIENCE_S

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign import read_campaign
-from acquisition.cell import read_cell
-from acquisition.export import export
-from acquisition.loop import close_loop
-from acquisition.run import Run
-from calib.dataset import read_dataset
-from calib.identify import identify
+from acquisition.campaign.campaign import read_campaign
+from acquisition.cell.cell import read_cell
+from acquisition.loop.loop import close_loop
+from acquisition.record.export import export
+from acquisition.run.run import Run
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
 from tests.end_to_end.simulated import campaign_file, cell_file, stepped_cell
 
 

@@ -6,23 +6,37 @@ uncorrected targets mixed up, and a floor that is not what noise allows.
 
 from __future__ import annotations
 
+import pickle
 import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from acquisition import read_status, rehearsal
-from acquisition.campaign import campaign_from
-from acquisition.event import Event
-from acquisition.loop import LoopEnded, LoopResult, close_loop
-from acquisition.run import Run
+from acquisition import read_status
+from acquisition.campaign.campaign import campaign_from
+from acquisition.loop import rehearsal
+from acquisition.loop.loop import Compute, LoopEnded, LoopResult, close_loop, here
+from acquisition.record.event import Event
+from acquisition.run.run import Run
 from tests.end_to_end.simulated import stepped_cell
 
 
-def closed(folder: Path, effect: str, poses: int = 5) -> LoopResult:
+def as_in_a_worker(asked: list[str]) -> Compute:
+    """Computes here, but with what is left of function and arguments on their way to another process."""
+
+    def compute(function: Callable[..., Any], *args: object) -> Any:
+        there, given = pickle.loads(pickle.dumps((function, args)))
+        asked.append(function.__name__)
+        return pickle.loads(pickle.dumps(there(*given)))
+
+    return compute
+
+
+def closed(folder: Path, effect: str, poses: int = 5, compute: Compute = here) -> LoopResult:
     """The loop with 34 calibration, 8 validation and a few new poses, which takes as long as the machine computes.
 
     The air of a hall does not swing within minutes, as it would in a session this short: where it matters the
@@ -36,12 +50,14 @@ def closed(folder: Path, effect: str, poses: int = 5) -> LoopResult:
     )
     campaign = campaign_from(table, "campaign.toml")
     with stepped_cell(cell) as equipment:
-        return close_loop(equipment, campaign, folder, poses=poses)
+        return close_loop(replace(equipment, compute=compute), campaign, folder, poses=poses)
 
 
 @pytest.mark.parametrize("effect", ["backlash:j4", "base_shift", "drift_translation", "thermal_growth"])
 def test_the_robot_lands_where_it_should(tmp_path: Path, effect: str) -> None:
-    result = closed(tmp_path, effect)
+    asked: list[str] = []
+    result = closed(tmp_path, effect, compute=as_in_a_worker(asked))
+    assert set(asked) == {"export", "follow_up_of", "new_targets", "correction"}
     diagnosis, verified = result.diagnosis, result.verification
     assert effect in {label for found in diagnosis.effects for label in found.evidence.candidates}
     assert diagnosis.error_nominal is not None

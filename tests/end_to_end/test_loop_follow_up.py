@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_status, rehearsal
-from acquisition.loop import LoopResult, close_loop
-from acquisition.verification import read_landings, world_of
-from calib.dataset import read_dataset
+from acquisition import read_status
+from acquisition.loop import rehearsal
+from acquisition.loop.loop import LoopResult, close_loop
+from acquisition.record.verification import read_landings, world_of
+from calib.data.read import read_dataset
 from calib.diagnose.follow_up import POSES, SEPARATES
 from service.cli import main
 from tests.end_to_end.simulated import stepped_cell

@@ -13,30 +13,30 @@ import numpy as np
 import pytest
 
 from acquisition import read_cell
-from acquisition.attempts import Attempts
-from acquisition.campaign import campaign_from
-from acquisition.corrected import APPROACH_DEG, campaign_of, clear
+from acquisition.campaign.campaign import campaign_from
+from acquisition.campaign.plan import make_plan
+from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
-from acquisition.event import Moment
-from acquisition.plan import make_plan
-from acquisition.rehearsal import campaign_table
-from acquisition.store import Store
-from acquisition.verification import (
+from acquisition.loop.corrected import APPROACH_DEG, campaign_of, clear
+from acquisition.loop.rehearsal import campaign_table
+from acquisition.record.attempts import Attempts
+from acquisition.record.event import Moment
+from acquisition.record.store import Store
+from acquisition.record.verification import (
     Judged,
     Landings,
     expected_temperature,
     first_reading_s,
+    instrument_moved,
     landed_points,
-    nests_off,
     nominal_points,
     read_landings,
     verification_of,
     world_of,
 )
-from acquisition.world_frame import WorldFrame
+from calib.arm.kinematics import forward
 from calib.effects.drift import drift_translation
-from calib.kinematics import forward
-from calib.model import RobotModel
+from calib.model.model import RobotModel
 from drivers.interfaces import JointReading, PointReading
 from tests.end_to_end.simulated import EXAMPLE
 
@@ -140,9 +140,9 @@ def test_an_instrument_that_was_moved_is_tied_to_its_nests() -> None:
     landings = Landings(driven, joints, previous, ("T1",), points, np.ones(1), np.full(1, 22.0), moved, nests)
     model = RobotModel(CELL.robot.model, (drift_translation(),), {"main": dict(CELL.tool.targets)})
     drifting = np.array([1.0, 0.0, 0.0])  # mm/s
-    off_mm = nests_off(landings, here, CELL.nests)
-    assert off_mm == pytest.approx(5.0)
-    at = landed_points(landings, here, model, drifting, 9.0, off_mm)
+    assert instrument_moved(landings, here, CELL.nests, {})
+    assert not instrument_moved(landings, moved, CELL.nests, {})
+    at = landed_points(landings, here, model, drifting, 9.0, moved=True)
     np.testing.assert_allclose(at, [[300.0, 100.0, 400.0]])
-    still = landed_points(landings, here, model, drifting, 9.0, 0.1)
+    still = landed_points(landings, here, model, drifting, 9.0, moved=False)
     np.testing.assert_allclose(still, [[290.0, 100.0, 395.0]], atol=1e-9)  # ten seconds of drift taken out

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from acquisition.cell import Cell, cell_from
-from acquisition.identity import OtherDevice, check_identity, is_model
+from acquisition.cell.cell import Cell, cell_from
+from acquisition.cell.identity import OtherDevice, check_identity, is_model
 from drivers import (
     AcquisitionError,
     ConfigError,
@@ -24,7 +24,7 @@ from drivers import (
     Qc20w,
 )
 from mocks.cell import CellThread
-from mocks.mbp import line
+from mocks.shared.mbp import line
 from tests.drivers.expected import CALSRV_MAIN, MBP_MEASURE, ExpectedDevice
 from tests.end_to_end.driver_benches import (
     BAR_MM,

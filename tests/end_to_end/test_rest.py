@@ -16,7 +16,7 @@ from typing import Any
 
 import httpx2
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, campaign_file, cell_file
 from tests.service.test_http_support import Served, problem, served

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from acquisition import rehearsal
+from acquisition.loop import rehearsal
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.test_http_support import Served, problem, served
 

@@ -13,7 +13,7 @@ from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.test_http_support import Served, problem, served
 
-SET_UP = "Set up the instrument where it is to stand, then confirm: the nests are measured there."
+SET_UP = "Set up the instrument where it is to be, then confirm: the nests are measured there."
 
 
 def order(folder: Path, name: str = "") -> dict[str, Any]:
@@ -32,11 +32,16 @@ def start(service: Served, body: dict[str, Any]) -> str:
 def asked(service: Served, run: str, text: str, before: str = "") -> str:
     """The path of the prompt that asks this, after the one `before`."""
 
-    def now() -> dict[str, Any]:
-        return service.client.get(f"/runs/{run}").json()["prompt"] or {}
+    found: list[str] = []
 
-    until(lambda: now().get("text") == text and not before.endswith(now()["id"]), 20.0)
-    return f"/runs/{run}/prompts/{now()['id']}"
+    def there() -> bool:
+        prompt = service.client.get(f"/runs/{run}").json()["prompt"]
+        if prompt is not None and prompt["text"] == text and not before.endswith(prompt["id"]):
+            found.append(prompt["id"])
+        return bool(found)
+
+    until(there)
+    return f"/runs/{run}/prompts/{found[0]}"
 
 
 def events(service: Served, run: str) -> list[dict[str, Any]]:

@@ -8,16 +8,22 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 
 from acquisition import read_campaign, read_cell
-from acquisition.blocks.poses import read_poses
-from calib.compensate import StatedConditions
+from acquisition.campaign.blocks.poses import read_poses
+from calib.arm.robot import BUILT_IN, load_robot
 from calib.convert import IMPORTERS
-from calib.dataset import read_dataset
-from calib.identify import identify
-from calib.model_file import SavedModel, load_model, save_model
-from calib.robot import BUILT_IN, load_robot
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
+from calib.model.stated import StatedConditions
+from calib.motion.read import read_joints, read_points
+from calib.regression.features import evaluate, turns
+from calib.regression.mls_svr import Linear, fit
+from calib.regression.regression import Regression, Wanted
+from calib.saved.model_file import SavedModel, load_model, save_model
 from mocks.campaign import make_campaign
 from service.programs import KnownFrames, compensate
 from service.programs.read import read_program
@@ -43,7 +49,8 @@ def formats(folder: Path) -> dict[str, Format]:
     """All formats by the name of their file; `folder` gets what stands beside them, all of it good."""
     campaign = make_campaign(seed=3, n=40, n_validation=6, effects=[])
     data = write_files(folder, campaign.rows, campaign.header)
-    save_model(folder / "model.json", identify(read_dataset(data)))
+    dataset = read_dataset(data)
+    save_model(folder / "model.json", identify(dataset), regression=_regression(dataset))
     table, cells = (*ANYTHING, spoil_toml), (*ANYTHING, spoil_cells)
     robot = (BUILT_IN / "abb-irb120.toml").read_bytes()
     header = tomllib.loads(data.with_suffix(".toml").read_text("utf-8"))
@@ -70,10 +77,21 @@ def formats(folder: Path) -> dict[str, Format]:
         Format("program.script", SCRIPT.encode(), ANYTHING, partial(_corrected, ur)),
         Format("published.csv", _published(), cells, IMPORTERS["ipa-ur10"]),
         Format("cleaned.csv", cleaned(), cells, IMPORTERS["ipa-ur10"]),
+        Format("robot.csv", _stream(7), cells, lambda path: read_joints(path, load_robot("ur5"))),
+        Format("tracker.csv", _stream(4), cells, lambda path: read_points(path, _TRACKER)),
+        Format("points.txt", _points(), ANYTHING, lambda path: read_points(path, "spatial-analyzer[mm]")),
     ]
     for each in found:
         (folder / each.name).write_bytes(each.good)
     return {each.name: each for each in found}
+
+
+def _regression(dataset: Dataset) -> Regression:
+    """One that adds nothing, in every key of its table."""
+    joints = dataset.conditions.joints
+    features = evaluate(turns(joints.shape[1]), joints)
+    trained = fit(features, np.zeros((len(joints), 3)), Linear(), 1.0, 1.0)
+    return Regression(Wanted("residuals", "turns"), (0.0, 0.0, 125.0), joints, trained, 0.01)
 
 
 def _header(path: Path) -> object:
@@ -92,6 +110,20 @@ def _targets() -> bytes:
         "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,x_mm,y_mm,z_mm,rot_w,rot_x,rot_y,rot_z,config\n"
     )
     return (head + "A,10,-20,30,0,45,0,,,,,,,,\nB,,,,,,,300,50,400,0,0,1,0,front/up/noflip\n").encode()
+
+
+_TRACKER = "time=t_s[s],x=j1_deg[mm],y=j2_deg[mm],z=j3_deg[mm]"
+
+
+def _stream(columns: int) -> bytes:
+    head = ["t_s", *(f"j{k}_deg" for k in range(1, columns))]
+    rows = [[f"{0.1 * i:.1f}", *(f"{k + i}.5" for k in range(1, columns))] for i in range(25)]
+    return "\n".join(",".join(row) for row in [head, *rows]).encode()
+
+
+def _points() -> bytes:
+    rows = [f"A::P::{i}, {i}.5, 2.0, -3.0, 11/22/2026 08:15:{i:02}.125" for i in range(25)]
+    return "\n".join(["// SpatialAnalyzer", *rows]).encode()
 
 
 def _published() -> bytes:

@@ -28,6 +28,7 @@ NAMES = (
         "targets.csv",
     ),
     *("program.mod", "program.ls", "program.script", "published.csv", "cleaned.csv"),
+    *("robot.csv", "tracker.csv", "points.txt"),
 )
 
 

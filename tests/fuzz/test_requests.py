@@ -17,16 +17,16 @@ from hypothesis import given, note
 from hypothesis import strategies as st
 
 from acquisition import read_cell
-from calib.dataset import read_dataset
-from calib.files import replace_file
-from calib.identify import identify
-from calib.model_file import save_model
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
+from calib.saved.model_file import save_model
+from calib.text.files import replace_file
 from mocks.campaign import make_campaign
 from service.files import as_json
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
 from service.http.app import create_app
-from service.http.problems import MEDIA_TYPE
-from service.http.roles import Tokens
-from service.http.settings import Settings
+from service.http.wire.problems import MEDIA_TYPE
 from service.job import JOB, MODEL, RESULT
 from tests.calib.campaigns import write_files
 from tests.fuzz.formats import EXAMPLES

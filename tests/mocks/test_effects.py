@@ -36,6 +36,7 @@ LABELS = [
     "joint_step:j3",
     "joint_compliance:j3",
     "backlash:j4",
+    "backlash_load:j4",
     "lost_motion:j4",
     "dead_zone:j4",
     "cubic_stiffness:j2",
@@ -139,8 +140,8 @@ def test_signs_are_random() -> None:
 
 
 @pytest.mark.parametrize(
-    "label", ["backlash:j4", "lost_motion:j4", "dead_zone:j4", "settling:j4", "link_torsion:j4", "bearing_tilt:j4",
-              "joint_compliance:j4", "pedestal", "thermal_growth"]
+    "label", ["backlash:j4", "backlash_load:j4", "lost_motion:j4", "dead_zone:j4", "settling:j4", "link_torsion:j4",
+              "bearing_tilt:j4", "joint_compliance:j4", "pedestal", "thermal_growth"]
 )  # fmt: skip
 def test_what_physics_forbids_is_not_drawn(label: str) -> None:
     drawn = [World(seed=s).draw_effect(label).amplitudes for s in range(6)]

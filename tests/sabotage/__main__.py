@@ -12,13 +12,20 @@ from concurrent.futures import ThreadPoolExecutor
 from tempfile import TemporaryDirectory
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, calib, drivers, service
+from tests.sabotage import acquisition, calib, drivers, motion, service
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
-CHANGES: tuple[Change, ...] = (*drivers.CHANGES, *acquisition.CHANGES, *service.CHANGES, *calib.CHANGES)
+CHANGES: tuple[Change, ...] = (
+    *drivers.CHANGES,
+    *acquisition.CHANGES,
+    *service.CHANGES,
+    *calib.CHANGES,
+    *motion.CHANGES,
+)
 
 
 def table(verdicts: list[Verdict]) -> Table:
@@ -26,7 +33,7 @@ def table(verdicts: list[Verdict]) -> Table:
     shown = Table("change", "", "s", "noticed by", box=None, pad_edge=False)
     for each in verdicts:
         outcome = each.outcome if each.good or not each.change.survives else f"{each.outcome}, explained"
-        shown.add_row(each.change.title, outcome, f"{each.seconds:.0f}", each.by)
+        shown.add_row(escape(each.change.title), outcome, f"{each.seconds:.0f}", escape(each.by))
     return shown
 
 

@@ -6,17 +6,22 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from tests.sabotage.change import ROOT, Change
 
 HUNG_S = 60  # for one test; a change that makes one hang is noticed
+TRIAL_S = 600.0  # for all tests of a change, some hundred of them on a busy machine
 _NOTICED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 _HUNG = re.compile(r"^\+* Timeout \+*$", re.MULTILINE)
+_RUNNING = re.compile(r'File "\S*/tests/\S+", line \d+, in (test_\w+)')
 _SOME_FAILED, _NO_FAULT = 1, 0
 
 
@@ -83,20 +88,38 @@ def _tried(change: Change, copy: Path) -> Verdict:
     }
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", f"--timeout={HUNG_S}"]
     began = time.monotonic()
-    done = subprocess.run(
-        [*command, "--timeout-method=thread", *change.tests],
-        cwd=copy,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    code, said = _run([*command, "--timeout-method=thread", *change.tests], copy, environment)
     seconds = time.monotonic() - began
-    noticed = _NOTICED.search(done.stdout)
-    if done.returncode == _NO_FAULT:
+    noticed = _NOTICED.search(said)
+    if code == _NO_FAULT:
         return Verdict(change, "survived", seconds)
-    if done.returncode == _SOME_FAILED and noticed is not None:
+    if code == _SOME_FAILED and noticed is not None:
         return Verdict(change, "killed", seconds, noticed[1])
-    if _HUNG.search(done.stdout + done.stderr):
-        return Verdict(change, "killed", seconds, "a test that hung")
-    return Verdict(change, "broken", seconds, (done.stdout + done.stderr)[-300:])
+    if code is None:
+        return Verdict(change, "killed", seconds, f"tests that took longer than {TRIAL_S:g} s")
+    if hung := _HUNG.search(said):
+        test = _RUNNING.search(said, hung.end())
+        return Verdict(change, "killed", seconds, f"a test that hung: {test[1] if test else 'unknown'}")
+    return Verdict(change, "broken", seconds, said[-300:])
+
+
+def _run(command: list[str], folder: Path, environment: dict[str, str]) -> tuple[int | None, str]:
+    """The exit code, None where the time was over, and all that was said.
+
+    It is written to a file and not to a pipe: a simulator that a hung test leaves behind would keep the pipe open.
+    Whatever is left behind is ended.
+    """
+    with TemporaryFile() as output:
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=output, stderr=output, start_new_session=True
+        )
+        try:
+            code = process.wait(TRIAL_S)
+        except subprocess.TimeoutExpired:
+            code = None
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        output.seek(0)
+        return code, output.read().decode(errors="replace")

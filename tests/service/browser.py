@@ -80,13 +80,20 @@ class Page:
     def text(self, selector: str) -> str:
         return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
 
-    def press(self, key: str) -> None:
-        """A key, to whatever has the focus."""
+    def press(self, key: str, *, held: bool = False) -> None:
+        """A key, to whatever has the focus; `held`: one that has been down for a while, and repeats."""
         codes = {"Escape": 27, "Enter": 13, "Tab": 9}
         extra = {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             more = extra if kind == "keyDown" else {}
-            self.do("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes[key], **more)
+            self.do(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                windowsVirtualKeyCode=codes[key],
+                autoRepeat=held,
+                **more,
+            )
 
     def type(self, text: str) -> None:
         self.do("Input.insertText", text=text)

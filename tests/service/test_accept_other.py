@@ -11,13 +11,13 @@ import pytest
 from pydantic import ValidationError
 
 from acquisition import Cell, Devices, Lease, checked_plan
-from acquisition.individuals import Acceptance
+from acquisition.record.individuals import Acceptance
 from service.cli import main
-from service.http.bodies import Export, Resume
-from service.http.book import Book
-from service.http.datasets import Datasets
-from service.http.run_routes import acceptance
-from service.http.workers import Workers
+from service.http.routes.run_routes import acceptance
+from service.http.runs.book import Book
+from service.http.wire.bodies import Export, Resume
+from service.http.work.datasets import Datasets
+from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
 
@@ -36,7 +36,10 @@ def test_a_run_of_the_service(tmp_path: Path) -> None:
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench, SeatingOperator(bench))
 
-    with closing(Book(tmp_path / "runs", open_devices, Workers(1, waiting=0), simulated=True)) as book:
+    with (
+        closing(Workers(1, waiting=0)) as workers,
+        closing(Book(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
+    ):
         bench.faults[16] = lambda: book.pause(str(book.busy_with), by="anna")
         campaign = a_campaign(block=BLOCKS, settle_s=0.0)
         name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", lease)
@@ -47,6 +50,7 @@ def test_a_run_of_the_service(tmp_path: Path) -> None:
         refused = ended(book, name)
         assert refused["state"] == "paused"
         assert refused["error"]["name"] == "OtherIndividual"
+        assert refused["error"]["serial"] == "777777"
         assert "777777" in refused["reason"]
         assert not [call for call in bench.log if call.startswith(("arm", "move"))]
         body = Resume(accept_other="777777", reason="arm replaced")

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.database import FILE
-from acquisition.store import Store
+from acquisition.record.database import FILE
+from acquisition.record.store import Store
 from service.cli import main
-from service.terminal import duration
+from service.printed.terminal import duration
 from tests.drivers.waiting import PATIENCE_S
 from tests.service.campaigns import edit_text
 from tests.service.test_campaign_commands import files, started

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from service.cli import main
 from service.commands.serve import is_loopback
 from service.private import make_secret
@@ -159,7 +159,7 @@ def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, 
 
 def commands(record: Path) -> list[str]:
     """What was asked of a campaign, from its record, which another program writes."""
-    from acquisition.store import Store
+    from acquisition.record.store import Store
 
     store = Store.open(record, writer=False)
     try:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 
 from acquisition import checked_plan, read_campaign, read_cell
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from service.cli import main
 from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import edit_rows, read_rows, write_data, write_narrow_data
@@ -120,7 +122,8 @@ def test_predictions_hold_every_validation_row_measured_or_not(data: Path, tmp_p
 def test_an_accuracy_that_is_not_met_is_code_3_with_all_results_written(data: Path, tmp_path: Path) -> None:
     result = tmp_path / "r.json"
     assert main(["diagnose", str(data), "--json", str(result), "--accept-rms", "0.001"]) == 3
-    assert result.is_file()
+    acceptance = json.loads(result.read_text("utf-8"))["acceptance"]
+    assert (acceptance["verdict"], acceptance["model"]) == ("rejected", "base model with the effects found")
     assert main(["diagnose", str(data), "--accept-rms", "0.5"]) == 0
 
 
@@ -179,7 +182,7 @@ def test_what_is_ambiguous_becomes_a_campaign_of_the_cell(
     visits = [v for v in checked_plan(read_cell(cell), read_campaign(campaign)) if v.kind == "pose"]
     assert sorted(list(v.joints_deg) for v in visits) == sorted(poses["joints_deg"])
     shown = capsys.readouterr()
-    for piece in ("What 12 follow-up poses would tell apart", *pairs[0]):
+    for piece in ("What 12 follow-up poses would distinguish", *pairs[0]):
         assert piece in shown.out
     assert str(campaign) in shown.err
     page = report.read_text("utf-8")
@@ -284,3 +287,15 @@ def test_the_json_is_there_when_the_report_fails(
     words = zip(("--json", "--predictions", "--model", "--report"), outputs, strict=True)
     assert main(["diagnose", str(data), *(word for pair in words for word in pair)]) == 1
     assert {path.name for path in tmp_path.iterdir()} == set(names[:3])
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"truepose {metadata.version('truepose')}\n"
+
+
+def test_a_port_that_is_taken_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert main(["serve", "--port", str(port), "--record", str(tmp_path / "r")]) == 2
+    assert f"key '--port': {port} of 127.0.0.1 cannot be had" in capsys.readouterr().err

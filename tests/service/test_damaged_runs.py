@@ -6,6 +6,7 @@ rescue.
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -14,12 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.database import FILE
 from acquisition.errors import DamagedRecord
-from acquisition.run import Run
-from service.http import problems
-from service.http.book import Book
-from service.http.workers import Workers
+from acquisition.record.database import FILE
+from acquisition.run.run import Run
+from service.http.runs import dry_runs
+from service.http.runs.book import Book
+from service.http.wire import problems
+from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.acquisition.test_rescue import BLOCKS, DAMAGES, READINGS, Files, make, put
 
@@ -35,7 +37,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Files:
 @contextmanager
 def opened(folder: Path) -> Iterator[Book]:
     bench = Bench(a_cell())
-    with closing(Book(folder, lambda cell: devices_of(bench), Workers(1, waiting=0), simulated=True)) as book:
+    with (
+        closing(Workers(1, waiting=0)) as workers,
+        closing(Book(folder, lambda cell: devices_of(bench), workers, simulated=True)) as book,
+    ):
         yield book
 
 
@@ -93,6 +98,39 @@ def test_damage_that_comes_while_the_service_runs(whole: Files, tmp_path: Path) 
         listed = {document["id"]: document for document in book.documents()}
         assert listed[RUNS[1]]["damaged"]
         assert len(listed) == 3
+
+
+def test_a_folder_that_may_not_be_looked_into_and_a_huge_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed, huge = (tmp_path / "runs" / name for name in RUNS[:2])
+    closed.mkdir(parents=True)
+    huge.mkdir()
+    with (huge / FILE).open("wb") as file:
+        file.truncate(64 * 2**30)  # bytes that nobody has written take no room
+    stat = Path.stat
+
+    def forbidden(path: Path, **more: bool) -> os.stat_result:
+        if closed in path.parents:
+            raise PermissionError(13, "Permission denied", str(path))
+        return stat(path, **more)
+
+    monkeypatch.setattr(Path, "stat", forbidden)
+    with opened(tmp_path / "runs") as book:
+        listed = {document["id"]: document for document in book.documents()}
+    assert sorted(listed) == sorted(RUNS[:2])
+    assert "Permission denied" in listed[RUNS[0]]["reason"]
+    assert "does not begin as a database does" in listed[RUNS[1]]["reason"]
+
+
+def test_a_dry_run_that_is_damaged_while_the_service_runs(tmp_path: Path) -> None:
+    record = tmp_path / "runs" / RUNS[0]
+    record.mkdir(parents=True)
+    with opened(tmp_path / "runs") as book:
+        (record / dry_runs.FILE).write_bytes(b'{"id": ')
+        (listed,) = book.documents()
+        assert (listed["state"], listed["damaged"]) == ("failed", True)
+        assert dry_runs.FILE in listed["reason"]
 
 
 def test_a_run_that_was_cut_off_is_paused_as_before(whole: Files, tmp_path: Path) -> None:

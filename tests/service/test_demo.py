@@ -72,7 +72,7 @@ def test_an_ambiguous_start_is_followed_up(tmp_path: Path) -> None:
     assert "periodic:j5:n2" in step["effects_before"][0]["candidates"]
     assert document["error_after_mm"]["rms"] < 0.6 * step["error_before_follow_up_mm"]["rms"]
     assert document["verification"]["ratio"] < 1.4
-    for words_shown in ("The first readings could not tell", "name periodic:j5:n2", "found."):
+    for words_shown in ("The first readings could not decide", "name periodic:j5:n2", "found."):
         assert words_shown in shown
     assert "how it was settled" in (out / "report.html").read_text("utf-8")
     assert all((out / name).is_file() for name in ("data1.csv", "data_follow_up.csv", "data.csv"))

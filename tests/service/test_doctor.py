@@ -11,7 +11,7 @@ import pytest
 
 from acquisition import open_devices
 from acquisition.examination import meeting
-from acquisition.mover import Mover
+from acquisition.run.mover import Mover
 from service.cli import main
 from tests.end_to_end.simulated import ROOT
 from tests.service.benches import EXAMPLES, Bench, Requests, bench, faults, level_of
@@ -96,7 +96,7 @@ def test_two_faults_at_once(faro: Bench, tmp_path: Path, capsys: pytest.CaptureF
     )
     shown = capsys.readouterr().out
     assert "emergency stop pressed [4001]" in shown
-    assert "the weather station does not tell air, pressure, humidity [3005]" in shown
+    assert "the weather station does not report air, pressure, humidity [3005]" in shown
     assert "UNSAFE, 2 faults: robot safety, instrument weather" in shown
     document = json.loads((tmp_path / "d.json").read_text("utf-8"))
     assert (document["exit_code"], document["healthy"]) == (5, False)

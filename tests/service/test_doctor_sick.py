@@ -180,17 +180,11 @@ def test_a_joint_matrix_that_cannot_be_right(tmp_path: Path) -> None:
     """A robot that stands where no robot of this kind can stand."""
     with bench("irb120_faro", tmp_path) as faro:
         assert faro.simulators.cell is not None
-        faro.simulators.cell.arm._to = (0.0, 0.0, 90.0, 0.0, 0.0, 0.0)  # joint 3 ends at 70
+        arm = faro.simulators.cell.arm
+        arm.put((0.0, 0.0, 90.0, 0.0, 0.0, 0.0))  # joint 3 ends at 70
         found = faro.examine()
         assert faults(found) == {("robot", "position"): (6102, "OtherDevice")}
-        faro.simulators.cell.arm._to = (
-            120.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )  # the robot can, the cell does not want to
+        arm.put((120.0, 0.0, 0.0, 0.0, 0.0, 0.0))  # the robot can, the cell does not want to
         assert level_of(faro.examine(), "robot", "position") == "note"
 
 

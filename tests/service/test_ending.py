@@ -17,10 +17,10 @@ import pytest
 
 from acquisition import Devices, Lease, checked_plan, read_status
 from calib.errors import DataError
-from service.http import book
-from service.http.book import Book
-from service.http.problems import Problem
-from service.http.workers import WorkerDied, Workers
+from service.http.runs import book
+from service.http.runs.book import Book
+from service.http.wire.problems import Problem
+from service.http.work.workers import WorkerDied, Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
 from tests.drivers.waiting import in_thread, until
 from tests.end_to_end.simulated import EXAMPLE, campaign_file, cell_file
@@ -92,11 +92,13 @@ def test_a_long_move_is_halted_and_the_run_paused(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(book, "REST_S", 0.05)
     bench = Bench(a_cell())
     arm = SlowArm(bench)
-    runs = Book(tmp_path, lambda _: Devices(arm, FakeMeter(bench)), Workers(1, waiting=0), simulated=True)
+    workers = Workers(1, waiting=0)
+    runs = Book(tmp_path, lambda _: Devices(arm, FakeMeter(bench)), workers, simulated=True)
     campaign = a_campaign(settle_s=0.0)
     plan = campaign, checked_plan(bench.cell, campaign)
     run = runs.start(bench.cell, plan, "night", Lease("anna", 300.0))
     assert arm.moving.wait(20.0)
+    workers.close()
     runs.close()
     assert arm.halted.is_set()
     status = read_status(tmp_path / run)

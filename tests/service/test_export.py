@@ -17,13 +17,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.compensate import StatedConditions, carried, constant_slots
+from calib.arm.robot import load_robot
+from calib.array import Array
+from calib.compensate import carried, constant_slots
 from calib.effects.backlash import backlash
 from calib.effects.thermal_growth import thermal_growth
 from calib.errors import DataError
-from calib.kinematics import Array
-from calib.model_file import SavedModel
-from calib.robot import load_robot
+from calib.model.stated import StatedConditions
+from calib.saved.model_file import SavedModel
 from service.cli import main
 from service.exports import FORMATS, Export
 from tests.calib.chain import chain, shift, turn

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
 from service.http.app import create_app
-from service.http.json_route import AT_ONCE
-from service.http.roles import Tokens
-from service.http.settings import Settings
+from service.http.routes.json_route import AT_ONCE
 from tests.fuzz.formats import EXAMPLES
 
 TOKEN = "only-for-the-tests-of-bodies"

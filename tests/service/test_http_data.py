@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from calib.dataset import read_dataset
+from calib.data.read import read_dataset
 from tests.service.campaigns import edit_rows, write_data
 from tests.service.test_http_support import Served, problem, served
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.lease import Lease
-from acquisition.outcome import Outcome
-from acquisition.run import Run
+from acquisition.run.lease import Lease
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
 from drivers.interfaces import Answer
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of

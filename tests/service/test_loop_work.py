@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -12,35 +14,25 @@ from typing import Any
 
 import pytest
 
-from acquisition.campaign import Campaign
-from acquisition.lease import Lease
-from acquisition.loop import Equipment, LoopResult, Say, measure
+from acquisition.campaign.campaign import Campaign
+from acquisition.loop.loop import Compute, Equipment, LoopResult, Say, measure
+from acquisition.record.states import State
+from acquisition.run.lease import Lease
 from drivers.errors import ConfigError
-from service.http import loop_work
-from service.http.book import Book
-from service.http.datasets import Datasets
-from service.http.loop_work import ABOUT, LoopWork
-from service.http.loops import CUT_OFF, Loops
-from service.http.problems import Problem
-from service.http.workers import Workers
+from service.http.runs import loop_work
+from service.http.runs.book import Book
+from service.http.runs.loop_status import LoopStatus
+from service.http.runs.loop_work import ABOUT, LoopWork
+from service.http.runs.loops import CUT_OFF, Loops
+from service.http.wire.problems import Problem
+from service.http.work import workers
+from service.http.work.datasets import Datasets
+from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.lease_clock import LeaseClock
 
-ABOUT_IT: dict[str, Any] = {
-    "id": "the-loop",
-    "name": "night",
-    "version": 1,
-    "state": "running",
-    "state_code": 2,
-    "reason": "",
-    "steps": [],
-    "runs": [],
-    "run_id": None,
-    "simulated": True,
-    "dry_run": False,
-    "problem": None,
-}
+BEGUN = LoopStatus("the-loop", "night", "2026-11-22T10:00:00.000Z", True, State.RUNNING)
 QUICK: dict[str, Any] = {"settle_s": 0.0}
 
 
@@ -53,8 +45,9 @@ class Stage:
     bench: Bench = field(default_factory=lambda: Bench(a_cell()))
 
     def __post_init__(self) -> None:
+        self.workers = Workers(1, waiting=0)
         self.book = Book(
-            self.folder / "runs", lambda cell: devices_of(self.bench), Workers(1, waiting=0), simulated=True
+            self.folder / "runs", lambda cell: devices_of(self.bench), self.workers, simulated=True
         )
         (self.folder / "loop").mkdir()
 
@@ -67,7 +60,7 @@ class Stage:
         self.monkeypatch.setattr(loop_work, "close_loop", close_loop)
         lease = Lease("anna", 30.0, LeaseClock())
         cell, devices = self.bench.cell, devices_of(self.bench)
-        return LoopWork(self.folder / "loop", ABOUT_IT, self.book, cell, devices, lease, _nothing_more)
+        return LoopWork(self.folder / "loop", BEGUN, self.book, cell, devices, lease, _nothing_more)
 
     def begin(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
         work = self.play(scene)
@@ -75,14 +68,14 @@ class Stage:
         return work
 
 
-def _nothing_more(result: LoopResult) -> dict[str, Any]:
-    return {}
+def _nothing_more(compute: Compute, result: LoopResult) -> str:
+    return "the-data"
 
 
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     stage = Stage(tmp_path, monkeypatch)
-    with closing(stage.book):
+    with closing(stage.workers), closing(stage.book):
         yield stage
 
 
@@ -135,6 +128,37 @@ def test_a_stop_between_two_runs_ends_it_without_another_move(stage: Stage, paus
     assert stage.bench.calls == 0
 
 
+@pytest.mark.parametrize("how", ["stop", "end of the service"])
+def test_what_is_computed_ends_with_the_loop(stage: Stage, how: str) -> None:
+    """A fit of ten minutes; it is under way in another process when the order comes."""
+    processes: list[int] = []
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        processes.append(equipment.compute(os.getpid))
+        equipment.compute(time.sleep, 10.0 * PATIENCE_S)
+
+    work = stage.begin(scene)
+    until(lambda: processes and work._worker._busy)
+    assert processes != [os.getpid()]
+    work.stop("anybody") if how == "stop" else work.close()
+    until(lambda: stage.book.lent_to is None)
+    ended = ("stopped", "Stopped on request.") if how == "stop" else ("failed", "The service was ended.")
+    assert (work.document["state"], work.document["reason"]) == ended
+    with pytest.raises(ProcessLookupError):
+        os.kill(processes[0], 0)
+
+
+def test_what_takes_too_long_stands_in_the_document(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "MOST_S", 0.001)
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        equipment.compute(time.sleep, PATIENCE_S)
+
+    work = stage.play(scene)
+    work(a_campaign(), 1)
+    assert (work.document["state"], work.document["problem"]["status"]) == ("failed", 503)
+
+
 def test_a_paused_run_of_a_loop_goes_on_where_it_was(stage: Stage) -> None:
     def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         measure(equipment, campaign, folder / "campaign1")
@@ -185,20 +209,30 @@ def test_the_end_of_the_service_ends_it(stage: Stage) -> None:
     assert stage.book.document("the-loop-campaign1")["state"] == "paused"
 
 
+def opened(stage: Stage, tmp_path: Path, **files: str) -> Loops:
+    """The loops of a service that starts with these files, by the name of the loop."""
+    for name, text in files.items():
+        folder = tmp_path / "loops" / name.replace("_", "-")
+        folder.mkdir(parents=True)
+        (folder / ABOUT).write_text(text, "utf-8")
+    datasets, workers = Datasets(tmp_path / "datasets"), Workers(1, waiting=0)
+    devices = devices_of(stage.bench)
+    return Loops(tmp_path / "loops", stage.book, datasets, lambda _: devices, workers, simulated=True)
+
+
+def test_a_loop_whose_file_is_damaged_is_named_and_the_others_are_listed(
+    stage: Stage, tmp_path: Path
+) -> None:
+    odd = json.dumps(BEGUN.as_dict() | {"state": "asleep"})
+    loops = opened(stage, tmp_path, cut='{"a":', odd=odd, the_loop=json.dumps(BEGUN.as_dict()))
+    assert [loop["id"] for loop in loops.documents()] == ["the-loop"]
+    for name, words in (("cut", "not valid JSON"), ("odd", "state: ")):
+        with pytest.raises(Problem, match=f"loops/{name}/{ABOUT} .* damaged .*{words}"):
+            loops.document(name)
+
+
 def test_a_loop_that_was_cut_off_has_failed(stage: Stage, tmp_path: Path) -> None:
-    folder = tmp_path / "loops" / "the-loop"
-    folder.mkdir(parents=True)
-    (folder / ABOUT).write_text(json.dumps(ABOUT_IT | {"run_id": "the-loop-campaign1"}), "utf-8")
-    datasets = Datasets(tmp_path / "datasets")
-    workers = Workers(1, waiting=0)
-    loops = Loops(
-        tmp_path / "loops",
-        stage.book,
-        datasets,
-        lambda cell: devices_of(stage.bench),
-        workers,
-        simulated=True,
-    )
+    loops = opened(stage, tmp_path, the_loop=json.dumps(BEGUN.as_dict() | {"run_id": "the-loop-campaign1"}))
     shown = loops.document("the-loop")
     assert (shown["state"], shown["reason"], shown["run"]) == ("failed", CUT_OFF, None)
     with pytest.raises(Problem, match="has ended"):

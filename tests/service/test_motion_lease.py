@@ -17,13 +17,13 @@ import httpx2
 import pytest
 
 import acquisition
-from drivers.errors import StorageError
-from service.http.audit import FILE, Audit
-from service.http.lease import Lease
-from service.http.problems import Problem
-from service.http.roles import Tokens
-from service.http.settings import Settings
+from acquisition.errors import StorageError
+from service.http.access.audit import FILE, Audit
+from service.http.access.motion_lease import MotionLease
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
 from service.http.state import Service
+from service.http.wire.problems import Problem
 from tests.drivers.waiting import until
 from tests.service.lease_clock import LeaseClock
 from tests.service.test_http import CAMPAIGN, CELL
@@ -158,7 +158,7 @@ def test_taking_over_from_nobody_is_taking(service: Served) -> None:
 
 def test_silence_frees_the_lease_for_another(tmp_path: Path) -> None:
     clock = LeaseClock()
-    lease = Lease(Audit(tmp_path), clock)
+    lease = MotionLease(Audit(tmp_path), clock)
     lapsed: list[str] = []
     first = lease.grant("anna", 30.0)
     with first.beats.watched(lambda: lapsed.append("anna")):
@@ -186,7 +186,7 @@ def test_silence_frees_the_lease_for_another(tmp_path: Path) -> None:
 
 def test_a_lease_that_is_prolonged_goes_on(tmp_path: Path) -> None:
     clock = LeaseClock()
-    lease = Lease(Audit(tmp_path), clock)
+    lease = MotionLease(Audit(tmp_path), clock)
     held = lease.grant("anna", 30.0)
     again = lease.renew("anna", 60.0, held.secret)
     assert again.secret == held.secret
@@ -199,7 +199,7 @@ def test_a_lease_that_is_prolonged_goes_on(tmp_path: Path) -> None:
 
 def test_a_calendar_that_jumps_ends_no_lease(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = LeaseClock()
-    lease = Lease(Audit(tmp_path), clock)
+    lease = MotionLease(Audit(tmp_path), clock)
     held = lease.grant("anna", 30.0)
     monkeypatch.setattr(clock, "utc", lambda: 9e9)
     assert lease.needed(held.secret) is held
@@ -210,7 +210,7 @@ def test_the_secret_is_compared_in_constant_time(tmp_path: Path, monkeypatch: py
     compared: list[tuple[bytes, bytes]] = []
     real = hmac.compare_digest
     monkeypatch.setattr(hmac, "compare_digest", lambda a, b: compared.append((a, b)) or real(a, b))
-    lease = Lease(Audit(tmp_path), LeaseClock())
+    lease = MotionLease(Audit(tmp_path), LeaseClock())
     held = lease.grant("anna", 30.0)
     assert "secret" not in repr(held)
     for order in (
@@ -224,7 +224,7 @@ def test_the_secret_is_compared_in_constant_time(tmp_path: Path, monkeypatch: py
 
 
 def test_what_cannot_be_noted_is_not_granted(tmp_path: Path) -> None:
-    lease = Lease(Audit(tmp_path / "not there"), LeaseClock())
+    lease = MotionLease(Audit(tmp_path / "not there"), LeaseClock())
     for order in (lambda: lease.grant("anna", 30.0), lambda: lease.take_over("anna", 30.0, "why")):
         with pytest.raises(StorageError, match="cannot be written"):
             order()

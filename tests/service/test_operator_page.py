@@ -16,7 +16,9 @@ from typing import Any
 import httpx2
 import pytest
 
-from service.http.page import page_text, policy_of
+from mocks.cell import CellThread
+from mocks.cell_file import read_cell
+from service.http.routes.page import page_text, policy_of
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser
@@ -84,8 +86,12 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
             assert page.value("document.activeElement.id") == "asking"
             page.press("Tab")
             assert page.value("document.activeElement.id") == "confirm"
+            until(lambda: page.value("armed"), 20.0)
+            page.press("Enter", held=True)  # it still lies on the key from before
+            assert page.value("armed") == page.value("asked")
             page.press("Enter")
         until(lambda: "T1" in page.text("#question"), 20.0)
+        until(lambda: page.value("armed"), 20.0)
         page.value("document.querySelector('#reason').focus()")
         page.type("the nest is bent")
         page.value("document.querySelector('[data-answer=skip]').click()")
@@ -102,6 +108,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         assert page.value("document.querySelector('#take').disabled")
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
+        page.press("Enter")  # takes it only where nobody holds it
         page.value("document.querySelector('#over').click()")
         until(lambda: page.text("#trouble") == "Say why you take it over.", 20.0)
         assert page.value("document.activeElement.id") == "because"
@@ -153,6 +160,51 @@ def events(service: Served, run: str) -> list[dict[str, Any]]:
 
 
 @in_a_browser
+def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Path) -> None:
+    file = cell_file(tmp_path, time_scale=40.0)
+    with CellThread(read_cell(file), devices=("abb", "faro")) as simulated:
+        text = file.read_text("utf-8").replace("tcp://192.168.125.1:5000", simulated.url("abb"))
+        file.write_text(text.replace("tcp://127.0.0.1:5701", simulated.url("faro")), "utf-8")
+        with (
+            served(tmp_path / "record", "--cell", str(file)) as service,
+            browser(f"{service.url}/", tmp_path / "browser") as page,
+        ):
+            lease = {"Lease-Id": service.lease()["lease_id"]}
+            run = run_of(service, tmp_path)
+            until(lambda: service.client.get(f"/runs/{run}").json()["done"] > 0)
+            service.client.post(f"/runs/{run}/pause")
+            service.until(f"/runs/{run}", "paused")
+            assert service.client.delete("/cell/lease", headers=lease).status_code == 204
+            assert simulated.cell is not None
+            bridge = simulated.cell.faro.bridge
+            bridge._hello = bridge._hello.replace("X01000500000", "X777")
+
+            enter(page)
+            page.value("document.querySelector('#name').focus()")
+            page.type("bert")
+            page.press("Enter")
+            until(
+                lambda: page.text("#holder") == "You hold it as bert." and page.text("#state") == "paused",
+                20.0,
+            )
+            until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
+            assert page.value("document.querySelector('#individual').hidden")  # nobody knows yet
+            page.value("document.querySelector('#resume').click()")
+            until(lambda: not page.value("document.querySelector('#individual').hidden"), 20.0)
+            assert "another instrument answers" in page.text("#why")
+            page.value("document.querySelector('#accept').click()")
+            until(lambda: page.text("#trouble") == "Say why it was exchanged.", 20.0)
+            assert page.value("document.activeElement.id") == "exchanged"
+            page.type("calibrated elsewhere")
+            page.value("document.querySelector('#accept').click()")
+            until(lambda: page.text("#state") == "succeeded")
+            assert page.value("document.querySelector('#individual').hidden")
+            (accepted,) = (e["data"] for e in events(service, run) if e["kind"] == "other_device_accepted")
+            assert (accepted["by"], accepted["reason"]) == ("bert", "calibrated elsewhere")
+            assert "X777" in accepted["now"]
+
+
+@in_a_browser
 def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
     service: Served, tmp_path: Path
 ) -> None:
@@ -171,3 +223,87 @@ def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
         for control in ("take", "name", "give"):
             assert page.value(f"document.querySelector('#{control}').disabled")
         assert not page.value("document.querySelector('#stop').disabled")
+
+
+@in_a_browser
+def test_the_time_left_is_a_clock_time_and_never_nothing(service: Served, tmp_path: Path) -> None:
+    with browser(f"{service.url}/", tmp_path / "browser") as page:
+
+        def left(state: str, seconds: str, done: int = 0) -> str:
+            of = f"{{state: '{state}', seconds_left: {seconds}, done: {done}, total: 9}}"
+            return page.value(f"timeLeft({of}, new Date(2026, 10, 20, 14, 20))")  # a Friday
+
+        assert left("running", "720") == "12 min left, done at 14:32"
+        assert left("running", "36000") == "10.0 h left, done at Sat 00:20"
+        assert left("running", "0.2", 8) == "1 s left, done at 14:20"
+        assert left("running", "null") == left("running", "0") == "time left: being reckoned"
+        assert left("running", "0", 9) == "all readings are done"
+        assert left("waiting_for_operator", "0") == left("waiting_for_operator", "null") == "waiting for you"
+        assert left("paused", "50") == ""
+
+
+AT_ONCE = """
+    new Promise((go) => {
+      const look = setInterval(() => {
+        if (!asked) return;
+        clearInterval(look);
+        document.querySelector("#confirm").click();
+        go(asked);
+      }, 5);
+    })
+"""
+AGAIN = """
+    (async () => {
+      const id = armed;
+      await ask("POST", `/runs/${chosen}/prompts/${id}/confirm`, {});  // somebody else was faster
+      asked = armed = id;
+      await order(() => answer("VERB"));
+      return $("trouble").textContent;
+    })()
+"""
+
+
+@in_a_browser
+def test_an_answer_too_early_does_not_count_and_one_too_late_passes_quietly(
+    service: Served, tmp_path: Path
+) -> None:
+    service.lease()
+    with browser(f"{service.url}/", tmp_path / "browser") as page:
+        enter(page)
+        run = run_of(service, tmp_path)
+        early = page.value(AT_ONCE)
+        until(lambda: page.value("armed"))
+        assert page.value("armed") == early  # the click before it could be read was none
+        assert not [e for e in events(service, run) if e["kind"] == "answer"]
+        assert page.value(AGAIN.replace("VERB", "confirm")) == ""
+        until(lambda: page.value("armed"))
+        assert "is not being asked" in page.value(AGAIN.replace("VERB", "abort"))  # this one has to be known
+        page.press("Escape")
+        service.until(f"/runs/{run}", "stopped")
+    service.client.delete("/cell/lease")
+
+
+@in_a_browser
+def test_back_leads_to_the_run_before_and_a_link_to_its_run(service: Served, tmp_path: Path) -> None:
+    campaign = tomllib.loads(campaign_file(tmp_path, calibration=4, validation=1).read_text("utf-8"))
+    older, newer = (
+        service.client.post("/runs", json={"campaign": campaign, "name": name}).json()["id"]
+        for name in ("older", "newer")
+    )
+    with browser(f"{service.url}/", tmp_path / "browser") as page:
+        enter(page)
+        until(lambda: page.value("chosen") == newer)
+        assert page.value("location.hash") == f"#{newer}"
+        page.value(f"runs.value = '{older}'; runs.dispatchEvent(new Event('change'))")
+        until(lambda: page.value("location.hash") == f"#{older}")
+        until(lambda: page.value("run && run.id") == older)
+        page.value("history.back()")
+        until(lambda: page.value("run && run.id") == newer)
+        assert page.value("runs.value") == newer
+        page.value("history.forward()")
+        until(lambda: page.value("chosen") == older)
+        page.do("Page.reload")
+        until(lambda: page.value("typeof chosen === 'string' && chosen") == older)
+        page.value("location.hash = '#nobody-knows-it'")
+        until(lambda: page.value("location.hash") == f"#{older}")
+        assert page.value("document.querySelector('#simulated').checkVisibility()")

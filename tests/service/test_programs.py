@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.compensate import StatedConditions
+from calib.arm.kinematics import forward
+from calib.array import Array
 from calib.compensate.inverse import nominal_inverse
 from calib.errors import DataError
-from calib.kinematics import Array, forward
-from calib.model_file import SavedModel
+from calib.model.stated import StatedConditions
+from calib.saved.model_file import SavedModel
 from service.programs import Compensation, KnownFrames, compensate, named_frames, read_program
 from service.programs.compensation import CORRECTED, EMPTY, REFUSED
 from tests.service.robot_programs import EXT, LS, PROGRAMS, RAPID, SCRIPT, TABLE, model_of, real_flange, write
@@ -267,7 +268,7 @@ P1 = f"CONST robtarget p1:={POINT};"
         (
             rapid(P1.replace("[0,0,0,0]", "[1,0,0,0]"), USE),
             2,
-            "joint 1 stands at 0.00 deg, asked for is 89.5",
+            "joint 1 is at 0.00 deg, asked for is 89.5",
         ),
         (rapid(P1.replace("[0,0,0,0]", "[0,0,0,9]"), USE), 2, "configuration number is 9"),
         (rapid(P1.replace("9E9", "12.5", 1), USE), 2, "external axis"),
@@ -336,7 +337,7 @@ def test_rapid_targets_that_cannot_be_told_are_refused_with_line_and_reason(
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("UT : 1,\t\tCONFIG : 'N U T", "UT : 3,\t\tCONFIG : 'N U T", "UT 3 does not stand"),
+        ("UT : 1,\t\tCONFIG : 'N U T", "UT : 3,\t\tCONFIG : 'N U T", "UT 3 is not in the program"),
         ("UF : 2", "UF : 5", "give --frame 5="),
         ("N U T, 0, 0, 0',\n\tX =   300", "U T, 0, 0, 0',\n\tX =   300", "noflip from flip"),
         ("N U T, 0, 0, 0',\n\tX =   300", "N U T, 1, 0, 0',\n\tX =   300", "limit"),

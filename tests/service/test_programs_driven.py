@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.compensate import StatedConditions, conditions_at
+from calib.arm.inverse_kinematics import BRANCHES
+from calib.arm.kinematics import forward
+from calib.arm.robot import load_robot
+from calib.array import Array
 from calib.compensate.inverse import least_singular_value, nominal_inverse
-from calib.inverse_kinematics import BRANCHES
-from calib.kinematics import Array, forward
-from calib.model_file import SavedModel, load_model
-from calib.robot import load_robot
-from calib.uncertainty import predict_with_covariance
+from calib.fit.uncertainty import predict_with_covariance
+from calib.model.stated import StatedConditions, conditions_at
+from calib.saved.model_file import SavedModel, load_model
 from calib.validation.branch import branches
 from mocks.campaign import Campaign, make_campaign, write_campaign
 from mocks.world.arm import ArmState

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from calib.arm.robot import load_robot
 from calib.errors import DataError
-from calib.robot import load_robot
 from service.programs import KnownFrames
 from service.programs.program import Program
 from service.programs.read import parse, read_program

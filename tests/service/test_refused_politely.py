@@ -12,10 +12,10 @@ from typing import Any, cast
 import pytest
 
 from drivers.errors import LinkLost
-from service.http.jobs import Jobs
-from service.http.problems import Problem
-from service.http.run_routes import stop_run
+from service.http.routes.run_routes import stop_run
 from service.http.state import Service
+from service.http.wire.problems import Problem
+from service.http.work.jobs import Jobs
 
 
 def test_whoever_stops_is_told_what_could_not_be_stopped() -> None:
@@ -24,13 +24,13 @@ def test_whoever_stops_is_told_what_could_not_be_stopped() -> None:
     async def order(name: str, work: Any) -> Any:
         return work()
 
-    book = SimpleNamespace(stop=lambda run, by: [lost], document=lambda run: {"id": run})
+    book = SimpleNamespace(stop=lambda run, by: [lost], document=lambda run, at_once: {"id": run})
     here = cast(Service, SimpleNamespace(book=book, order=order, lease=SimpleNamespace(current=None)))
     told = json.loads(bytes(asyncio.run(stop_run(here, "r1")).body))
     assert told["problems"] == [lost.as_dict()]
 
 
 def test_the_queue_of_jobs_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.http.jobs.MOST_WAITING", 0)
+    monkeypatch.setattr("service.http.work.jobs.MOST_WAITING", 0)
     with closing(Jobs(tmp_path)) as jobs, pytest.raises(Problem, match="Too many jobs"):
         jobs.add("identification", {"id": "d1", "simulated": True}, tmp_path / "data.csv")

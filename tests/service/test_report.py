@@ -13,18 +13,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.loop import FollowedUp
-from calib.dataset import read_dataset
+from acquisition.loop.loop import FollowedUp
+from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
-from service import documents, wording
-from service.advice import check_of
+from calib.effects import check_of
+from service import wording
 from service.cli import main
 from service.report import diagnosis_report
 from service.report.errors import Errors, common_bins
-from service.report.follow_up import middle_step_in_words
+from service.report.follow_up_section import middle_step_in_words
 from service.report.panels import of_effect
 from service.report.residuals import MDEG, Sample
 from service.report.scope import scope_of
+from service.results import documents
 from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
 HOSTILE = "<script>alert(1)</script>"
@@ -115,7 +116,7 @@ def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis
 def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: Diagnosis) -> None:
     (found,) = diagnosis.effects
     text = html.unescape(page)
-    assert check_of(found) in text
+    assert check_of(found.effect.label) in text
     after = diagnosis.error_after
     assert after is not None
     assert re.search(rf"\d\.\d\d\d mm without it, {wording.millimetres(after.rms)} mm with it", text)
@@ -147,7 +148,7 @@ def test_the_middle_step_is_told(diagnosis: Diagnosis, tmp_path: Path) -> None:
     )
     assert "What was ambiguous, and how it was settled" in text
     classes = " or ".join(narrow.effects[0].evidence.candidates)
-    assert f"could not tell: {classes}. 12 poses were chosen" in text
+    assert f"could not decide: {classes}. 12 poses were chosen" in text
     assert "(12 readings); with them the readings name backlash:j4." in text
     assert narrow.error_after is not None
     assert f"{narrow.error_after.rms:.3f}</td>" in text
@@ -158,7 +159,7 @@ def test_what_stays_ambiguous_is_said(tmp_path: Path) -> None:
     narrow = diagnose(read_dataset(write_narrow_data(tmp_path)))
     assert narrow.follow_up is not None
     told = middle_step_in_words(FollowedUp(narrow, narrow.follow_up, 12), narrow)
-    assert f"the readings still cannot tell {narrow.effects[0].effect.label} from its rivals" in told
+    assert f"the readings still cannot distinguish {narrow.effects[0].effect.label} from its rivals" in told
 
 
 def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) -> None:

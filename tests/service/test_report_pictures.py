@@ -6,24 +6,31 @@ that is drawn, and structure drawn in the wrong place.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.dataset import Dataset, read_dataset
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, Structure
 from calib.diagnose.select import refit
-from calib.effects import Candidate, Harmonics, Shapes, Survey, offers
-from calib.effects.effect import Effect
-from calib.effects.gear_curve import gear_curve
-from calib.identification import Identification
-from calib.identify import identify
-from calib.statistics import statistics_of
-from service.advice import CHECKS
-from service.report import gains, structure
+from calib.diagnose.without import error_without
+from calib.effects import Survey, offers
+from calib.effects.gear_orders import BANDS, gear_orders
+from calib.fit.identification import Identification
+from calib.fit.identify import identify
+from calib.fit.statistics import statistics_of
+from calib.model.effect import Effect
+from calib.scan import Candidate, Harmonics, Shapes
+from calib.units import DEG
+from service.report import structure
+from service.report.drawing import FITTED
 from service.report.panels import Panel, of_effect, of_joint
 from service.report.residuals import Sample
 from service.report.scatter import effect_figure
+from service.wording import structure_caption
 from tests.service.campaigns import edit_text, write_data
 
 DEFAULT = ["base", "geometry", "parallel_twist", "compliance"]
@@ -117,28 +124,26 @@ def test_what_the_base_model_lacks_has_a_picture(label: str, tmp_path: Path) -> 
     assert "<svg" in effect_figure(panel, "effect1")
 
 
-def test_a_curve_is_drawn_over_the_angle(tmp_path: Path) -> None:
+def test_the_curve_of_a_gear_is_drawn_over_a_turn_with_its_band(tmp_path: Path) -> None:
     dataset = read_dataset(write_data(tmp_path, effects=("periodic:j4:n5",), n=300))
     base = identify(dataset)
     angle = base.readings.conditions.joints[:, 3]
-    curve = gear_curve(4, float(angle.min()), float(angle.max()), 0.2)
+    curve = gear_orders(4, np.where(np.arange(BANDS) < 7, 0.02, 1e-5))
     sample = Sample.of(dataset, refit(dataset, base, (curve,)))
     panel = of_effect(sample, curve)
     assert panel.x_label == "θ4, deg"
     assert slope(panel) == pytest.approx(1.0, abs=0.15)
-    (x, y, _), (_, of_all, _) = panel.lines[0], of_joint(sample, 4, (curve,)).lines[0]
-    known = np.isfinite(y)
-    assert np.ptp(y[known]) > 10.0
-    np.testing.assert_allclose(y[known], of_all[known])
-    assert x.size == y.size
-
-
-def test_every_label_of_the_library_comes_with_advice(tmp_path: Path) -> None:
-    dataset = read_dataset(write_data(tmp_path))
-    survey = Survey.of(identify(dataset), dataset)
-    names = {offer.label.partition(":")[0] for offer in offers(survey)}
-    names |= {label.partition(":")[0] for label in (*PICTURES, *WITHOUT)} | {"gear_curve", "tool_tilt"}
-    assert names <= set(CHECKS)
+    (x, y, _), band = panel.lines[0], panel.band
+    assert band is not None
+    assert np.ptp(x) == pytest.approx(360.0)
+    known = (x > angle.min() / DEG) & (x < angle.max() / DEG)
+    room = band[2] - band[1]
+    assert np.median(room[~known]) > 2.0 * np.median(room[known]), "where no reading was, nobody knows"
+    assert np.all((band[1] < y) & (y < band[2]))
+    assert "k = 2" in effect_figure(panel, "effect1")
+    of_all = of_joint(sample, 4, (curve,)).lines[0]
+    drawn = np.isfinite(of_all[1])
+    np.testing.assert_allclose(of_all[1][drawn], np.interp(of_all[0][drawn], x, y), atol=0.2)
 
 
 def test_the_error_without_an_effect_is_that_of_the_base_model(tmp_path: Path) -> None:
@@ -151,25 +156,73 @@ def test_the_error_without_an_effect_is_that_of_the_base_model(tmp_path: Path) -
     both, alone = refit(dataset, base, (one, other)), refit(dataset, base, (other,))
     rows = dataset.validation_rows
     left = np.linalg.norm(alone.predict(dataset.conditions.take(rows)) - dataset.points[rows], axis=1)
-    expected, got = statistics_of(left), gains.error_without(dataset, both, one)
+    expected, got = statistics_of(left), error_without(dataset, both, one)
     assert expected is not None
     assert got is not None
     assert got.rms == pytest.approx(expected.rms, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    "where", ["joint 3 angle", "time", "tool target", "region of the workspace", "somewhere"]
-)
-def test_structure_is_drawn_where_it_lives(where: str, tmp_path: Path) -> None:
-    dataset = read_dataset(write_data(tmp_path, effects=("outside:workspace_field",), n=150))
-    sample = Sample.of(dataset, identify(dataset))
-    picture = structure.picture_of(where, 1, dataset, sample)
-    if where == "somewhere":
-        assert picture is None
-    else:
-        assert picture is not None
-        assert picture.startswith("<svg")
-        assert 'id="left1-' in picture
+PLACES = {
+    "joint 3 angle": "θ3, deg",
+    "joint 2 and joint 5 angles": "θ5, deg",
+    "side of approach of joint 4": "arrived from above",
+    "last change of torque about joint 2": "change of torque in the last move, N.m",
+    "moment across joint 3": "moment across the joint, N.m",
+    "time": "time, h",
+    QUICK: "reading, in order of time",
+    "temperature": "air temperature, °C",
+    "side of the tool that is down": "gravity along the flange's z",
+    "tool target and the side that is down": "T2",
+    "tool target": "T2",
+    "region of the workspace": "from above; longest arrow",
+}
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Sample]:
+    data = write_data(tmp_path_factory.mktemp("left"), effects=("outside:workspace_field",), n=150)
+    dataset = read_dataset(data)
+    return dataset, Sample.of(dataset, identify(dataset))
+
+
+@pytest.mark.parametrize("where", PLACES)
+def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Sample]) -> None:
+    picture = structure.picture_of(Structure(where, 1e-9, 0.5), 1, *sample)
+    assert picture is not None
+    assert picture.startswith("<svg")
+    assert 'id="left1-' in picture
+    assert PLACES[where] in picture
+    assert where in structure_caption(Structure(where, 1e-9, 0.5)) or where == "region of the workspace"
+
+
+def test_a_place_of_many_quantities_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
+    for where in ("joint angles together", "somewhere"):
+        assert structure.picture_of(Structure(where, 1e-9, 0.5), 1, *sample) is None
+
+
+def test_errors_of_poses_are_drawn_where_poses_were_visited_again(sample: tuple[Dataset, Sample]) -> None:
+    dataset, once = sample
+    left = Structure(EACH_POSE, 1e-9, 0.5)
+    assert structure.picture_of(left, 1, dataset, once) is None
+    part = once.parts[0]
+    again = replace(part, conditions=replace(part.conditions, waypoint=np.arange(len(part.rows)) // 5))
+    picture = structure.picture_of(left, 1, dataset, replace(once, parts=(again,)))
+    assert picture is not None
+    assert "every pose that was visited again" in picture
+
+
+def test_readings_left_out_are_drawn_among_the_others(sample: tuple[Dataset, Sample]) -> None:
+    dataset, whole = sample
+    readings = whole.fitted.readings
+    far = readings.conditions.joints[:, 1] > np.quantile(readings.conditions.joints[:, 1], 0.9)
+    fitted = replace(whole.fitted, readings=readings.take(~far))
+    left = Structure("joint 2 angle", 1e-9, 0.5, ACTS_ON)
+    picture = structure.picture_of(left, 1, dataset, Sample.of(dataset, fitted))
+    assert picture is not None
+    crosses = [dots.count("<use") for dots in picture.split("</g>") if FITTED in dots]
+    assert sum(crosses) == int(far.sum()) + len(whole.fitted.faulty_rows) + 1, "one stands in the legend"
+    assert "left out" in picture
+    assert "error, mm" in picture
 
 
 def test_residual_vectors_are_measured_less_predicted(tmp_path: Path) -> None:

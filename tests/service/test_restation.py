@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NotResumed
-from acquisition.run import Run
-from acquisition.world_frame import WorldFrame
+from acquisition.run.run import Run
 from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
-SET_UP = "Set up the instrument where it is to stand, then confirm: the nests are measured there."
+SET_UP = "Set up the instrument where it is to be, then confirm: the nests are measured there."
 ELSEWHERE = WorldFrame(
     np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([100.0, 3000.0, 0.0])
 )

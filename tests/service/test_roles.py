@@ -19,7 +19,7 @@ import pytest
 
 from calib.errors import DataError
 from service.cli import main
-from service.http.roles import Role, Tokens, viewer_may
+from service.http.access.roles import Role, Tokens, viewer_may
 from service.private import make_secret, owner_only
 from service.token_file import lasting_tokens, tokens_until_the_end
 from tests.service.test_http import CAMPAIGN, CELL

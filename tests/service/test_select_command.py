@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from acquisition import read_campaign, read_cell
-from acquisition.check import check_plan
-from acquisition.plan import make_plan
-from calib.kinematics import Array
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import make_plan
+from calib.array import Array
 from calib.selection import Candidates, Setup
 from service.cli import main
 from service.commands import select as select_module

@@ -21,19 +21,21 @@ import httpx2
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from acquisition import Cell, Devices
-from service.http.app import PREFIX, create_app
-from service.http.campaigns import Shelf
-from service.http.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
-from service.http.roles import Tokens
-from service.http.settings import Settings
+from acquisition import Cell, Devices, Outcome, Run, State
+from service.http.access.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.app import create_app
+from service.http.runs import book
 from service.http.state import Service
-from service.http.workers import Workers
+from service.http.wire.paths import PREFIX
+from service.http.work.campaigns import Shelf
+from service.http.work.workers import Workers
 from service.simulated_cell import SimulatedDevices
 from tests.acquisition.fakes import CAMPAIGN, Bench, FakeMeter, a_cell
+from tests.drivers.waiting import PATIENCE_S
 from tests.service.slow_arm import SlowArm
 
-PATIENCE_S = 20.0  # only a request that waits for what is held takes so long
 TOKENS = Tokens("only-for-the-tests-of-truepose", "only-looks-at-the-tests-of-truepose")
 
 
@@ -152,6 +154,50 @@ def test_what_is_urgent_is_served_while_every_other_thread_is_held(
     in_held_service(tmp_path, monkeypatch, scene)
 
 
+@pytest.mark.parametrize("where", ["before the record says stopped", "after it"])
+def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    monkeypatch.setattr(book, "FINISH_S", 10.0 * PATIENCE_S)
+    let_go, wanted = threading.Event(), threading.Event()
+    execute, need_robot = Run.execute, book.Book.need_robot
+
+    def lingering(run: Run, devices: Devices, **more: Any) -> Outcome:
+        outcome = execute(run, devices, **more)
+        let_go.wait()
+        return outcome
+
+    def wanting(here: book.Book) -> None:
+        wanted.set()
+        need_robot(here)
+
+    async def scene(held: Held) -> None:
+        after = where == "after it"
+        if after:
+            monkeypatch.setattr(Run, "execute", lingering)
+        else:
+            monkeypatch.setattr(held.arm, "disconnect", let_go.wait)
+        client, run = held.client, await a_run(held)
+        name = run.rpartition("/")[2]
+        try:
+            for _ in range(1 + after):  # the second one finds it stopped
+                async with asyncio.timeout(PATIENCE_S):
+                    stopped = await client.post(f"{run}/stop")
+                assert stopped.status_code == 202
+                while after and held.service.book.get(name).status().state != "stopped":
+                    await asyncio.sleep(0.01)
+            assert held.arm.halted.is_set()
+            assert held.service.book.busy_with == name
+            monkeypatch.setattr(book.Book, "need_robot", wanting)
+            again = asyncio.create_task(client.post(f"{run}/resume"))
+            await asyncio.to_thread(wanted.wait, PATIENCE_S)
+        finally:
+            let_go.set()
+        assert (await again).status_code == 202, (await again).text
+
+    in_held_service(tmp_path, monkeypatch, scene)
+
+
 @pytest.mark.parametrize("how", ["give the lease back", "take the lease over", "pause", "abort"])
 def test_other_orders_are_served_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     async def scene(held: Held) -> None:
@@ -170,7 +216,8 @@ def test_other_orders_are_served_as_well(tmp_path: Path, monkeypatch: pytest.Mon
                 answer = await client.delete("/cell/lease")
         assert answer.status_code < 300, answer.text
         ended = "stopped" if how == "abort" else "paused"
-        assert await held.until(run, "state", lambda state: "waiting" not in state) == ended
+        # Between its question and its end the run is seen running.
+        assert await held.until(run, "state", lambda state: not State(state).active) == ended
 
     in_held_service(tmp_path, monkeypatch, scene)
 

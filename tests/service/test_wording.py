@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.statistics import ErrorStatistics
-from service.documents import reading
+from calib.diagnose.outlying import ACTS_ON
+from calib.diagnose.structure import Structure
+from calib.fit.statistics import ErrorStatistics
 from service.files import as_json
-from service.wording import chance, counted, grouped, verdict_in_words, with_uncertainty
+from service.results.documents import reading
+from service.wording import chance, counted, grouped, structure_in_words, verdict_in_words, with_uncertainty
 
 
 @pytest.mark.parametrize(
@@ -75,16 +77,32 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
         error_before=errors(0.1),
         error_after=errors(0.2),
         stretch=1.1,
+        harmful=(),
     )
     text = verdict_in_words(diagnosis)
     assert "Nothing else" not in text
-    assert "does not carry over to the held-out readings. The held-out error rises by 100%" in text
+    assert text.startswith(
+        "The effect found does not carry over to the held-out readings. The held-out error rises by 100%"
+    )
     diagnosis.error_before = errors(0.3)
     assert "carry over" not in verdict_in_words(diagnosis)
     assert ("Nothing else" in verdict_in_words(diagnosis)) == (verdict == "attributed")
     assert "extrapolates" not in verdict_in_words(diagnosis)
+    diagnosis.harmful = ("backlash:j4",)
+    assert verdict_in_words(diagnosis).startswith("Held-out readings speak against backlash:j4:")
     diagnosis.stretch = 2.4
     assert "2.4 times what the fit leaves" in verdict_in_words(diagnosis)
+
+
+def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:
+    told = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
+    assert (
+        told
+        == "The readings left out lie together: overturning moment explains 40.0% of which they are (p 1e-06)."
+    )
+    assert structure_in_words(Structure("time", 1e-6, 0.4)) == (
+        "Structure is left: time explains 40.0% of what is left (p 1e-06)."
+    )
 
 
 def test_one_is_not_many() -> None:

@@ -1,12 +1,15 @@
-"""`python -m tests.steady [--times 50] [--busy 4] TEST ...`: chosen tests again and again beside busy processes.
+"""`python -m tests.steady [--times 50] [--busy 4] [--log FILE] TEST ...`: tests again and again beside busy processes.
 
 A TEST is anything that pytest takes: a file, a folder, an address with `::`. Without one, all files are run whose tests
-use a thread, a socket, a process or a simulated device. Prints which failed how often; exit code 1 when one did.
+use a thread, a socket, a process or a simulated device: hours. With a log they can be spread over as many sessions as
+one likes: each TEST adds a line of JSON when it is through, one that has its line is not run again, and Ctrl-C loses
+the one in hand. Prints which failed how often, those in the log with them; exit code 1 when one did.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import subprocess
 import sys
@@ -14,17 +17,20 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 TIMES, BUSY, JOBS = 50, 4, 2
-_WAITS = re.compile(r"CellThread|simulated_cell|in_thread|threading|socket|subprocess|Popen|ServiceThread")
+_WAITS = re.compile(
+    r"CellThread|simulated_cell|in_thread|threading|socket|subprocess|Popen|served|in_held_service"
+)
 _TIME = re.compile(r"-?time \d+(?=\])|time \d+-")
 
 
 @contextmanager
-def busy(count: int) -> Iterator[None]:
+def busy_processes(count: int) -> Iterator[None]:
     """So many processes that compute without end, until the block ends."""
     command = [sys.executable, "-c", "while True: pass"]
     burners = [subprocess.Popen(command) for _ in range(count)]
@@ -42,7 +48,18 @@ def waiting_files() -> list[str]:
     return [str(each.relative_to(ROOT)) for each in files if _WAITS.search(each.read_text(encoding="utf-8"))]
 
 
-def failures(report: Path) -> tuple[Counter[str], int]:
+@dataclass(frozen=True)
+class Done:
+    """What came of one TEST: how often each of its tests failed, of how many runs in all."""
+
+    test: str
+    times: int
+    busy: int
+    runs: int
+    failed: dict[str, int]
+
+
+def of_report(report: Path) -> tuple[Counter[str], int]:
     """How often each test failed, and how many runs there were, of a JUnit report."""
     failed: Counter[str] = Counter()
     cases = list(ElementTree.parse(report).iter("testcase"))
@@ -53,16 +70,23 @@ def failures(report: Path) -> tuple[Counter[str], int]:
     return failed, len(cases)
 
 
-def run(tests: Sequence[str], times: int, jobs: int) -> tuple[Counter[str], int]:
-    """Failures of each test, and the number of runs. Raises RuntimeError when pytest could not run them."""
+def run(test: str, times: int, busy: int, jobs: int) -> Done:
+    """Run one TEST so many times. Raises RuntimeError when pytest could not."""
     with tempfile.TemporaryDirectory(prefix="truepose-steady-") as folder:
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.steady.repeat", "--repeat", str(times)]
-        command += ["-n", str(jobs), f"--junitxml={report}", *tests]
+        command += ["-n", str(jobs), f"--junitxml={report}", test]
         code = subprocess.run(command, cwd=ROOT, check=False).returncode
         if code not in (0, 1):
             raise RuntimeError(f"pytest ended with {code}: see above")
-        return failures(report)
+        failed, runs = of_report(report)
+        return Done(test, times, busy, runs, dict(failed))
+
+
+def logged(log: Path) -> list[Done]:
+    """What earlier sessions have run."""
+    lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
+    return [Done(**json.loads(line)) for line in lines]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -71,13 +95,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--times", type=int, default=TIMES, help="how often each test runs (%(default)s)")
     parser.add_argument("--busy", type=int, default=BUSY, help="busy processes beside them (%(default)s)")
     parser.add_argument("--jobs", type=int, default=JOBS, help="test processes (%(default)s)")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="what is through, for further sessions")
     parser.add_argument("test", nargs="*", metavar="TEST")
     options = parser.parse_args(arguments)
-    with busy(options.busy):
-        failed, runs = run(options.test or waiting_files(), options.times, options.jobs)
-    for name, count in failed.most_common():
-        sys.stdout.write(f"{count:4d} of {options.times}  {name}\n")
-    sys.stdout.write(f"{runs} runs beside {options.busy} busy processes, {failed.total()} failed\n")
+    log: Path | None = options.log
+    done = [] if log is None else logged(log)
+    through = {each.test for each in done if (each.times, each.busy) == (options.times, options.busy)}
+    with busy_processes(options.busy):
+        for test in options.test or waiting_files():
+            if test in through:
+                continue
+            done.append(run(test, options.times, options.busy, options.jobs))
+            if log is not None:
+                with log.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(done[-1])) + "\n")
+    for each in done:
+        for name, count in each.failed.items():
+            sys.stdout.write(f"{count:4d} of {each.times}  {name}\n")
+    failed = sum(sum(each.failed.values()) for each in done)
+    runs = sum(each.runs for each in done)
+    sys.stdout.write(f"{len(done)} TESTs, {runs} runs beside busy processes, {failed} failed\n")
     return 1 if failed or not runs else 0
 
 

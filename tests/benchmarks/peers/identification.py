@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.identify import identify
+from calib.fit.identify import identify
 from tests.benchmarks.clock import line
 from tests.benchmarks.peers import by_hand
 from tests.benchmarks.peers.arm import LOWER, UPPER, Arm, Array, Readings, measure, true_arm

@@ -1,0 +1,25 @@
+"""The campaign: which blocks of poses are measured, planned for one cell and checked before anything moves."""
+
+from acquisition.campaign.blocks.block import DECIMALS
+from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
+from acquisition.campaign.observability import setup_of
+from acquisition.campaign.placements import Hexapod, Placement, Reached, best_first, grid
+from acquisition.campaign.plan import Visit
+from acquisition.campaign.poses import Pose, draw_poses, too_few
+
+__all__ = [
+    "DECIMALS",
+    "Campaign",
+    "Hexapod",
+    "Placement",
+    "Pose",
+    "Reached",
+    "Visit",
+    "best_first",
+    "campaign_from",
+    "draw_poses",
+    "grid",
+    "read_campaign",
+    "setup_of",
+    "too_few",
+]

@@ -1,0 +1,57 @@
+"""The blocks of a campaign, one recipe a kind. `read_block` is the door; `KINDS` says what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.campaign.blocks import ballbar_geometry, hexapod, path, poses, repeat, sphere, sweep
+from acquisition.campaign.blocks.block import Approach, Block, Recipe, Settle, read_approach, read_settle
+from calib.text import TomlTable
+
+SHARED = ("kind", "set", "targets", "approach", "settle_s", "settle_check", "new_station")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of block and how it is read; the first of its sets is the one it has unless the file says."""
+
+    keys: tuple[str, ...]
+    sets: tuple[str, ...]
+    read: Callable[[TomlTable, Path | None], Recipe]
+    settle_s: float | None = None
+
+
+_FITTED = ("calibration", "validation")
+KINDS: Mapping[str, Kind] = {
+    "poses": Kind(poses.KEYS, _FITTED, poses.read),
+    "sweep": Kind(sweep.KEYS, _FITTED, sweep.read_sweep),
+    "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
+    "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
+    "hexapod": Kind(hexapod.KEYS, _FITTED, hexapod.read),
+    "ballbar_geometry": Kind(ballbar_geometry.KEYS, ("calibration",), ballbar_geometry.read),
+    "path": Kind(path.KEYS, _FITTED, path.read),
+    "sphere": Kind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),
+}
+
+
+def read_block(table: TomlTable, approach: Approach, settle: Settle, folder: Path | None) -> Block:
+    """Read one [[block]]; `approach` and `settle` are those of the campaign. Raises ConfigError naming the key.
+
+    folder: where pose files are; None: they are not read again.
+    """
+    name = table.text("kind", "poses", tuple(KINDS))
+    kind = KINDS[name]
+    table.only((*SHARED, *kind.keys))
+    if kind.settle_s is not None:
+        settle = Settle(kind.settle_s, settle.check)
+    return Block(
+        kind=name,
+        set=table.text("set", kind.sets[0], kind.sets),
+        targets=table.names("targets"),
+        approach=read_approach(table.table("approach"), approach),
+        settle=read_settle(table, settle),
+        new_station=table.flag("new_station", False),
+        recipe=kind.read(table, folder),
+    )

@@ -1,0 +1,63 @@
+"""`kind = "ballbar_geometry"`: the triangles of the balls, measured by the ballbar itself; the robot takes no part.
+
+Every two balls of the tool and every two of the base between which a bar fits are a reading (`cell.bars`): the tool
+triangle with the 150 mm bar, the base triangle with that of 300 mm. They are measured where the block comes in the
+campaign: first, so that the legs are known; once more in a last block, to see whether a cup has moved meanwhile.
+Readings of one bar follow one another. Source: Nubiola, thesis, section 4.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+from acquisition.campaign.blocks.block import Site, Stand
+from acquisition.cell.bars import bar_between
+from acquisition.cell.cell import Cell
+from calib.text import TomlTable
+from drivers.errors import ConfigError
+
+KEYS = ("base", "repeats")
+
+
+@dataclass(frozen=True)
+class BallbarGeometry:
+    """`base`: the balls on the base, None for all; `repeats`: how often every distance is measured."""
+
+    base: tuple[str, ...] | None
+    repeats: int
+    ordered = True
+    lengths = True
+
+    def stands(self, site: Site) -> list[Stand]:
+        cell, base = site.cell, self.base or tuple(site.cell.nests)
+        for name in base:
+            if name not in cell.nests:
+                raise ConfigError(
+                    f"block {site.number + 1}: base names {name!r}, none of {', '.join(cell.nests)}"
+                )
+        spans = [*self._spans(cell, site.targets), *self._spans(cell, base)]
+        if not spans:
+            raise ConfigError(
+                f"block {site.number + 1}: no bar fits between two balls of {', '.join((*site.targets, *base))}; "
+                "look at their positions in the cell file"
+            )
+        lengths = list(dict.fromkeys(length for length, _, _ in spans))
+        spans.sort(key=lambda span: lengths.index(span[0]))
+        return [
+            Stand(f"distance {one} to {other}", (), (), (), ((one, other),))
+            for _, one, other in spans
+            for _ in range(self.repeats)
+        ]
+
+    @staticmethod
+    def _spans(cell: Cell, names: tuple[str, ...]) -> list[tuple[float, str, str]]:
+        """Length of the bar, mm, and the two balls of every distance that can be measured."""
+        found = [(bar_between(cell, *two), *two) for two in combinations(names, 2)]
+        return [(bar.length_mm, one, other) for bar, one, other in found if bar is not None]
+
+
+def read(table: TomlTable, folder: Path | None) -> BallbarGeometry:
+    """Raises ConfigError."""
+    return BallbarGeometry(base=table.names("base"), repeats=table.whole("repeats", 1, low=1, high=100))

@@ -1,0 +1,146 @@
+"""`kind = "sphere"`: points on a sphere about a taught centre, the ballbar check of a calibrated robot.
+
+The target is in the centre at `centre_deg`; the points lie on the sphere above it, the tool turned as taught.
+Source: Nubiola 2.6.3, a ballbar of 300 mm in some hundred places, 2 s pause and no suppression of backlash: unless
+the block has an `approach` of its own, every point is reached from the one before it, also after an interruption.
+Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into rings so that moves are short. Lengths mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.campaign.blocks.block import DECIMALS, Joints, Site, Stand, rounded
+from acquisition.cell.reach import configurations
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import facing
+from acquisition.errors import as_config_error
+from calib.arm import forward, nearest_branch
+from calib.array import Array
+from calib.text import TomlTable
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+RADIUS_MM, COUNT = 300.0, 100
+SETTLE_S = 2.0
+KEYS = ("centre_deg", "radius_mm", "count", "above_deg", "base", "stages")
+_GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+_MOST = 20  # points tried for each that is wanted
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """`above_deg`: lowest elevation of a point, seen from the centre. `suppress`: every point has its approach;
+    `base`: the ball in the centre, for a ballbar as long as the radius; `stages` 2: what is out of its stroke comes
+    again after a calibration by what was not (`run.second_stage`), as for a hexapod.
+    """
+
+    centre_deg: Joints
+    radius_mm: float
+    count: int
+    above_deg: float
+    suppress: bool
+    base: str | None
+    stages: int = 2
+    ordered = True
+
+    @property
+    def lengths(self) -> bool:
+        return self.base is not None
+
+    def stands(self, site: Site) -> list[Stand]:
+        if len(site.targets) != 1:
+            raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
+        if self.base is not None and self.base not in site.cell.nests:
+            raise ConfigError(
+                f"block {site.number + 1}: base = {self.base!r} is none of {', '.join(site.cell.nests)}"
+            )
+        nominal = site.cell.instrument.options.get("nominal_mm", self.radius_mm)
+        stroke = site.cell.instrument.declared.stroke_mm or 0.0
+        if self.base is not None and abs(self.radius_mm - nominal) > stroke:
+            raise ConfigError(
+                f"block {site.number + 1}: radius_mm = {self.radius_mm:g}, the ballbar is {nominal:g} mm long"
+            )
+        poses = self._poses(site)
+        sides = site.sides()
+        distances = [] if self.base is None else [(site.targets[0], self.base)]
+        stands = [site.stand(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
+        if self.suppress:
+            return stands
+        return stands[:1] + [
+            replace(stand, sides=_moved(before, stand.joints_deg, sides), approach_deg=before)
+            for before, stand in ((a.joints_deg, b) for a, b in pairwise(stands))
+        ]
+
+    def _poses(self, site: Site) -> list[Joints]:
+        """Evenly among those that arm and limits allow. Raises ConfigError."""
+        taught = np.array([site.posture("centre_deg", self.centre_deg)])
+        found = np.zeros((0, taught.shape[1]))
+        tried = self.count
+        while len(found) < self.count and tried <= _MOST * self.count:
+            found = self._reached(site, taught, cap(tried, self.above_deg))
+            tried *= 2
+        if len(found) < self.count:
+            raise ConfigError(
+                f"block {site.number + 1}: the arm reaches too few points of the sphere, {len(found)} of "
+                f"{self.count}; teach another centre, raise above_deg, or turn {site.targets[0]} to the instrument"
+            )
+        chosen = np.round(np.linspace(0, len(found) - 1, self.count)).astype(int)
+        return [rounded(row) for row in found[chosen]]
+
+    def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
+        """(k, N) deg, in the branch of the taught pose."""
+        robot = site.cell.robot
+        flange = forward(robot.model, robot.model_angles(taught))
+        goals = np.repeat(flange, len(directions), axis=0)
+        goals[:, :3, 3] += self.radius_mm * directions
+        with as_config_error(f"block {site.number + 1}: "):
+            branch = nearest_branch(configurations(site.cell, flange, taught[0]), taught)[0]
+            if branch < 0:
+                raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
+            joints = configurations(site.cell, goals, taught[0])[:, branch]
+        joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
+        offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self.suppress else 0.0
+        clear = facing(site.cell, joints, site.targets) & may_visit(site.cell, joints, joints - offset)
+        return joints[clear]
+
+
+def cap(count: int, above_deg: float) -> Array:
+    """(count, 3) directions evenly over the part of the unit sphere above an elevation, deg, ring by ring."""
+    least = np.sin(above_deg * DEG)
+    k = np.arange(count)
+    height = 1.0 - (k + 0.5) / count * (1.0 - least)
+    turn = (k * _GOLDEN) % (2.0 * np.pi)
+    rings = max(1, round(float(np.sqrt(count / np.pi))))
+    ring = np.minimum((k * rings) // count, rings - 1)
+    order = np.lexsort((np.where(ring % 2, -turn, turn), ring))
+    across = np.sqrt(1.0 - height**2)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])[order]
+
+
+def _moved(before: Joints, after: Joints, usual: tuple[int, ...]) -> tuple[int, ...]:
+    """The sides from which the joints came; one that did not turn keeps the usual side."""
+    turned = np.sign(np.array(after) - np.array(before)).astype(int)
+    return tuple(int(turn) or side for turn, side in zip(turned, usual, strict=True))
+
+
+def read(table: TomlTable, folder: Path | None) -> Sphere:
+    """Raises ConfigError."""
+    centre = table.numbers("centre_deg")
+    if centre is None:
+        raise table.refuse(
+            "centre_deg", "is missing.", "Teach the pose at which the target is in the centre."
+        )
+    return Sphere(
+        centre_deg=centre,
+        radius_mm=table.number("radius_mm", RADIUS_MM, low=1.0, high=10_000.0),
+        count=table.whole("count", COUNT, low=2, high=10_000),
+        above_deg=table.number("above_deg", 0.0, low=-89.0, high=89.0),
+        suppress="approach" in table.values,
+        base=table.text("base") if "base" in table.values else None,
+        stages=table.whole("stages", 2, low=1, high=2),
+    )

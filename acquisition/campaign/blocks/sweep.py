@@ -1,0 +1,220 @@
+"""`kind = "sweep"` and `kind = "circle_point"`: one joint turns step by step while the others stand still.
+
+A sweep goes up and down again, which shows the backlash and the tangential error of its joint (Nubiola 2.4.1). Circle
+points turn joints 1, 2 and the last two, one after the other, from one posture: their axes start base and tool
+(Nubiola 2.3; `calib.fit.circle_points` recognises both). Every reading has its approach: the joint that turns comes
+from where the sweep comes, the others from their usual side, so that an interruption changes nothing. Angles deg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.blocks.block import Joints, Site, Stand, Stream, rounded
+from acquisition.cell.cell import Cell
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import facing, may_stand
+from calib.array import Array
+from calib.fit import FEWEST, LEAST_RANGE
+from calib.text import TomlTable
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+_Test = Callable[[Cell, Array, Array], NDArray[np.bool_]]
+
+STEP_DEG = 5.0
+WIDTH_DEG = 40.0
+KEYS = ("joint", "range_deg", "step_deg", "at_deg", "both_ways")
+CIRCLE_KEYS = ("joints", "width_deg", "step_deg", "at_deg")
+_TRIES = 20_000  # postures
+_BATCH = 200
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep of one joint (1-based). `range_deg` None: as far as limits and approach allow. `at_deg` None: drawn."""
+
+    joint: int
+    range_deg: tuple[float, float] | None
+    step_deg: float
+    at_deg: Joints | None
+    both_ways: bool
+    ordered = True
+    lengths = False
+
+    def stands(self, site: Site) -> list[Stand]:
+        if self.joint > site.cell.robot.model.joints:
+            raise _no_joint(site, self.joint)
+        low, high = self.range_deg or self._widest(site)
+        turn = _Turn(self.joint, _steps(low, high, self.step_deg), self.both_ways)
+        sides = site.sides()
+        at = self.at_deg
+        posture = site.posture("at_deg", at) if at is not None else _drawn(site, [turn], sides)
+        return list(turn.stands(site, posture, sides))
+
+    def _widest(self, site: Site) -> tuple[float, float]:
+        reach = abs(site.approach.offset_deg)
+        low, high = site.cell.robot.limits_deg[self.joint - 1]
+        if high - low <= 2.0 * reach:
+            raise ConfigError(
+                f"block {site.number + 1}: joint {self.joint} has no room for an approach of {reach:g} deg"
+            )
+        return low + reach, high - reach
+
+
+@dataclass(frozen=True)
+class CirclePoint:
+    """Several joints over `width_deg` about one posture. `joints` None: 1, 2 and the last two."""
+
+    joints: tuple[int, ...] | None
+    width_deg: float
+    step_deg: float
+    at_deg: Joints | None
+    ordered = True
+    lengths = False
+
+    def stands(self, site: Site) -> list[Stand]:
+        count = site.cell.robot.model.joints
+        joints = self.joints or (1, 2, count - 1, count)
+        if max(joints) > count:
+            raise _no_joint(site, max(joints))
+        steps = _steps(-0.5 * self.width_deg, 0.5 * self.width_deg, self.step_deg)
+        turns = [_Turn(joint, steps, False, about=True) for joint in joints]
+        sides = site.sides()
+        at = self.at_deg
+        posture = site.posture("at_deg", at) if at is not None else _drawn(site, turns, sides)
+        return [stand for turn in turns for stand in turn.stands(site, posture, sides)]
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """Angles (k,) of one joint in the order of a sweep; `about`: counted from the posture's own."""
+
+    joint: int
+    angles: Array
+    both_ways: bool
+    about: bool = False
+
+    def joints(self, postures: Array) -> Array:
+        """(n, k, N) for postures (n, N)."""
+        out = np.repeat(postures[:, None], len(self.angles), axis=1)
+        own = postures[:, None, self.joint - 1] if self.about else 0.0
+        out[:, :, self.joint - 1] = own + self.angles
+        return out
+
+    def sides(self, usual: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """The side of approach of every joint on each pass of a sweep: up, and down again."""
+        k = self.joint - 1
+        return [(*usual[:k], side, *usual[k + 1 :]) for side in ((1, -1) if self.both_ways else (usual[k],))]
+
+    def stands(self, site: Site, posture: Joints, usual: tuple[int, ...]) -> Iterator[Stand]:
+        poses = [rounded(row) for row in self.joints(np.array([posture]))[0]]
+        for sides in self.sides(usual):
+            side = sides[self.joint - 1]
+            for pose in poses if side > 0 else reversed(poses):
+                direction = "up" if side > 0 else "down"
+                what = f"joint {self.joint} at {pose[self.joint - 1]:g} deg going {direction}"
+                yield site.stand(what, pose, sides)
+
+
+def _steps(low: float, high: float, step: float) -> Array:
+    return np.array([low + step * k for k in range(int((high - low) / step + 1e-9) + 1)])
+
+
+def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
+    """A random posture from which every pose and approach point is clear and shows the targets. Raises ConfigError."""
+    rng = site.rng(Stream.POSTURE)
+    low, high = np.array(site.cell.robot.limits_deg).T
+    for _ in range(_TRIES // _BATCH):
+        postures = np.round(rng.uniform(low, high, (_BATCH, len(low))), 1)
+        # What is cheap to know and seldom true comes first.
+        for turn in turns:
+            postures = postures[_at_all(turn.joints(postures), lambda q: facing(site.cell, q, site.targets))]
+        for turn in turns:
+            postures = postures[_all_good(site, turn, postures, usual, _both_stand)]
+        for posture in postures:
+            if all(_all_good(site, turn, posture[None], usual, may_visit)[0] for turn in turns):
+                return rounded(posture)
+    raise ConfigError(
+        f"block {site.number + 1}: no posture was found from which joint "
+        f"{', '.join(str(turn.joint) for turn in turns)} can turn so far with "
+        f"{', '.join(site.targets)} in sight; make the range smaller, or say at_deg and targets"
+    )
+
+
+def _all_good(
+    site: Site, turn: _Turn, postures: Array, usual: tuple[int, ...], test: _Test
+) -> NDArray[np.bool_]:
+    """(n,) whether all poses of the turns from the postures (n, N), with their approach points, pass the test."""
+    poses = turn.joints(postures)
+    good = np.ones(len(poses), dtype=bool)
+    for sides in turn.sides(usual):
+        offset = abs(site.approach.offset_deg) * np.array(sides)
+        good[good] = _at_all(poses[good], lambda q, offset=offset: test(site.cell, q, q - offset))
+    return good
+
+
+def _both_stand(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
+    return may_stand(cell, joints_deg) & may_stand(cell, approach_deg)
+
+
+def _at_all(poses: Array, test: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """(n,) whether the test holds at all of the poses (n, k, N)."""
+    n, k, joints = poses.shape
+    return np.all(test(poses.reshape(-1, joints)).reshape(n, k), axis=1)
+
+
+def _no_joint(site: Site, joint: int) -> ConfigError:
+    return ConfigError(
+        f"block {site.number + 1} turns joint {joint}, the robot has {site.cell.robot.model.joints}"
+    )
+
+
+def read_sweep(table: TomlTable, folder: Path | None) -> Sweep:
+    """Raises ConfigError."""
+    ends = table.numbers("range_deg")
+    if ends is not None and (len(ends) != 2 or ends[0] >= ends[1]):
+        raise table.refuse("range_deg", f"is {list(ends)!r}.", "Give the lower and the upper end.")
+    sweep = Sweep(
+        joint=table.whole("joint", low=1, high=99),
+        range_deg=None if ends is None else (ends[0], ends[1]),
+        step_deg=table.number("step_deg", STEP_DEG, low=0.01, high=180.0),
+        at_deg=table.numbers("at_deg"),
+        both_ways=table.flag("both_ways", True),
+    )
+    if ends is not None and ends[0] + sweep.step_deg > ends[1]:
+        raise table.refuse("step_deg", f"is {sweep.step_deg:g}.", "A sweep needs two angles or more.")
+    return sweep
+
+
+def read_circle_point(table: TomlTable, folder: Path | None) -> CirclePoint:
+    """Raises ConfigError."""
+    least = LEAST_RANGE / DEG
+    circle = CirclePoint(
+        joints=_joint_numbers(table),
+        width_deg=table.number("width_deg", WIDTH_DEG, low=least, high=360.0),
+        step_deg=table.number("step_deg", STEP_DEG, low=0.01, high=180.0),
+        at_deg=table.numbers("at_deg"),
+    )
+    whole = circle.step_deg * np.floor(circle.width_deg / circle.step_deg + 1e-9)
+    if whole < least - 1e-6 or whole < (FEWEST - 1) * circle.step_deg - 1e-6:
+        raise table.refuse(
+            "step_deg", f"is {circle.step_deg:g}.", f"A circle needs {FEWEST} angles over {least:g} deg."
+        )
+    # As far as whole steps go, so that the circle lies in the middle of its posture.
+    return replace(circle, width_deg=float(whole))
+
+
+def _joint_numbers(table: TomlTable) -> tuple[int, ...] | None:
+    value = table.values.get("joints")
+    if value is None:
+        return None
+    good = isinstance(value, list | tuple) and all(type(k) is int and 1 <= k <= 99 for k in value)
+    if not good or not value or len(set(value)) != len(value):
+        raise table.refuse("joints", f"is {value!r}.", "List numbers of joints, each once.")
+    return tuple(value)

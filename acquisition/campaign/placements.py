@@ -1,0 +1,281 @@
+"""Placements of the base balls of a ballbar hexapod: which of its stances the arm reaches from each, in which branches.
+
+The balls move together: shifted, and turned about a vertical line through their middle. A survey asks for every
+placement which stances the arm reaches within its limits, arm and tool clear of everything, in each of the eight
+branches. A proof of one placement asks more: approach points, straight moves, and that no leg of the ballbar lies in
+the arm. Fixtures that carry a ball move with it. Source: Nubiola, thesis, section 4.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.blocks.block import DECIMALS
+from acquisition.cell.cell import Cell
+from acquisition.cell.obstacles import Array, Box, Obstacle, Post, between_lines
+from acquisition.cell.reach import configurations
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import targets_at
+from calib.arm import BRANCHES, Stances, stances
+from calib.selection import Balls, Lengths, uncertainty_of
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+LEG_RADIUS_MM = 15.0  # half of what a QC20-W is thick, with its bars
+CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carries it
+_DRAWN = 40_000
+_AT_ONCE = 40  # placements, to bound the memory
+_WRIST = 5  # links from here on hold the tool, between whose balls the legs end
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A shift, mm, and a turn, deg, of the base balls from where the cell file has them."""
+
+    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn_deg: float = 0.0
+
+    def pose(self, middle: Array) -> Array:
+        """(4, 4) the motion in the world; `middle` (3,) mm stays in place under the turn."""
+        c, s = np.cos(self.turn_deg * DEG), np.sin(self.turn_deg * DEG)
+        pose = np.eye(4)
+        pose[:2, :2] = [[c, -s], [s, c]]
+        pose[:3, 3] = middle - pose[:3, :3] @ middle + self.shift_mm
+        return pose
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The reach of the arm at a placement: joints (s, 8, N) deg of s stances by branch, NaN where it does not."""
+
+    placement: Placement
+    joints_deg: Array
+
+    @property
+    def there(self) -> Mask:
+        """(s, 8) whether a stance is reached in a branch."""
+        return np.isfinite(self.joints_deg[:, :, 0])
+
+    @property
+    def poses(self) -> int:
+        """Stances that are reached in some branch."""
+        return int(self.there.any(axis=1).sum())
+
+    @property
+    def configurations(self) -> int:
+        """Number of stances times branches that are reached."""
+        return int(self.there.sum())
+
+    @property
+    def by_branch(self) -> dict[str, int]:
+        """Number of stances reached in each branch."""
+        return dict(zip(BRANCHES, self.there.sum(axis=0).tolist(), strict=True))
+
+    @property
+    def by_arm(self) -> dict[str, int]:
+        """Configurations by the branch of shoulder and elbow, with either turn of the wrist."""
+        out: dict[str, int] = {}
+        for name, count in self.by_branch.items():
+            arm = name.rpartition("/")[0]
+            out[arm] = out.get(arm, 0) + count
+        return out
+
+
+class Hexapod:
+    """The ballbar hexapod of a cell, wherever its base balls are. Raises ValueError for balls that carry no tool."""
+
+    def __init__(self, cell: Cell, base: Sequence[str], tool: Sequence[str]) -> None:
+        self.cell = cell
+        self.base = tuple(base)
+        self.tool = tuple(tool)
+        self._balls = np.array([cell.nests[name] for name in base])
+        self._tool = np.array([cell.tool.targets[name] for name in tool])
+        found = stances(self._balls, self._tool, cell.instrument.nominal_mm)
+        out = found.outward
+        self.stances = Stances(found.flange[out], found.base[out], found.tool[out], found.outward[out])
+
+    def survey(
+        self, placements: Sequence[Placement], progress: Callable[[int], None] = lambda _: None
+    ) -> list[Reached]:
+        """The reach of the arm at each placement; `progress` hears how many are done.
+
+        Cups are left out here: where they move, a proof takes them along. Raises DataError for a robot without inverse
+        kinematics in closed form.
+        """
+        bare = replace(self.cell, fixtures=tuple(f for f in self.cell.fixtures if not self._carries(f)))
+        out: list[Reached] = []
+        for i in range(0, len(placements), _AT_ONCE):
+            some = placements[i : i + _AT_ONCE]
+            moved = np.stack([each.pose(self._balls.mean(axis=0)) for each in some])
+            flange = moved[:, None] @ self.stances.flange
+            joints = configurations(bare, flange.reshape(-1, 4, 4))
+            joints[~_clear(bare, joints)] = np.nan
+            joints = joints.reshape(len(some), -1, *joints.shape[1:])
+            out += [Reached(each, found) for each, found in zip(some, joints, strict=True)]
+            progress(len(out))
+        return out
+
+    def prove(self, reached: Reached, offset_deg: float) -> Reached:
+        """The placement with what may be driven: approach points `offset_deg` away, moves and home clear, legs free."""
+        cell = self.moved(reached.placement)
+        joints = np.round(reached.joints_deg, DECIMALS)
+        which = np.argwhere(reached.there)
+        flat = joints[which[:, 0], which[:, 1]]
+        good = may_visit(cell, flat, flat - abs(offset_deg))
+        good[good] = self._legs_free(cell, flat[good], which[good, 0])
+        joints[which[~good, 0], which[~good, 1]] = np.nan
+        return replace(reached, joints_deg=joints)
+
+    def uncertainty(self, reached: Reached, places: Array) -> Array:
+        """(p,) mm: U of the first tool ball at joint angles `places` (p, N) rad, once six legs of every configuration
+        were measured (`calib.selection.uncertainty_of`)."""
+        cell = self.cell
+        base = self.moved(reached.placement).nests
+        which, branch = np.nonzero(reached.there)
+        legs = self.stances.base[which].ravel(), self.stances.tool[which].ravel()
+        joints = cell.robot.model_angles(reached.joints_deg[which, branch])
+        return uncertainty_of(
+            cell.robot.model,
+            Balls(
+                {name: cell.tool.targets[name] for name in self.tool},
+                {name: base[name] for name in self.base},
+                {name: u for name, u in cell.tool.u_mm.items() if name in self.tool},
+            ),
+            Lengths(
+                np.repeat(joints, legs[0].size // max(len(which), 1), axis=0),
+                [self.tool[t] for t in legs[1]],
+                [self.base[b] for b in legs[0]],
+            ),
+            places,
+            noise_mm=cell.instrument.noise.length_mm,
+            repeatability=cell.robot.repeatability_deg * DEG,
+            loads=cell.loads,
+        )
+
+    def places_in(
+        self, centre_mm: Sequence[float], radius_mm: float, count: int = 300, seed: int = 0
+    ) -> Array:
+        """(p, N) rad: random postures within the limits whose first tool ball lies in a sphere of the world.
+
+        Raises ConfigError where the arm brings the ball nowhere into it.
+        """
+        robot = self.cell.robot
+        low, high = np.array(robot.limits_deg).T
+        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWN, len(low)))
+        at = targets_at(self.cell, drawn)[:, list(self.cell.tool.targets).index(self.tool[0])]
+        inside = np.linalg.norm(at - np.asarray(centre_mm), axis=1) <= radius_mm
+        if not inside.any():
+            raise ConfigError(
+                f"none of {_DRAWN} random postures brings {self.tool[0]} within {radius_mm:g} mm of "
+                f"{', '.join(f'{x:g}' for x in centre_mm)}: name a zone that the arm reaches"
+            )
+        return robot.model_angles(drawn[inside][:count])
+
+    def moved(self, placement: Placement) -> Cell:
+        """The cell with its base balls, and what carries them, at a placement."""
+        pose = placement.pose(self._balls.mean(axis=0))
+        balls = _carried(self._balls, pose)
+        nests = {**self.cell.nests, **{n: _point(p) for n, p in zip(self.base, balls, strict=True)}}
+        fixtures = tuple(_moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures)
+        return replace(self.cell, nests=nests, fixtures=fixtures)
+
+    def same_balls(self, placement: Placement) -> tuple[tuple[float, ...], ...]:
+        """The places of the balls, whichever is which: placements that share it reach the same stances."""
+        balls = _carried(self._balls, placement.pose(self._balls.mean(axis=0)))
+        return tuple(sorted(tuple(ball) for ball in np.round(balls, 1).tolist()))
+
+    def _carries(self, fixture: Obstacle) -> bool:
+        points = np.repeat(self._balls[:, None], 2, axis=1)
+        return bool((np.linalg.norm(fixture.towards(points), axis=1) < CARRIES_MM).any())
+
+    def _legs_free(self, cell: Cell, joints_deg: Array, stance: NDArray[np.int64]) -> Mask:
+        """(n,) whether all six legs of each stance pass by the arm up to its wrist."""
+        arm = cell.clearance.arm
+        near = arm.links < _WRIST
+        lines = arm.lines(joints_deg)[:, near]
+        pose = self._flange_at(cell)[stance]
+        balls = np.array([cell.nests[name] for name in self.base])
+        ends = np.einsum("nij,nlj->nli", pose[:, :3, :3], self._tool[self.stances.tool[stance]])
+        legs = np.stack([balls[self.stances.base[stance]], ends + pose[:, None, :3, 3]], axis=2)
+        n, links, count = len(joints_deg), lines.shape[1], legs.shape[1]
+        apart = between_lines(
+            np.repeat(lines, count, axis=1).reshape(-1, 2, 3),
+            np.tile(legs, (1, links, 1, 1)).reshape(-1, 2, 3),
+        )
+        free = np.linalg.norm(apart, axis=1).reshape(n, links, count) - arm.radii[near][:, None]
+        return np.all(free >= LEG_RADIUS_MM, axis=(1, 2))
+
+    def _flange_at(self, cell: Cell) -> Array:
+        """(s, 4, 4) flange of every stance where the base balls of a moved cell are."""
+        balls = np.array([cell.nests[name] for name in self.base])
+        turn = _frame(balls) @ _frame(self._balls).T
+        pose = np.eye(4)
+        pose[:3, :3] = turn
+        pose[:3, 3] = balls[0] - turn @ self._balls[0]
+        return pose @ self.stances.flange
+
+
+def grid(shifts: Sequence[Sequence[float]], turns: Sequence[float]) -> list[Placement]:
+    """Every combination of shifts along x, y, z, mm, and turns, deg; that of the cell file is always among them."""
+    x, y, z = shifts
+    found = [
+        Placement((float(a), float(b), float(c)), float(t)) for t in turns for c in z for b in y for a in x
+    ]
+    own = Placement()
+    return found if own in found else [own, *found]
+
+
+def best_first(reached: Sequence[Reached]) -> list[Reached]:
+    """The placements by poses, then by configurations; among equals those nearest to the cell file's first."""
+    return sorted(
+        reached,
+        key=lambda r: (
+            -r.poses,
+            -r.configurations,
+            float(np.linalg.norm(r.placement.shift_mm)),
+            abs(r.placement.turn_deg),
+        ),
+    )
+
+
+def _clear(cell: Cell, joints_deg: Array) -> Mask:
+    """(n, 8) whether arm and tool are clear at joints (n, 8, N); False where there are none."""
+    flat = joints_deg.reshape(-1, joints_deg.shape[2])
+    good = np.isfinite(flat[:, 0])
+    good[good] = cell.clearance.clear_at(flat[good])
+    return good.reshape(joints_deg.shape[:2])
+
+
+def _carried(points: Array, pose: Array) -> Array:
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def _point(point: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(c), 4) for c in point)
+    return x, y, z
+
+
+def _moved(fixture: Obstacle, pose: Array) -> Obstacle:
+    """A post where the motion takes it; a box becomes the upright box about its corners."""
+    if isinstance(fixture, Post):
+        start, end = _carried(np.array([fixture.from_mm, fixture.to_mm]), pose)
+        return replace(fixture, from_mm=_point(start), to_mm=_point(end))
+    if isinstance(fixture, Box):
+        corners = np.array(np.meshgrid(*zip(fixture.low_mm, fixture.high_mm, strict=True))).reshape(3, -1).T
+        there = _carried(corners, pose)
+        return replace(fixture, low_mm=_point(there.min(axis=0)), high_mm=_point(there.max(axis=0)))
+    return fixture
+
+
+def _frame(balls: Array) -> Array:
+    """(3, 3) axes of the frame of three balls (3, 3)."""
+    x = balls[1] - balls[0]
+    z = np.cross(x, balls[2] - balls[0])
+    x, z = x / float(np.linalg.norm(x)), z / float(np.linalg.norm(z))
+    return np.asarray(np.column_stack([x, np.cross(z, x), z]), dtype=np.float64)

@@ -1,0 +1,112 @@
+"""Random poses of a cell: uniform within its joint limits, arm and tool clear, approach point included.
+
+The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the same on
+every joint. The length of the last move is drawn too where a longest is given: moves of one length make a lag behind
+the move look like play. From and to the home of the cell the straight moves are clear (`cell.transit`). Targets
+that declare a normal look at the instrument, at the pose. Angles deg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from acquisition.cell.cell import Cell
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import facing, may_stand
+from drivers.errors import ConfigError
+
+_BATCH, _LOOKED_AT = 500, 50
+_FRUITLESS = 200  # batches: give up after 100,000 random poses without a good one
+_MOST = 1000  # batches in all
+
+
+class Pose(NamedTuple):
+    """Joint angles, deg, the side from which each joint arrives (+1 from below, -1 from above), and how far away the
+    last move starts on every joint, deg."""
+
+    joints_deg: tuple[float, ...]
+    sides: tuple[int, ...]
+    reach_deg: float
+
+
+def draw_poses(
+    cell: Cell,
+    most: int,
+    rng: np.random.Generator,
+    offset_deg: float,
+    *,
+    both: bool,
+    longest_deg: float | None = None,
+    decimals: int = 4,
+    targets: Sequence[str] | None = None,
+    fewest: int | None = None,
+) -> list[Pose]:
+    """Up to `most` poses with their approach, and `fewest` (None: `most`) or more.
+
+    offset_deg: signed offset of the approach point; its sign is the side where not `both`. longest_deg: its length is
+    drawn for each pose between |offset_deg| and this, as far as the limits leave room; None: always |offset_deg|. Pose
+    and approach point q - side x length are within the limits and clear of table, boxes and fixtures; `targets` (None:
+    all of the cell) are seen at the pose. Raises ConfigError when the cell leaves fewer such poses than `fewest`.
+    """
+    fewest = most if fewest is None else fewest
+    targets = tuple(cell.tool.targets) if targets is None else targets
+    low, high = np.array(cell.robot.limits_deg).T
+    reach = abs(offset_deg)
+    if np.any(high - low <= 2.0 * reach):
+        raise ConfigError(
+            f"joint {int(np.argmin(high - low)) + 1}: the limits leave no room for an approach of {reach:g} deg"
+        )
+    longer = rng.spawn(1)[0]  # of its own: poses and sides are the same whether lengths vary or not
+    found: list[Pose] = []
+    for batch in range(_MOST):
+        if len(found) == most or (batch == _FRUITLESS and not found):
+            break
+        shape = (_BATCH, len(low))
+        sides = rng.choice((-1, 1), size=shape) if both else np.full(shape, 1 if offset_deg < 0 else -1)
+        # The approach point of a joint moves the range on that side only.
+        least, most_deg = low + reach * (sides > 0), high - reach * (sides < 0)
+        joints = np.round(rng.uniform(least, most_deg), decimals)
+        room = np.min(np.where(sides > 0, joints - low, high - joints), axis=1)
+        lengths = np.full(_BATCH, reach)
+        if longest_deg is not None:
+            drawn = np.minimum(longer.uniform(reach, longest_deg, _BATCH), room)
+            # Rounded down, so that the limits hold; the shortest is what it is.
+            lengths = np.maximum(np.floor(drawn * 10**decimals) / 10**decimals, reach)
+        before = joints - sides * lengths[:, None]
+        seen = facing(cell, joints, targets)
+        joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
+        # Within the limits they were drawn; rounding may have left them.
+        clear = may_stand(cell, joints) & may_stand(cell, before)
+        joints, sides, lengths, before = joints[clear], sides[clear], lengths[clear], before[clear]
+        # The moves cost most: only as many are looked at as are likely to be wanted.
+        for i in range(0, len(joints), _LOOKED_AT):
+            if len(found) < most:
+                some = slice(i, i + _LOOKED_AT)
+                good = may_visit(cell, joints[some], before[some])
+                found += [
+                    Pose(tuple(float(q) for q in pose), tuple(int(side) for side in signs), float(length))
+                    for pose, signs, length in zip(
+                        joints[some][good], sides[some][good], lengths[some][good], strict=True
+                    )
+                ]
+        found = found[:most]
+    if len(found) < fewest:
+        raise too_few(cell, len(found), fewest, targets)
+    return found
+
+
+def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) -> ConfigError:
+    """The error to raise when random poses do not suffice; names the normals where they are what is hard."""
+    names = cell.tool.targets if targets is None else targets
+    looking = [name for name in names if name in cell.tool.normals]
+    seen = (
+        f" and turn {', '.join(looking)} to the instrument within {cell.instrument.declared.cone_deg:g} deg"
+        if looking
+        else ""
+    )
+    return ConfigError(
+        f"only {found} random poses clear table, keep-out boxes and fixtures{seen}; {needed} are needed"
+    )

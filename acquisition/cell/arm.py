@@ -1,0 +1,88 @@
+"""Arm and tool of a cell as capsules that move with the joints, and how far from straight they move.
+
+While all joints turn in proportion, p(s) of a point bends away from its chord over a share w of the move by at most
+
+    max |p''| w^2 / 8,    |p''| <= sum_j L_j |dq_j| (|dq_j| + 2 sum_{i<j} |dq_i|),
+
+since d2p / dq_i dq_j = z_i x (z_j x (p - o_j)), i <= j, is no longer than the distance of the point from axis j. L_j is
+the largest such distance in any posture, the sum of the lengths of the links between. Joint angles deg, lengths mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm import Capsule, Chain, Placement, Robot, nominal_values, propagate
+from calib.units import DEG
+
+Array = NDArray[np.float64]
+# Radius of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
+TOOL_RADIUS_MM = 25.0
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The nominal robot's body, then the tool: a capsule from the flange to every target."""
+
+    robot: Robot
+    coupling: str
+    capsules: tuple[Capsule, ...]
+
+    @classmethod
+    def of(
+        cls, robot: Robot, coupling: str, targets: Mapping[str, tuple[float, float, float]], radius_mm: float
+    ) -> Arm:
+        """The arm of `robot` with a tool of so many targets (flange frame)."""
+        tool = (
+            Capsule(f"the tool at {name}", robot.joints, (0.0, 0.0, 0.0), point, radius_mm)
+            for name, point in targets.items()
+        )
+        return cls(robot, coupling, (*robot.body, *tool))
+
+    def lines(self, joints_deg: Array) -> Array:
+        """(n, c, 2, 3) mm: the centre lines of the c capsules at joint angles (n, N) of the controller."""
+        joints = self.robot.model_angles(np.asarray(joints_deg) * DEG, self.coupling)
+        frames = propagate(Chain.of(self.robot), nominal_values(self.robot, joints), Placement(), record=())
+        out = np.empty((len(self.capsules), 2, 3, len(joints)))
+        for i, capsule in enumerate(self.capsules):
+            x, y, z, origin = frames.link_frames[capsule.link - 1]
+            for k, (a, b, c) in enumerate((capsule.from_mm, capsule.to_mm)):
+                out[i, k] = origin + a * x + b * y + c * z
+        return out.transpose(3, 0, 1, 2)
+
+    @cached_property
+    def radii(self) -> Array:
+        """(c,) radii of the capsules, mm."""
+        return np.array([capsule.radius_mm for capsule in self.capsules])
+
+    @cached_property
+    def links(self) -> NDArray[np.int64]:
+        """(c,) the link (1-based) with which each capsule moves."""
+        return np.array([capsule.link for capsule in self.capsules])
+
+    @cached_property
+    def _levers(self) -> Array:
+        """(c, N) mm: farthest that a point of each centre line gets from each axis, 0 for axes behind it."""
+        count, dh = self.robot.joints, self.robot.convention == "dh"
+        lengths = np.hypot(self.robot.a, self.robot.d)
+        levers = np.zeros((len(self.capsules), count))
+        for i, capsule in enumerate(self.capsules):
+            k = capsule.link - 1
+            far = max(float(np.linalg.norm(end)) for end in (capsule.from_mm, capsule.to_mm))
+            for j in range(k + 1):
+                # Frame j lies behind joint j and its link in Denavit's convention, on its axis in Craig's.
+                between = lengths[j : k + 1] if dh else lengths[j + 1 : k + 1]
+                levers[i, j] = far + float(np.sum(between))
+        return levers
+
+    def bends(self, start_deg: Array, goal_deg: Array) -> Array:
+        """(n, c) mm: bound of |p''| over straight moves in joint space from (n, N) to (n, N), s from 0 to 1."""
+        ends = [self.robot.model_angles(np.asarray(q) * DEG, self.coupling) for q in (start_deg, goal_deg)]
+        turns = np.abs(ends[1] - ends[0])
+        before = np.cumsum(turns, axis=1) - turns
+        return (turns * (turns + 2.0 * before)) @ self._levers.T

@@ -1,0 +1,53 @@
+"""The devices of a cell, opened by the names of its file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from acquisition.cell.cell import Cell
+from drivers import open_instrument, open_robot
+from drivers.interfaces import LengthMeter, Operator, PointMeter, RobotArm
+from drivers.link import WireSink
+
+
+@dataclass(frozen=True)
+class Devices:
+    """The devices of a cell, not yet connected. `operator` None: prompts are answered through `Run.answer` only."""
+
+    robot: RobotArm
+    instrument: PointMeter | LengthMeter
+    operator: Operator | None = None
+
+
+def open_devices(
+    cell: Cell,
+    *,
+    operator: Operator | None = None,
+    robot_url: str | None = None,
+    instrument_url: str | None = None,
+    wire: WireSink | None = None,
+) -> Devices:
+    """Devices of `cell`, at its addresses or at those given (a simulated cell's). Raises ConfigError."""
+    robot = open_robot(
+        cell.robot.driver,
+        robot_url or cell.robot.url,
+        speed_mm_s=cell.robot.speed_mm_s,
+        speed_deg_s=cell.robot.speed_deg_s,
+        limits_deg=cell.robot.limits_deg,
+        wire=wire,
+        **({"reach_mm": _reach_mm(cell)} if cell.robot.declared.takes_reach else {}),
+    )
+    instrument = open_instrument(
+        cell.instrument.driver,
+        instrument_url or cell.instrument.url,
+        wire=wire,
+        **cell.instrument.options,
+    )
+    return Devices(robot, instrument, operator)
+
+
+def _reach_mm(cell: Cell) -> float:
+    """Farthest that a target can be from any axis: a driver that caps joint speeds keeps the path's speed with it."""
+    links = sum(map(math.hypot, cell.robot.model.a, cell.robot.model.d))
+    return links + max(math.hypot(*target) for target in cell.tool.targets.values())

@@ -1,0 +1,176 @@
+"""The obstacles of a cell: the table, keep-out boxes and fixtures, convex shapes that arm and tool must not touch.
+
+Every shape answers two questions, batched over straight lines (p, 2, 3) mm from end to end: which of its points and
+which of the line are nearest to each other, and how far it reaches in a direction. The second alone proves that
+something is clear: nothing of a convex shape lies beyond the plane that touches it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.text import TomlTable, Vector
+
+Array = NDArray[np.float64]
+_KEYS = ("name", "low_mm", "high_mm", "from_mm", "to_mm", "radius_mm")
+
+
+class Obstacle(Protocol):
+    """A convex shape with a name that messages can use."""
+
+    @property
+    def name(self) -> str: ...
+
+    def towards(self, lines: Array) -> Array:
+        """(p, 3) from the nearest point of the shape to the nearest of each line (p, 2, 3), mm; 0 where they touch."""
+        ...
+
+    def reach(self, directions: Array) -> Array:
+        """(p,) mm: how far the shape reaches along unit vectors (p, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Table:
+    """Everything below a height."""
+
+    z_mm: float
+
+    @property
+    def name(self) -> str:
+        return f"the table (table_z_mm = {self.z_mm:g})"
+
+    def towards(self, lines: Array) -> Array:
+        out = np.zeros((len(lines), 3))
+        out[:, 2] = np.maximum(lines[:, :, 2].min(axis=1) - self.z_mm, 0.0)
+        return out
+
+    def reach(self, directions: Array) -> Array:
+        return np.where(directions[:, 2] > 1.0 - 1e-12, self.z_mm, np.inf)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box along the axes of the world."""
+
+    name: str
+    low_mm: Vector
+    high_mm: Vector
+
+    def towards(self, lines: Array) -> Array:
+        """The square of the distance is convex along a line and quadratic between the planes of the box's faces.
+
+        Its slope is therefore looked at where the line crosses these planes; the least distance lies where it
+        changes its sign, between two of them.
+        """
+        low, high = np.array(self.low_mm), np.array(self.high_mm)
+        start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
+        still = np.abs(along) < 1e-12
+        step = np.where(still, 1.0, along)
+        crossed = np.concatenate([(low - start) / step, (high - start) / step], axis=1)
+        crossed[np.concatenate([still, still], axis=1)] = 0.0
+        share = np.sort(np.clip(crossed, 0.0, 1.0), axis=1)
+        share = np.concatenate([np.zeros((len(lines), 1)), share, np.ones((len(lines), 1))], axis=1)
+        points = start[:, None] + share[:, :, None] * along[:, None]
+        off = points - np.clip(points, low, high)
+        slope = np.einsum("pkj,pj->pk", off, along)
+        after = np.clip(np.sum(slope < 0.0, axis=1), 1, share.shape[1] - 1)[:, None]
+        (t0, t1), (s0, s1) = (
+            [np.take_along_axis(of, after - i, axis=1)[:, 0] for i in (1, 0)] for of in (share, slope)
+        )
+        rise = s1 - s0
+        best = t0 + (t1 - t0) * np.clip(-s0 / np.where(rise > 0.0, rise, 1.0), 0.0, 1.0)
+        nearest = start + best[:, None] * along
+        return nearest - np.clip(nearest, low, high)
+
+    def reach(self, directions: Array) -> Array:
+        return np.sum(np.where(directions > 0.0, self.high_mm, self.low_mm) * directions, axis=1)
+
+
+@dataclass(frozen=True)
+class Post:
+    """A straight bar or post of any direction with round ends: all points within a radius of a line."""
+
+    name: str
+    from_mm: Vector
+    to_mm: Vector
+    radius_mm: float
+
+    def towards(self, lines: Array) -> Array:
+        axis = np.array([self.from_mm, self.to_mm])
+        apart = between_lines(lines, np.broadcast_to(axis, lines.shape))
+        length = np.linalg.norm(apart, axis=1, keepdims=True)
+        return apart * np.maximum(1.0 - self.radius_mm / np.maximum(length, 1e-12), 0.0)
+
+    def reach(self, directions: Array) -> Array:
+        ends = directions @ np.array([self.from_mm, self.to_mm]).T
+        return ends.max(axis=1) + self.radius_mm
+
+
+def between_lines(lines: Array, others: Array) -> Array:
+    """(p, 3) mm from the nearest point of each of `others` (p, 2, 3) to the nearest of each of `lines` (p, 2, 3).
+
+    Source: Ericson, Real-Time Collision Detection (2005), 5.1.9.
+    """
+    u, v = lines[:, 1] - lines[:, 0], others[:, 1] - others[:, 0]
+    r = lines[:, 0] - others[:, 0]
+    uu, vv, uv = (np.sum(a * b, axis=1) for a, b in ((u, u), (v, v), (u, v)))
+    ur, vr = np.sum(u * r, axis=1), np.sum(v * r, axis=1)
+    determinant = uu * vv - uv * uv
+    skew = determinant > 1e-12 * uu * vv
+    s = np.where(skew, (uv * vr - ur * vv) / np.where(skew, determinant, 1.0), 0.0)
+    s = np.clip(s, 0.0, 1.0)
+    t = np.clip((uv * s + vr) / np.where(vv > 0.0, vv, 1.0), 0.0, 1.0)
+    s = np.clip((uv * t - ur) / np.where(uu > 0.0, uu, 1.0), 0.0, 1.0)
+    return r + s[:, None] * u - t[:, None] * v
+
+
+def read_keep_out(robot: TomlTable) -> list[Obstacle]:
+    """The boxes of `robot.keep_out`. Raises ConfigError."""
+    boxes: list[Obstacle] = []
+    value = robot.values.get("keep_out", [])
+    if not isinstance(value, list | tuple):
+        raise robot.refuse("keep_out", f"is {value!r}.", "Give a list of boxes, each of two corners.")
+    for i, box in enumerate(value, start=1):
+        corners = TomlTable({"keep_out": box}, robot.file, robot.prefix).rows("keep_out", 3)
+        if len(corners) != 2 or not _is_box(*corners):
+            raise robot.refuse("keep_out", f"box {i} is no box.", "Give two corners, the lower one first.")
+        boxes.append(Box(f"keep-out box {i}", _vector(corners[0]), _vector(corners[1])))
+    return boxes
+
+
+def read_fixtures(cell: TomlTable) -> list[Obstacle]:
+    """The `[[fixture]]` tables of a cell file, each a box or a post with a name. Raises ConfigError."""
+    fixtures = [_fixture(table) for table in cell.tables("fixture")]
+    names = [fixture.name for fixture in fixtures]
+    for name in names:
+        if names.count(name) > 1:
+            raise cell.refuse("fixture", f"has the name {name!r} twice.", "Give every fixture its own.")
+    return fixtures
+
+
+def _fixture(table: TomlTable) -> Obstacle:
+    table.only(_KEYS)
+    name = table.text("name")
+    if "low_mm" in table.values or "high_mm" in table.values:
+        table.only(_KEYS[:3])
+        low, high = table.vector("low_mm"), table.vector("high_mm")
+        if not _is_box(low, high):
+            raise table.refuse("high_mm", "is not above low_mm in x, y and z.", "Give two opposite corners.")
+        return Box(name, low, high)
+    start, end = table.vector("from_mm"), table.vector("to_mm")
+    return Post(name, start, end, table.number("radius_mm", low=0.1, high=10_000.0))
+
+
+def _is_box(low: Sequence[float], high: Sequence[float]) -> bool:
+    return all(a < b for a, b in zip(low, high, strict=True))
+
+
+def _vector(row: Sequence[float]) -> Vector:
+    x, y, z = row
+    return x, y, z

@@ -1,0 +1,34 @@
+"""The closed loop: measure, find what the model lacks, drive corrected targets, measure where the robot lands."""
+
+from acquisition.loop import rehearsal
+from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, fits, in_cell
+from acquisition.loop.loop import (
+    Compute,
+    Equipment,
+    FollowedUp,
+    LoopEnded,
+    LoopResult,
+    Say,
+    check_loop,
+    close_loop,
+    diagnosed,
+)
+from acquisition.loop.rehearsal import targets_csv
+
+__all__ = [
+    "Compute",
+    "Equipment",
+    "FollowedUp",
+    "LoopEnded",
+    "LoopResult",
+    "Say",
+    "campaign_table",
+    "campaign_text",
+    "check_loop",
+    "close_loop",
+    "diagnosed",
+    "fits",
+    "in_cell",
+    "rehearsal",
+    "targets_csv",
+]

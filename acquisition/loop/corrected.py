@@ -1,0 +1,97 @@
+"""Corrected targets for one cell: what a diagnosis says to command, where the cell can take it, and as a campaign.
+
+Corrections hold for an approach from one side, and for the time and the air temperature at which they are measured.
+Angles deg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
+from acquisition.campaign.plan import DECIMALS
+from acquisition.cell.cell import Cell, RobotSection
+from acquisition.cell.transit import may_visit
+from calib.array import Array
+from calib.compensate import Correction, correct
+from calib.data import Dataset
+from calib.diagnose import Diagnosis
+from calib.model import StatedConditions
+from calib.units import DEG
+
+APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
+_FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
+
+
+def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
+    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach.
+
+    Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
+    """
+    robot, limits = cell.robot, np.array(cell.robot.limits_deg)
+    room = 10.0**-DECIMALS  # what rounding may add
+    limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
+    final = diagnosis.final
+    done = correct(
+        final.model,
+        final.estimate,
+        robot.model_angles(goals_deg),
+        _approached(robot, stated),
+        limits=limits,
+        coupling=robot.coupling,
+    )
+    return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
+
+
+def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:
+    """What the last moves of the model's joints are when every joint of the controller comes from `APPROACH_DEG`."""
+    zero = np.zeros((1, robot.model.joints))
+    moves = (robot.model_angles(zero) - robot.model_angles(zero + APPROACH_DEG))[0]
+    return replace(stated, side=tuple(np.sign(moves)), approach=tuple(np.abs(moves)))
+
+
+def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
+    """(n,) whether arm and tool are clear at the targets, their approach points, and on the moves from and to home."""
+    joints = np.nan_to_num(joints_deg)
+    return may_visit(cell, joints, joints + APPROACH_DEG)
+
+
+def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
+    """Whether the corrected joints depend on time or temperature more than a little."""
+    final, header = diagnosis.final, dataset.header
+    series = next(iter(final.model.targets))
+    stated = StatedConditions(series=series, temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
+    joints = header.robot.model_angles(goals_deg * DEG, header.coupling)
+    at = correct(final.model, final.estimate, joints, stated).joints
+    for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
+        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at)
+        # An arm of half a metre turns an angle into a length.
+        if 500.0 * float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
+            return True
+    return False
+
+
+def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Campaign:
+    """Corrected targets first, then the same uncorrected; settle time, samples and retries as in `like`."""
+    return campaign_from(
+        {
+            "format": FORMAT,
+            "seed": like.seed,
+            "approach": {"offset_deg": APPROACH_DEG, "sides": "one"},
+            "settle_s": like.settle_s,
+            "samples": like.samples,
+            "retries": like.retries,
+            "block": [_block(corrected_deg), _block(wanted_deg)],
+        },
+        "verification campaign",
+    )
+
+
+def _block(joints_deg: Array) -> dict[str, Any]:
+    rows: Sequence[Sequence[float]] = joints_deg.tolist()
+    return {"kind": "poses", "set": "validation", "select": "list", "joints_deg": rows}

@@ -1,0 +1,165 @@
+"""A campaign that follows an ambiguous diagnosis: poses that distinguish its rivals, as far as a cell can take them.
+
+Candidates are drawn as the poses of every campaign are, clear of table and boxes with their approach points, short
+and long last moves from either side; `calib.diagnose.follow_up` chooses among them. The campaign file states every
+pose; poses that share a target and an approach are one block, since the format states these by block. Angles deg.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from acquisition.campaign.campaign import FORMAT, Campaign
+from acquisition.campaign.plan import DECIMALS
+from acquisition.campaign.poses import draw_poses, too_few
+from acquisition.cell.cell import Cell
+from calib.data import Conditions
+from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rival, separating, stands
+from calib.errors import DataError
+from calib.fit import Identification
+from calib.units import DEG
+
+CANDIDATES = 1500
+_SETTINGS: dict[str, Any] = {"settle_s": 4.0, "samples": 100, "retries": 2}
+
+
+def in_cell(
+    cell: Cell, found: Identification, rivals: Sequence[Rival], count: int = POSES, seed: int = 0
+) -> FollowUp:
+    """The poses that separate rivals best among those that the cell can take.
+
+    Raises DataError when robot or targets of the data are not those of the cell, ConfigError when hardly any pose is
+    clear.
+    """
+    return separating(found, rivals, candidates_in(cell, found, seed), count)
+
+
+def candidates_in(cell: Cell, found: Identification, seed: int = 0) -> Conditions:
+    """Visits that the cell can make: its targets, short and long approaches, both sides, a share of each."""
+    names = _targets(cell, found)
+    rng = np.random.default_rng(seed)
+    low, high = np.array(cell.robot.limits_deg).T
+    lengths = [a for a in APPROACHES if np.all(high - low > 2.0 * a / DEG)]
+    joints, sides, approach, targets = [], [], [], []
+    share = -(-CANDIDATES // max(2 * len(lengths) * len(names), 1))
+    for length in lengths:
+        for side in (1, -1):
+            for name in names:
+                drawn = draw_poses(
+                    cell,
+                    share,
+                    rng,
+                    -side * length / DEG,
+                    both=False,
+                    decimals=DECIMALS,
+                    targets=(name,),
+                    fewest=0,
+                )
+                joints += [pose.joints_deg for pose in drawn]
+                sides += [float(side)] * len(drawn)
+                approach += [length] * len(drawn)
+                targets += [name] * len(drawn)
+    if len(joints) < POSES:
+        raise too_few(cell, len(joints), POSES, names)
+    return stands(found, np.array(joints) * DEG, np.array(sides), np.array(approach), targets)
+
+
+def fits(cell: Cell, found: Identification) -> bool:
+    """Whether robot and targets of the data are those of the cell."""
+    known = found.model.targets[found.readings.conditions.series_names[-1]]
+    return cell.robot.model.name == found.model.robot.name and set(known) <= set(cell.tool.targets)
+
+
+def _targets(cell: Cell, found: Identification) -> list[str]:
+    if cell.robot.model.name != found.model.robot.name:
+        raise DataError(
+            f"has the robot {cell.robot.model.name}, the data are of {found.model.robot.name}.",
+            do="Give the cell in which the data were measured.",
+            file=f"cell {cell.name}",
+        )
+    known = found.model.targets[found.readings.conditions.series_names[-1]]
+    names = [name for name in cell.tool.targets if name in known]
+    if not names:
+        raise DataError(
+            f"has the targets {', '.join(cell.tool.targets)}, the data have {', '.join(known)}.",
+            do="Give the cell in which the data were measured.",
+            file=f"cell {cell.name}",
+        )
+    return names
+
+
+def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[str, Any]:
+    """The campaign of some follow-up poses, as `campaign.toml` has it; settle time, samples, retries as in `like`."""
+    settings = (
+        _SETTINGS
+        if like is None
+        else {"settle_s": like.settle_s, "samples": like.samples, "retries": like.retries}
+    )
+    joints = np.round(follow_up.joints / DEG, DECIMALS).tolist()
+    offsets = np.round(-follow_up.sides * follow_up.approach / DEG, DECIMALS).tolist()
+    blocks: dict[tuple[str, float], list[list[float]]] = {}
+    for pose, offset, target in zip(joints, offsets, follow_up.targets, strict=True):
+        blocks.setdefault((target, offset), []).append(pose)
+    return {
+        "format": FORMAT,
+        "name": "follow-up",
+        **settings,
+        "block": [
+            {
+                "kind": "poses",
+                "set": "calibration",
+                "select": "list",
+                "targets": [target],
+                "approach": {"offset_deg": offset, "sides": "one"},
+                "joints_deg": poses,
+            }
+            for (target, offset), poses in sorted(blocks.items())
+        ],
+    }
+
+
+def campaign_text(follow_up: FollowUp, cell: Cell | None = None) -> str:
+    """`campaign.toml` with what its poses are expected to distinguish, and what none can, as comments.
+
+    cell: in which the poses were chosen, None where only the robot's own limits were known.
+    """
+    table = campaign_table(follow_up)
+    comments = [
+        "Follow-up of an ambiguous diagnosis: poses that distinguish its rivals.",
+        *expectations(follow_up),
+        *follow_up.procedures,
+        f"Chosen within the cell {cell.name}."
+        if cell is not None
+        else "Chosen within the robot's own joint limits; table and boxes of no cell were looked at.",
+    ]
+    lines = [f"# {comment}" for comment in comments]
+    lines += ["", tomli_w.dumps({key: value for key, value in table.items() if key != "block"})]
+    for block in table["block"]:
+        *given, poses = block.items()
+        # one pose a line, which a writer of TOML would spread over eight
+        lines += ["[[block]]", *(f"{key} = {_inline(value)}" for key, value in given)]
+        lines += ["joints_deg = [", *(f"    {_inline(pose)}," for pose in poses[1]), "]", ""]
+    return "\n".join(lines)
+
+
+def _inline(value: Any) -> str:
+    """A TOML value on one line: text, numbers, lists and tables of them."""
+    if isinstance(value, list):
+        return f"[{', '.join(_inline(each) for each in value)}]"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_inline(each)}' for key, each in value.items())} }}"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def expectations(follow_up: FollowUp) -> list[str]:
+    """What the poses would bring, a sentence for each pair."""
+    return [
+        f"{label} from {rival}: expected squared distance {square:.0f}, "
+        + ("which settles it." if square >= SEPARATES else f"short of the {SEPARATES:g} that settle it.")
+        for (label, rival), square in follow_up.separations.items()
+    ]

@@ -1,0 +1,366 @@
+"""The closed loop: measure, find what the model lacks, correct targets, drive them, measure where the robot lands.
+
+    campaign 1 -> data set -> diagnosis -> corrected targets of new poses -> campaign 2 -> verification
+                             | ambiguous                                ^
+                             v                                          |
+               follow-up poses -> campaign -> data sets merged -> diagnosis
+
+Every step is a function of the one before; `close_loop` runs them. The same clock serves all campaigns, so that a
+drift goes on where it was. Corrections hold for an approach from one side, and for the time and the air temperature
+at which the targets will be measured; where the model follows these, every pose is corrected just before it is driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition.campaign.campaign import Campaign, campaign_from
+from acquisition.campaign.plan import DECIMALS
+from acquisition.campaign.poses import draw_poses
+from acquisition.cell.cell import Cell
+from acquisition.cell.devices import Devices
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import UnsafePlan
+from acquisition.loop.corrected import APPROACH_DEG, campaign_of, clear, correction, follows_conditions
+from acquisition.loop.follow_up_campaign import campaign_table, in_cell
+from acquisition.record.event import Event
+from acquisition.record.export import export, table_of
+from acquisition.record.individuals import Individual, individuals_of, series_among
+from acquisition.record.merge import Part, frame_of_part, merge
+from acquisition.record.states import State
+from acquisition.record.verification import (
+    Judged,
+    Verification,
+    expected_temperature,
+    first_reading_s,
+    judge,
+    read_landings,
+    verification_of,
+    world_of,
+)
+from acquisition.run.clock import Clock
+from acquisition.run.foresight import Foresee, at_once
+from acquisition.run.lease import Lease
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
+from calib.array import Array
+from calib.compensate import Bounds, refuse_unlikely
+from calib.data import Dataset, read_dataset
+from calib.diagnose import Diagnosis, FollowUp, diagnose
+from calib.model import StatedConditions
+from calib.units import DEG
+from drivers.errors import ConfigError
+
+FEW = 1  # poses that are corrected at once where the model follows time or temperature
+_NEW_POSES = 77  # random stream, beside those of the plan
+
+Create = Callable[[Path, Cell, Campaign, bool], AbstractContextManager[Run]]
+Guard = Callable[[Run], AbstractContextManager[None]]
+Say = Callable[[str], None]
+Listen = Callable[[Run], Callable[[Event], None]]
+Resumed = Callable[[Run, Outcome], bool]
+Compute = Callable[..., Any]
+Diagnose = Callable[[Path, Say], Diagnosis]
+
+
+def here(function: Callable[..., Any], *args: object) -> Any:
+    """What the function returns, computed by whoever calls this."""
+    return function(*args)
+
+
+def diagnosed(data: Path, say: Say = lambda step: None) -> Diagnosis:
+    """The diagnosis of a data set. Raises DataError."""
+    return diagnose(read_dataset(data), progress=say)
+
+
+def new_run(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
+    """A campaign of the loop in a record of its own. Raises as `Run.create`."""
+    return Run.create(record, cell, campaign, simulated=simulated)
+
+
+class LoopEnded(Exception):
+    """A campaign of the loop was paused, stopped or failed. `outcome` says how; its record can be resumed."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        super().__init__(outcome.reason)
+        self.outcome = outcome
+
+
+@dataclass(frozen=True)
+class Equipment:
+    """The equipment of a loop.
+
+    guard is entered around every execution and listen hears its events; lease says by whose leave it moves. create
+    makes the record of a campaign, given where the loop would have it. resumed is asked when a campaign was paused:
+    it waits for a person, who resumes the run; False ends the loop. compute calls functions of a module that take
+    seconds, diagnose makes the diagnosis, which takes minutes, and foresee begins the forecast of a campaign: in
+    another process, where somebody has to be heard.
+    """
+
+    cell: Cell
+    devices: Devices
+    clock: Clock
+    simulated: bool = False
+    guard: Guard = lambda run: nullcontext()
+    listen: Listen = lambda run: lambda event: None
+    lease: Callable[[], Lease | None] = lambda: None
+    create: Create = new_run
+    resumed: Resumed = lambda run, outcome: False
+    compute: Compute = here
+    diagnose: Diagnose = diagnosed
+    foresee: Foresee = at_once
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A finished campaign: its record, and when it began on the loop's clock, s."""
+
+    record: Path
+    began_s: float
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Wanted and corrected joint angles (k, N), deg, row by row; and why others were refused."""
+
+    wanted: Array
+    corrected: Array
+    refused: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FollowedUp:
+    """The middle step: what was ambiguous, the poses that were to settle it, and how many readings they brought."""
+
+    before: Diagnosis
+    poses: FollowUp
+    readings: int
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """The results of a loop. followed_up: None where nothing was ambiguous, or no pose would have helped."""
+
+    data: Path
+    diagnosis: Diagnosis
+    targets: Targets
+    verification: Verification
+    followed_up: FollowedUp | None
+
+
+def close_loop(
+    equipment: Equipment, campaign: Campaign, folder: Path, *, poses: int = 20, say: Say = lambda step: None
+) -> LoopResult:
+    """Run the whole loop; records in `folder`/campaign1, campaign2, ...; data set in `folder`/data.csv.
+
+    Follow-up poses are recorded in `folder`/campaign_follow_up; data.csv then holds both, data1.csv the first alone.
+    poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
+    the readings cannot be used, ConfigError or UnsafePlan before anything moves.
+    """
+    check_loop(equipment.cell)
+    say("campaign 1: calibration and validation poses")
+    first = measure(equipment, campaign, folder / "campaign1")
+    data: Path = equipment.compute(export, first.record, folder / "data.csv")
+    diagnosis = equipment.diagnose(data, say)
+    last, followed_up = first, None
+    planned: FollowUp | None = equipment.compute(follow_up_of, equipment.cell, diagnosis)
+    if planned is not None:
+        say(f"follow-up: {len(planned.joints)} poses that distinguish {_rivals_in_words(planned)}")
+        last = measure(
+            equipment,
+            campaign_from(campaign_table(planned, campaign), "follow-up campaign"),
+            folder / "campaign_follow_up",
+            like=first,
+        )
+        alone = len(diagnosis.dataset)
+        data = equipment.compute(join, equipment.cell, first, last, folder)
+        before, diagnosis = diagnosis, equipment.diagnose(data, say)
+        followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
+    say("campaign 2: driving corrected targets")
+    return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
+
+
+def check_loop(cell: Cell) -> None:
+    """Raises ConfigError for a cell whose instrument shows no landing."""
+    if cell.instrument.declared.measures_lengths:
+        raise ConfigError(
+            f"the loop needs an instrument that measures points, the {cell.instrument.name} measures distances: "
+            "measure, diagnose, and correct programs with 'truepose compensate'"
+        )
+
+
+def follow_up_of(cell: Cell, diagnosis: Diagnosis) -> FollowUp | None:
+    """The poses of a cell that distinguish the rivals of a diagnosis; None where there are none, or no pose helps.
+
+    Raises ConfigError when hardly any pose is clear.
+    """
+    if diagnosis.follow_up is None:
+        return None
+    planned = in_cell(cell, diagnosis.final, diagnosis.follow_up.rivals)
+    return planned if planned.helps else None
+
+
+def join(cell: Cell, first: Measured, later: Measured, folder: Path) -> Path:
+    """Join a first campaign and its follow-up in one data set, `folder`/data.csv; data1.csv keeps the first alone."""
+    world = world_of(first.record)
+    alone, added = table_of(first.record), table_of(later.record)
+    alone.write(folder / "data1.csv")
+    added.write(folder / "data_follow_up.csv")
+    own = frame_of_part(later.record, world, cell.nests, individuals_of(first.record))
+    part = Part(added, later.began_s - first.began_s, own)
+    return merge(alone, world, [part]).write(folder / "data.csv")
+
+
+def _rivals_in_words(planned: FollowUp) -> str:
+    pairs = [f"{label} and {rival}" for label, rival in planned.separations]
+    more = len(pairs) - 1
+    return pairs[0] + (f" (and {more} other pair{'s' if more > 1 else ''})" if more else "")
+
+
+def measure(equipment: Equipment, campaign: Campaign, record: Path, like: Measured | None = None) -> Measured:
+    """Measure one campaign from beginning to end, with the robot and the instrument of `like`.
+
+    Raises LoopEnded, ConfigError, UnsafePlan, RecordError.
+    """
+    with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
+        if like is not None:
+            run.expect(list(individuals_of(like.record).values()))
+        began_s = equipment.clock.now()
+        outcome = _executed(equipment, run)
+        while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
+            outcome = _executed(equipment, run)
+        measured = Measured(run.folder, began_s)
+    if outcome.state is not State.SUCCEEDED:
+        raise LoopEnded(outcome)
+    return measured
+
+
+def _executed(equipment: Equipment, run: Run) -> Outcome:
+    with equipment.guard(run):
+        return run.execute(
+            equipment.devices,
+            equipment.clock,
+            equipment.listen(run),
+            lease=equipment.lease(),
+            foresee=equipment.foresee,
+        )
+
+
+def verify(
+    equipment: Equipment,
+    campaign: Campaign,
+    folder: Path,
+    first: Measured,
+    last: Measured,
+    data: Path,
+    diagnosis: Diagnosis,
+    followed_up: FollowedUp | None,
+    poses: int,
+) -> LoopResult:
+    """Drive corrected targets of new poses, and the same uncorrected, and judge where the robot landed.
+
+    first: the campaign whose world frame and clock count; last: the one measured last.
+    """
+    dataset, final = diagnosis.dataset, diagnosis.final
+    usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
+    refuse_unlikely(final.model, final.estimate, usual, Bounds(), coupling=dataset.header.coupling)
+    world = world_of(first.record)
+    soon = conditions_soon(equipment, dataset, first, last)
+    wanted: Array
+    refused: list[str]
+    wanted, refused = equipment.compute(new_targets, equipment.cell, campaign.seed, diagnosis, soon, poses)
+    size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)
+    devices = individuals_of(first.record)
+    batches: list[Judged] = []
+    accepted: dict[str, None] = {}
+    sent: list[Array] = []
+    for number, begin in enumerate(range(0, len(wanted), size), start=2):
+        goals = wanted[begin : begin + size]
+        stated = conditions_soon(equipment, dataset, first, last)
+        done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
+        joints = np.round(done.joints / DEG, DECIMALS)
+        keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
+        refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
+        goals, joints = goals[keep], joints[keep]
+        if not len(goals):
+            continue
+        second = measure(equipment, campaign_of(campaign, joints, goals), folder / f"campaign{number}", last)
+        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, world, devices))
+        for each in individuals_of(second.record).values():
+            if each.reason:
+                accepted[each.why()] = None
+        sent.append(np.hstack([goals, joints]))
+        last = second
+    if not sent:
+        raise UnsafePlan(f"none of {len(wanted)} corrected targets can be driven: {refused[-1]}")
+    both = np.vstack(sent)
+    half = both.shape[1] // 2
+    approach = f"{APPROACH_DEG:g} deg on every joint"
+    verification = verification_of(batches, len(both), refused, approach, list(accepted))
+    targets = Targets(both[:, :half], both[:, half:], tuple(refused))
+    return LoopResult(data, diagnosis, targets, verification, followed_up)
+
+
+def _judged(
+    equipment: Equipment,
+    second: Measured,
+    first: Measured,
+    joints: Array,
+    goals: Array,
+    diagnosis: Diagnosis,
+    world: WorldFrame,
+    devices: Mapping[str, Individual],
+) -> Judged:
+    wanted = {tuple(q.tolist()): tuple(goal.tolist()) for q, goal in zip(joints, goals, strict=True)}
+    later_s = second.began_s - first.began_s
+    landings = read_landings(second.record)
+    return judge(
+        landings, wanted, diagnosis.dataset, diagnosis.final, world, equipment.cell, later_s, devices
+    )
+
+
+def new_targets(
+    cell: Cell, seed: int, diagnosis: Diagnosis, stated: StatedConditions, poses: int
+) -> tuple[Array, list[str]]:
+    """Joint angles (k, N), deg, of random new poses whose correction can be driven, and why others cannot.
+
+    stated: the conditions at which they will be measured. Raises UnsafePlan when not one can.
+    """
+    rng = np.random.default_rng([seed, _NEW_POSES])
+    drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
+    goals = np.array([pose.joints_deg for pose in drawn])
+    done = correction(cell, diagnosis, goals, stated)
+    near_table = done.good & ~clear(cell, np.where(done.good[:, None], done.joints / DEG, goals))
+    good = done.good & ~near_table
+    end = int(np.flatnonzero(good)[:poses][-1]) if good.any() else -1
+    reasons = [r for r in done.reasons[: end + 1] if r]
+    reasons += ["its correction comes too close to table or boxes"] * int(near_table[: end + 1].sum())
+    if end < 0:
+        raise UnsafePlan(f"none of {len(goals)} new poses can be corrected: {reasons[0] if reasons else ''}")
+    return goals[good][:poses], reasons
+
+
+def conditions_soon(
+    equipment: Equipment, dataset: Dataset, first: Measured, last: Measured
+) -> StatedConditions:
+    """The conditions at which the next targets will be measured, judged by the campaign before, `last`.
+
+    Time on the clock of campaign 1; air temperature by the trend of the last readings.
+    """
+    lead_s = first_reading_s(last.record)
+    soon_s = equipment.clock.now() + lead_s
+    return StatedConditions(
+        series=series_among(dataset.conditions.series_names, individuals_of(last.record)),
+        side=1.0,
+        approach=-APPROACH_DEG * DEG,
+        temperature_c=expected_temperature(last.record, soon_s - last.began_s, lead_s),
+        time_s=soon_s - first.began_s,
+        loads=dataset.header.loads,
+        gravity=dataset.header.gravity,
+    )

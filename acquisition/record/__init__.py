@@ -1,0 +1,31 @@
+"""The record of a campaign: durable, sealed row by row, and what is read from it."""
+
+from acquisition.record.database import FILE
+from acquisition.record.event import Event
+from acquisition.record.export import export, export_events
+from acquisition.record.individuals import Acceptance, individual_of
+from acquisition.record.merge import export_together
+from acquisition.record.rescue import rescue
+from acquisition.record.salvage import Salvage, salvage
+from acquisition.record.states import State
+from acquisition.record.store import Store
+from acquisition.record.streams import ExportedPath, export_streams
+from acquisition.record.verification import Verification
+
+__all__ = [
+    "FILE",
+    "Acceptance",
+    "Event",
+    "ExportedPath",
+    "Salvage",
+    "State",
+    "Store",
+    "Verification",
+    "export",
+    "export_events",
+    "export_streams",
+    "export_together",
+    "individual_of",
+    "rescue",
+    "salvage",
+]

@@ -1,0 +1,225 @@
+"""The data set of a record: `OUT.csv` and `OUT.toml` (`truepose-dataset/1`), each written whole or not at all.
+
+Points and turns in the world frame of the nests, or distances to the balls on the base; angles as commanded, with the
+approach point before them and the side of approach; the controller's read-back beside them. Readings that were given
+up stay in the file as `rejected:REASON` without a point, those that were measured again with theirs. `station` counts
+the places of the instrument, where it had several. `[[device]]` in the header names robot and instrument; where there
+were several of either, each pair is a series of its own. What their wires could not see stands there as `unprotected`.
+Distances between two balls of one body have no joints.
+A record in which a row no longer agrees with its checksum is refused. `export_events` writes what happened as JSON
+lines.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
+from acquisition.errors import RecordError
+from acquisition.record.data_table import DataTable
+from acquisition.record.individuals import ROLES, Individual, Individuals, header_table, series_of
+from acquisition.record.readings import Numbers, Reading, readings_of, spans_of
+from acquisition.record.store import Store
+from calib.data import DEFAULT_GROUPS, OTHER
+from calib.text import replace_file
+
+_WEAKNESSES = """
+SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
+WHERE kind = 'connected' AND weakness <> '' GROUP BY role, weakness ORDER BY min(id)
+"""
+
+# Who gave commands and answered prompts, in order, without the watchdog of a lease; and
+# when the readings began and ended.
+_OPERATORS = """
+SELECT who FROM (SELECT by AS who, utc FROM command UNION ALL
+                 SELECT answered_by, answered_utc FROM prompt WHERE answered_by IS NOT NULL)
+WHERE who <> '' AND who NOT LIKE 'watchdog of %' GROUP BY who ORDER BY min(utc)
+"""
+_MEASURED = "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'measure' AND status = 'good'"
+
+
+def export_events(record_dir: Path, out: Path) -> int:
+    """Write every event of a record, oldest first, one JSON object a line. Returns how many.
+
+    Raises RecordError, StorageError, OSError.
+    """
+    store = Store.open(record_dir, writer=False)
+    try:
+        text, number = io.StringIO(), 0
+        while events := store.events(number):
+            for event in events:
+                text.write(json.dumps(event.as_dict()) + "\n")
+            number = events[-1].id
+    finally:
+        store.close()
+    replace_file(out, text.getvalue())
+    return number
+
+
+def export(record_dir: Path, out: Path) -> Path:
+    """Write the data set of a record, finished or not. Returns the path of its CSV.
+
+    Raises RecordError (no record, or no reading in it), StorageError, OSError.
+    """
+    return table_of(record_dir).write(out)
+
+
+def table_of(record_dir: Path) -> DataTable:
+    """The data set of a record, finished or not. Raises RecordError (no record, or no reading in it), StorageError."""
+    with Store.reading(record_dir) as store:
+        simulated = bool(store.campaign["simulated"])
+        rows, spans = readings_of(store), spans_of(store)
+        cell = cell_of_record(store.campaign["cell"], str(store.database.path))
+        world = store.world
+        individuals = Individuals(store).all()
+        unprotected = "; ".join(f"{role}: {weakness}" for role, weakness in store.database.query(_WEAKNESSES))
+        ((began, ended),) = store.database.query(_MEASURED)
+        operators = [who for (who,) in store.database.query(_OPERATORS)]
+    placed = cell.instrument.declared.measures_lengths or world is not None
+    if not placed or not any(row.counts for row in rows):
+        raise RecordError(
+            f"{record_dir}: holds no reading of a pose yet",
+            what_to_do=f"Go on with it: truepose campaign resume {record_dir}.",
+        )
+    station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
+    rows = sorted([*rows, *spans], key=lambda row: row.id)
+    of_rows, devices = _series(rows, individuals)
+    header = _header(cell, station, unprotected, simulated=simulated)
+    header["measured"] = {"began": _moment(began), "ended": _moment(ended), "operators": operators}
+    return DataTable(str(record_dir), _columns(rows, of_rows, cell), header | {"device": devices})
+
+
+def _series(
+    rows: list[Reading], individuals: dict[int, Individual]
+) -> tuple[list[str], list[dict[str, str]]]:
+    """The series of each row, which its robot and instrument make, and the devices of every series."""
+    # a row from before devices were written down was measured with the first
+    first = {role: next((n for n, each in individuals.items() if each.role == role), 0) for role in ROLES}
+    devices = [
+        [individuals.get(row.robot or first["robot"]), individuals.get(row.instrument or first["instrument"])]
+        for row in rows
+    ]
+    names = [series_of(*pair) for pair in devices]
+    tables = [
+        header_table(each, name)
+        for name, pair in dict(zip(names, devices, strict=True)).items()
+        for each in pair
+        if each is not None
+    ]
+    return names, tables
+
+
+def _columns(rows: list[Reading], series: list[str], cell: Cell) -> dict[str, list[str]]:
+    columns: dict[str, list[str]] = {
+        "reading_id": [str(row.id) for row in rows],
+        **({"series": series} if len(set(series)) > 1 else {}),
+        "set": [row.set_name for row in rows],
+        "t_s": [_text(row.t_s, 3) for row in rows],
+    }
+    every = range(1, cell.robot.model.joints + 1)
+    columns |= _spread([f"j{k}_deg" for k in every], [row.joints for row in rows], 6)
+    columns |= _spread([f"j{k}_read_deg" for k in every], [row.reached for row in rows], 5)
+    columns |= _spread([f"approach{k}" for k in every], [row.sides for row in rows], 0)
+    columns |= _spread([f"prev{k}_deg" for k in every], [row.approach for row in rows], 6)
+    columns["tool_target"] = [row.target if row.target in cell.tool.targets else "" for row in rows]
+    if any(row.base_target is not None for row in rows):
+        columns |= _balls(rows, cell)
+        columns["length_mm"] = [_text(row.length_mm, 6) for row in rows]
+    else:
+        columns |= _spread(["x_mm", "y_mm", "z_mm"], [row.world for row in rows], 6)
+        if any(row.turn is not None for row in rows):
+            columns |= _spread(["rot_w", "rot_x", "rot_y", "rot_z"], [row.turn for row in rows], 9)
+    columns["t_air_c"] = [_text(row.t_air_c, 3) for row in rows]
+    if len({row.station for row in rows}) > 1:
+        columns["station"] = [str(row.station) for row in rows]
+    columns["status"] = ["ok" if row.counts else f"rejected:{row.reason}" for row in rows]
+    return columns
+
+
+def _balls(rows: list[Reading], cell: Cell) -> dict[str, list[str]]:
+    """The columns that say where distances end; `other_target`: the second ball of one body (`calib.data.spans`)."""
+    legs = [row.joints != () for row in rows]
+    base = [
+        row.base_target if leg else row.target * (row.target in cell.nests)
+        for row, leg in zip(rows, legs, strict=True)
+    ]
+    columns = {"base_target": [name or "" for name in base]}
+    if not all(legs):
+        columns[OTHER] = ["" if leg else row.base_target or "" for row, leg in zip(rows, legs, strict=True)]
+    return columns
+
+
+def _spread(names: list[str], rows: Sequence[Numbers | None], decimals: int) -> dict[str, list[str]]:
+    """A column a number; empty where a row has none."""
+    return {name: [_text(row[k] if row else None, decimals) for row in rows] for k, name in enumerate(names)}
+
+
+def _moment(utc: float) -> str:
+    """A moment as text that sorts by time, in UTC."""
+    return datetime.fromtimestamp(utc, UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def _text(value: float | None, decimals: int) -> str:
+    if value is None or not math.isfinite(value):
+        return ""
+    return f"{value:.{decimals}f}"
+
+
+def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+    noise = cell.instrument.noise
+    robot = {"repeatability_deg": cell.robot.repeatability_deg}
+    if cell.instrument.declared.measures_lengths:
+        # There are no points in such a data set; the key must be there.
+        return {"kind": "isotropic", "sigma_mm": noise.length_mm, "length_mm": noise.length_mm, **robot}
+    turns = {"rotation_mrad": noise.rotation_mrad} if noise.rotation_mrad > 0.0 else {}
+    return {
+        "kind": "tracker",
+        "station_mm": list(station_mm),
+        "range_mm": noise.range_mm,
+        "range_ppm": noise.range_ppm,
+        "transverse_mm": noise.transverse_mm,
+        "transverse_ppm": noise.transverse_ppm,
+        **turns,
+        **robot,
+    }
+
+
+def _known(cell: Cell) -> dict[str, Any]:
+    """Where the balls are to which distances were measured, and how well that and the tool are known."""
+    if not cell.instrument.declared.measures_lengths:
+        return {"tool_targets_u_mm": dict(cell.tool.u_mm)} if cell.tool.u_mm else {}
+    return {
+        "base_targets": {name: list(point) for name, point in cell.nests.items()},
+        "base_targets_u_mm": {name: cell.nests_u_mm.get(name, TAUGHT_MM) for name in cell.nests},
+        "tool_targets_u_mm": {name: cell.tool.u_mm.get(name, MADE_MM) for name in cell.tool.targets},
+        **({"u_mm_assumed": list(cell.unstated)} if cell.unstated else {}),
+    }
+
+
+def _header(
+    cell: Cell, station_mm: tuple[float, ...], unprotected: str, *, simulated: bool
+) -> dict[str, Any]:
+    return {
+        "format": "truepose-dataset/1",
+        "robot": cell.robot.model.name,
+        "instrument": cell.instrument.name,
+        **({"simulated": True} if simulated else {}),
+        "world": "nominal",
+        "joint_coupling": cell.robot.coupling,
+        "gravity_base": [0.0, 0.0, -9.81],
+        "model": {"fit": list(DEFAULT_GROUPS)},
+        **({"unprotected": unprotected} if unprotected else {}),
+        "noise": _noise(cell, station_mm),
+        "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
+        **_known(cell),
+        "loads": [
+            {"link": load.link, "mass_kg": load.mass_kg, "cog_mm": list(load.cog_mm)} for load in cell.loads
+        ],
+    }

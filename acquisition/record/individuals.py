@@ -1,0 +1,191 @@
+"""The individual robot and instrument of a record: maker, model and serial number, as they report them themselves.
+
+They are written down when they are first met, before anything moves, and compared at every connection from then on:
+a robot may be exchanged while the cable is out, and its errors are its own. Another one is refused unless a person
+accepts it by its serial number, and says why; that is kept, and readings of each pair of robot and instrument are a
+series of their own (`series_of`). What a device does not report proves nothing; once reported it is written down.
+Software may be brought up to date, and is not compared.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from acquisition.errors import OtherIndividual
+from acquisition.record.store import Store
+from drivers.errors import ConfigError
+from drivers.interfaces import Identity
+
+ROLES = ("robot", "instrument")
+_COMPARED = ("maker", "model", "serial")
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """A person accepts another device than the record's. `serial`: its model, where it reports no serial number."""
+
+    serial: str
+    reason: str
+    by: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.serial.strip() or not self.reason.strip():
+            raise ConfigError(
+                "another device is accepted by its serial number and for a reason, one of which is missing",
+                what_to_do="Give both; the reason is kept and is in the report.",
+            )
+
+    def names(self, who: Identity | Individual) -> bool:
+        """Whether this is the device that was meant."""
+        return _plain(self.serial) == _plain(who.serial or who.model)
+
+
+@dataclass(frozen=True)
+class Individual:
+    """One robot or instrument. `reason`: why it was accepted beside another one, empty for the first."""
+
+    role: str
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+    protocol: str
+    accepted_by: str = ""
+    reason: str = ""
+
+    @classmethod
+    def of(cls, role: str, who: Identity, accepted: Acceptance | None = None) -> Individual:
+        """The device that has reported who it is."""
+        by, reason = ("", "") if accepted is None else (accepted.by, accepted.reason)
+        return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
+
+    def is_other_than(self, who: Identity | Individual) -> bool:
+        """Whether both report something and it differs."""
+        mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
+        return any(a and b and a != b for a, b in zip(mine, its, strict=True))
+
+    def why(self) -> str:
+        """A clause that says why a device was accepted beside another."""
+        by = f" by {self.accepted_by}" if self.accepted_by else ""
+        return f"{self.role} {self} was accepted{by} beside another: {self.reason}"
+
+    def __str__(self) -> str:
+        return _words(self)
+
+
+class Individuals:
+    """The individual devices of one record."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def all(self) -> dict[int, Individual]:
+        """The devices by their number in the record, in the order in which they came."""
+        rows = self._store.database.query("SELECT * FROM device ORDER BY id")
+        names = [each.name for each in fields(Individual)]
+        return {row["id"]: Individual(**{name: row[name] for name in names}) for row in rows}
+
+    def now(self) -> dict[str, Individual]:
+        """The last of each role."""
+        return {each.role: each for each in self.all().values()}
+
+    def expect(self, others: Sequence[Individual]) -> None:
+        """Expect the devices of another record in this one. Called before anything is measured."""
+        with self._store.changing():
+            for each in others:
+                self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
+
+    def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:
+        """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted."""
+        known = self.now().get(role)
+        if known is None:
+            self._write(Individual.of(role, who))
+        elif not known.is_other_than(who):
+            self._complete(known, who)
+        elif accepted is not None and accepted.names(who):
+            other = Individual.of(role, who, accepted)
+            with self._store.changing() as db:
+                self._write(other)
+                self._store.note(
+                    db,
+                    "other_device_accepted",
+                    role=role,
+                    was=str(known),
+                    now=str(other),
+                    by=accepted.by,
+                    reason=accepted.reason,
+                )
+        else:
+            raise OtherIndividual(
+                f"another {role} answers: {_words(who)}; the record was measured with {known}",
+                serial=who.serial or who.model,
+                device=role,
+                command="identify",
+            )
+
+    def _write(self, individual: Individual) -> None:
+        values = asdict(individual)
+        with self._store.changing() as db:
+            (number,) = db.execute(
+                f"INSERT INTO device ({', '.join(values)}) VALUES ({', '.join('?' * len(values))}) RETURNING id",
+                tuple(values.values()),
+            ).fetchone()
+            self._store.seals.row(db, "device", number)
+
+    def _complete(self, known: Individual, who: Identity) -> None:
+        """Add what the device did not report before, and reports now."""
+        added = {
+            name: getattr(who, name) for name in _COMPARED if getattr(who, name) and not getattr(known, name)
+        }
+        if not added:
+            return
+        with self._store.changing() as db:
+            (number,) = db.execute("SELECT max(id) FROM device WHERE role = ?", (known.role,)).fetchone()
+            changes = ", ".join(f"{name} = ?" for name in added)
+            db.execute(f"UPDATE device SET {changes} WHERE id = ?", (*added.values(), number))
+            self._store.seals.row(db, "device", number)
+            self._store.note(db, "device_told", role=known.role, **added)
+
+
+def individuals_of(record: Path) -> dict[str, Individual]:
+    """Robot and instrument that a record met last, by role. Raises RecordError, StorageError."""
+    store = Store.open(record, writer=False)
+    try:
+        return Individuals(store).now()
+    finally:
+        store.close()
+
+
+def series_of(robot: Individual | None, instrument: Individual | None) -> str:
+    """The name of the series that readings of these two belong to: their serial numbers, as far as reported."""
+    names = ((each.serial or each.model) if each else "" for each in (robot, instrument))
+    return "+".join(re.sub(r"[^\w.-]+", "-", name) or role for name, role in zip(names, ROLES, strict=True))
+
+
+def series_among(names: Iterable[str], devices: Mapping[str, Individual]) -> str:
+    """The series whose frames place the readings of these devices: their own where it is there, else the first."""
+    known, own = list(names), series_of(*map(devices.get, ROLES))
+    return own if own in known else known[0]
+
+
+def header_table(individual: Individual, of_series: str) -> dict[str, str]:
+    """The `[[device]]` table of a data set's header; what is not known is left out."""
+    return {name: text for name, text in (asdict(individual) | {"series": of_series}).items() if text}
+
+
+def individual_of(table: Mapping[str, Any]) -> Individual:
+    """The device that `header_table` wrote."""
+    return Individual(**{each.name: str(table.get(each.name, "")) for each in fields(Individual)})
+
+
+def _words(who: Identity | Individual) -> str:
+    name = f"{who.maker} {who.model}".strip() or "a device that does not report its maker"
+    return f"{name}, serial number {who.serial}" if who.serial else f"{name}, which reports no serial number"
+
+
+def _plain(text: str) -> str:
+    return "".join(text.split()).casefold()

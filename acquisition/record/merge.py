@@ -1,0 +1,167 @@
+"""Several campaigns of one cell as one data set: one clock, one world frame, every reading with an id of its own.
+
+The instrument has not been moved between them, so its readings stay in the world frame of the first campaign, as in
+`record.verification`: the nests measured again would add their own noise to every point. Where the nests show
+that it did move, a campaign's own frame holds. Sets stay what they were: validation rows never enter a fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import RecordError
+from acquisition.record.data_table import DataTable
+from acquisition.record.export import table_of
+from acquisition.record.individuals import Acceptance, Individual, individuals_of
+from acquisition.record.series import SeriesOfSets
+from acquisition.record.store import Store
+from acquisition.record.verification import instrument_moved, read_landings, world_of
+
+_POINT = ("x_mm", "y_mm", "z_mm")
+_OF_A_CAMPAIGN = (
+    "device",
+    "measured",
+    "unprotected",
+    "base_targets_u_mm",
+    "tool_targets_u_mm",
+    "u_mm_assumed",
+)
+_TURN = ("rot_w", "rot_x", "rot_y", "rot_z")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A later campaign: its data set, by how much later than the first its clock began, s, and the world
+    frame its points were exported in; None where the instrument was moved, and that frame is the one that holds."""
+
+    data: DataTable
+    later_s: float
+    own: WorldFrame | None
+
+
+def export_together(records: Sequence[Path], out: Path, accepted: Acceptance | None = None) -> Path:
+    """Write the data set of several records of one cell, the first of which has the clock and the world frame.
+
+    The calendar tells how much later each of the others began. accepted: another robot, as in `merge`.
+    Raises RecordError, OtherIndividual, StorageError, OSError.
+    """
+    first, *others = records
+    whole, *added = [table_of(record) for record in records]
+    began_s, cell = _began(first)
+    if cell.instrument.declared.measures_lengths:  # the balls are the world of each
+        world = WorldFrame(np.eye(3), np.zeros(3))
+        frames: list[WorldFrame | None] = [None] * len(others)
+    else:
+        world = world_of(first)
+        devices = individuals_of(first)
+        frames = [frame_of_part(record, world, cell.nests, devices) for record in others]
+    parts = [
+        Part(data, _began(record)[0] - began_s, own)
+        for record, data, own in zip(others, added, frames, strict=True)
+    ]
+    return merge(whole, world, parts, accepted).write(out)
+
+
+def frame_of_part(
+    record: Path,
+    world: WorldFrame,
+    nests_mm: Mapping[str, Sequence[float]],
+    devices: Mapping[str, Individual],
+) -> WorldFrame | None:
+    """World frame of a later record; None where its nests show that the instrument was moved, or it is another one.
+
+    devices: those of the record whose frame is `world`. Raises RecordError.
+    """
+    seen = read_landings(record)
+    return None if instrument_moved(seen, world, nests_mm, devices) else seen.own
+
+
+def _began(record: Path) -> tuple[float, Cell]:
+    """When a record's clock began, s on the clock that its cell runs by, and its cell."""
+    store = Store.open(record, writer=False)
+    try:
+        row = store.campaign
+        cell = cell_of_record(row["cell"], str(store.database.path))
+    finally:
+        store.close()
+    return row["started_utc"] * (cell.time_scale if row["simulated"] else 1.0), cell
+
+
+def merge(
+    first: DataTable, world: WorldFrame, parts: Sequence[Part], accepted: Acceptance | None = None
+) -> DataTable:
+    """One data set: the rows of `first` and of all `parts`, points in the frame `world`.
+
+    Ids of the parts get the number of their campaign in front (2-17). Readings of each pair of robot and instrument
+    are a series. accepted: another robot than that of `first`, which is refused otherwise.
+    Raises RecordError where a part comes from another kind of robot, tool or instrument, OtherIndividual.
+    """
+    header = first.header
+    series = SeriesOfSets(header, first.name, accepted)
+    rows = series.named(header, first.rows)
+    unprotected = [header.get("unprotected", "")]
+    occasions = [header.get("measured")]
+    for number, part in enumerate(parts, start=2):
+        other = part.data.header
+        if other.get("simulated") != header.get("simulated"):
+            raise RecordError("simulated and real readings do not belong into one data set")
+        if _setup(other) != _setup(header):
+            raise RecordError(f"{part.data.name}: was not measured in the cell of {first.name}")
+        series.join(other, part.data.name)
+        unprotected.append(other.get("unprotected", ""))
+        occasions.append(other.get("measured"))
+        rows += series.named(other, _brought(part, number, world))
+    if len({row["series"] for row in rows}) == 1:
+        for row in rows:
+            del row["series"]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    weaknesses = "; ".join(dict.fromkeys(each for text in unprotected for each in text.split("; ") if each))
+    unseen = {"unprotected": weaknesses} if weaknesses else {}
+    measured = _measured([each for each in occasions if each])
+    columns = {name: [row.get(name, "") for row in rows] for name in names}
+    return DataTable(first.name, columns, header | unseen | measured | series.header)
+
+
+def _measured(occasions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """When the first of the parts began and the last ended, and everybody who worked on them."""
+    if not occasions:
+        return {}
+    return {
+        "measured": {
+            "began": min(each["began"] for each in occasions),
+            "ended": max(each["ended"] for each in occasions),
+            "operators": list(dict.fromkeys(who for each in occasions for who in each["operators"])),
+        }
+    }
+
+
+def _brought(part: Part, number: int, world: WorldFrame) -> list[dict[str, str]]:
+    """The rows of a part on the clock and in the frame of the first campaign."""
+    rows = part.data.rows
+    for row in rows:
+        row["reading_id"] = f"{number}-{row['reading_id']}"
+        if row["t_s"]:
+            row["t_s"] = f"{float(row['t_s']) + part.later_s:.3f}"
+        if row.get("x_mm") and part.own is not None:
+            point = world.to_world(part.own.to_tracker(np.array([float(row[name]) for name in _POINT])))
+            row.update({name: f"{x:.6f}" for name, x in zip(_POINT, point.tolist(), strict=True)})
+        if row.get("rot_w") and part.own is not None:
+            back = WorldFrame(part.own.rotation.T, np.zeros(3))
+            turn = world.turned_to_world(back.turned_to_world([float(row[name]) for name in _TURN]))
+            row.update({name: f"{x:.9f}" for name, x in zip(_TURN, turn.tolist(), strict=True)})
+    return rows
+
+
+def _setup(header: Mapping[str, Any]) -> dict[str, Any]:
+    """What must be the same: all but the individual devices, what their wires could not see, how well positions are
+    known, and where the instrument stands, which every campaign finds by its own nests."""
+    table = {key: value for key, value in header.items() if key not in _OF_A_CAMPAIGN}
+    table["noise"] = {key: value for key, value in header["noise"].items() if key != "station_mm"}
+    return table

@@ -1,0 +1,99 @@
+"""The one reader of a record: what was measured at the poses of its plan, one frozen row a reading.
+
+Data set, verification and drift are functions of these rows. Lengths mm, angles deg, times s on the record's clock.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from dataclasses import dataclass
+
+from acquisition.record.store import Store
+
+Numbers = tuple[float, ...]
+
+_AT_POSES = "pose.kind = 'pose'"
+_BETWEEN = "pose.kind = 'nest' AND pose.base_target IS NOT NULL"
+_ROWS = """
+SELECT attempt.*, pose.set_name, pose.target, pose.base_target, pose.joints_deg, pose.sides, pose.approach_deg,
+       pose.reason, pose.replaced_by, arrival.read_deg AS reached_deg
+FROM attempt JOIN pose ON pose.id = attempt.pose LEFT JOIN attempt AS arrival ON arrival.id = attempt.arrival
+WHERE {which} AND pose.set_name = coalesce(?, pose.set_name)
+  AND (attempt.status = 'good' OR (pose.status = 'skipped' AND attempt.id = (
+      SELECT max(id) FROM attempt AS last WHERE last.pose = pose.id)))
+ORDER BY attempt.id
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One reading of a target at a pose, or the last attempt at one that was given up. What is not known is None.
+
+    point: in the instrument's own frame, world: in the frame of the nests, turn: the quaternion in that frame, scalar
+    first. joints, approach: as commanded; reached: the controller's read-back; sides: from which the joints came.
+    robot, instrument: their numbers in the record. counts: it was measured, and not measured again; else `reason`.
+    """
+
+    id: int
+    pose: int
+    visit: int
+    set_name: str
+    target: str
+    base_target: str | None
+    joints: Numbers
+    approach: Numbers
+    sides: Numbers
+    reached: Numbers | None
+    point: Numbers | None
+    world: Numbers | None
+    turn: Numbers | None
+    length_mm: float | None
+    t_s: float
+    t_air_c: float | None
+    station: int
+    robot: int | None
+    instrument: int | None
+    counts: bool
+    reason: str
+
+
+def readings_of(store: Store, set_name: str | None = None) -> list[Reading]:
+    """Every reading of a record, in the order of measuring; of one set where it is named. Raises StorageError."""
+    return [_reading(row) for row in store.database.query(_ROWS.format(which=_AT_POSES), (set_name,))]
+
+
+def spans_of(store: Store) -> list[Reading]:
+    """Every distance between two balls of one body, in the order of measuring; no joints. Raises StorageError."""
+    return [_reading(row) for row in store.database.query(_ROWS.format(which=_BETWEEN), (None,))]
+
+
+def _reading(row: sqlite3.Row) -> Reading:
+    def all_of(*names: str) -> Numbers | None:
+        values = tuple(row[name] for name in names)
+        return None if None in values else values
+
+    reached = row["reached_deg"]
+    return Reading(
+        id=row["id"],
+        pose=row["pose"],
+        visit=row["visit"],
+        set_name=row["set_name"],
+        target=row["target"],
+        base_target=row["base_target"],
+        joints=tuple(json.loads(row["joints_deg"])),
+        approach=tuple(json.loads(row["approach_deg"])),
+        sides=tuple(json.loads(row["sides"])),
+        reached=tuple(json.loads(reached)) if reached else None,
+        point=all_of(*(f"tracker_{axis}_mm" for axis in "xyz")),
+        world=all_of(*(f"world_{axis}_mm" for axis in "xyz")),
+        turn=all_of(*(f"world_rot_{axis}" for axis in "wxyz")),
+        length_mm=row["length_mm"],
+        t_s=row["began_t_s"] if row["ended_t_s"] is None else row["ended_t_s"],
+        t_air_c=row["t_air_c"],
+        station=row["station"],
+        robot=row["robot"],
+        instrument=row["instrument"],
+        counts=row["status"] == "good" and row["replaced_by"] is None,
+        reason=row["reason"],
+    )

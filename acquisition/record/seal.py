@@ -1,0 +1,158 @@
+"""The checksum that a row of a record carries over everything else in it, so that damage on the disk is seen.
+
+SQLite finds a page that is no page any more; a number that was changed within one it gives out as it is. A sum covers
+names and values of all columns that are not empty, the table and the id of the campaign: a row of another record is
+refused as well. BLAKE2b, 8 bytes: it is against accidents, not against forgery.
+
+Sealed are the plan (`pose`), what was attempted once it is closed (`attempt`), the devices, and of the campaign what
+it was begun with and its world frame. Rows of records older than version 4 have no sum and are taken as they are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from acquisition.errors import damaged
+from acquisition.record.database import Database
+
+SEALED = ("pose", "attempt", "device", "chunk")
+_OF_CAMPAIGN = (
+    "id",
+    "name",
+    "created_utc",
+    "simulated",
+    "cell",
+    "campaign",
+    "world",
+    "unsealed_poses",
+    "unsealed_attempts",
+    "unsealed_devices",
+)
+_CHUNK = 1000  # rows at once: a record may be larger than one likes to hold
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A row that is not what it was when it was written."""
+
+    table: str
+    id: int
+    kind: str = ""  # of an attempt
+
+    def __str__(self) -> str:
+        if self.table == "attempt":
+            return f"{'reading' if self.kind == 'measure' else 'arrival'} {self.id}"
+        names = {"pose": "planned reading", "device": "device", "chunk": "chunk"}
+        name = names.get(self.table)
+        return "what the campaign was begun with" if name is None else f"{name} {self.id}"
+
+
+def checksum(campaign: str, table: str, row: Mapping[str, Any]) -> str:
+    """16 hexadecimal digits over a row of `table` in the record of the campaign with this id."""
+    parts = [campaign, table]
+    for name in sorted(row):
+        value = row[name]
+        # SQLite keeps neither NaN, which becomes NULL, nor the sign of zero.
+        if name == "checksum" or value is None or value != value:
+            continue
+        if isinstance(value, bytes):
+            parts += (name, value.hex())
+        elif isinstance(value, str):
+            parts += (name, value)
+        else:
+            parts += (name, repr(float(value) + 0.0))
+    text = "\x1f".join(parts).encode("utf-8", "surrogatepass")
+    return hashlib.blake2b(text, digest_size=8).hexdigest()
+
+
+def checksum_of_campaign(row: Mapping[str, Any]) -> str:
+    """Checksum of the row `campaign`: the state of a campaign may change, what it was begun with may not."""
+    return checksum(row["id"], "campaign", {name: row[name] for name in _OF_CAMPAIGN})
+
+
+def campaign_agrees(row: Mapping[str, Any]) -> bool:
+    """Whether a campaign is what was begun; one from before there were sums is taken as it is."""
+    if row["checksum"] is None:
+        return row["unsealed_poses"] > 0
+    return row["checksum"] == checksum_of_campaign(row)
+
+
+def agrees(campaign: Mapping[str, Any], table: str, row: Mapping[str, Any]) -> bool:
+    """Whether a row is what it was; one from before there were sums is taken as it is."""
+    if table == "attempt" and row["status"] == "open":
+        return True
+    if row["checksum"] is not None:
+        return row["checksum"] == checksum(campaign["id"], table, row)
+    return row["id"] <= campaign.get(f"unsealed_{table}s", 0)  # chunks always had one
+
+
+class Seals:
+    """Writes the sums of one record. Every method is called within a change, after the last of it."""
+
+    def __init__(self) -> None:
+        self._campaign = ""  # its id, once it is known
+
+    def campaign(self, db: sqlite3.Connection) -> None:
+        """Seal the campaign anew: what it was begun with, or its world frame, is new."""
+        row = dict(db.execute("SELECT * FROM campaign").fetchone())
+        db.execute("UPDATE campaign SET checksum = ?", (checksum_of_campaign(row),))
+
+    def row(self, db: sqlite3.Connection, table: str, number: int) -> None:
+        """A row was written or changed."""
+        values = dict(db.execute(f"SELECT * FROM {table} WHERE id = ?", (number,)).fetchone())
+        db.execute(f"UPDATE {table} SET checksum = ? WHERE id = ?", (self._sum(db, table, values), number))
+
+    def close(self, db: sqlite3.Connection, attempt: int, **values: Any) -> None:
+        """Write the outcome of an attempt, and the sum, in one statement: a closed attempt never changes again."""
+        row = dict(db.execute("SELECT * FROM attempt WHERE id = ?", (attempt,)).fetchone()) | values
+        values["checksum"] = self._sum(db, "attempt", row)
+        assignments = ", ".join(f"{name} = ?" for name in values)
+        db.execute(f"UPDATE attempt SET {assignments} WHERE id = ?", (*values.values(), attempt))
+
+    def _sum(self, db: sqlite3.Connection, table: str, row: Mapping[str, Any]) -> str:
+        if not self._campaign:
+            self._campaign = db.execute("SELECT id FROM campaign").fetchone()[0]
+        return checksum(self._campaign, table, row)
+
+
+def disagreements(database: Database) -> Iterator[Disagreement]:
+    """Every row of a record that is not what it was. Raises StorageError where rows cannot even be read."""
+    campaign = dict(database.query("SELECT * FROM campaign")[0])
+    if not campaign_agrees(campaign):
+        yield Disagreement("campaign", 1)
+    for table in SEALED:
+        last = 0
+        while rows := database.query(
+            f"SELECT * FROM {table} WHERE id > ? ORDER BY id LIMIT {_CHUNK}", (last,)
+        ):
+            names = rows[0].keys()
+            for row in (
+                dict(zip(names, each, strict=True)) for each in rows
+            ):  # `dict` of a row looks names up
+                if not agrees(campaign, table, row):
+                    yield Disagreement(table, row["id"], row.get("kind", ""))
+            last = rows[-1]["id"]
+
+
+def check(database: Database) -> None:
+    """The file is whole and every row is what it was. Raises DamagedRecord naming the rows."""
+    found = database.query("PRAGMA quick_check(1)")[0][0]
+    if found != "ok":
+        raise damaged(database.path, f"is damaged ({' '.join(found.split())})")
+    wrong = list(disagreements(database))
+    if wrong:
+        more = f" and {len(wrong) - 1} other{'s' if len(wrong) > 2 else ''}" if len(wrong) > 1 else ""
+        raise damaged(
+            database.path, f"{wrong[0]}{more} no longer agree{'' if more else 's'} with the checksum"
+        )
+
+
+def unprotected(database: Database) -> int:
+    """How many readings of poses are from before there were sums."""
+    return database.query(
+        "SELECT count(*) FROM attempt WHERE arrival IS NOT NULL AND status = 'good' AND checksum IS NULL"
+    )[0][0]

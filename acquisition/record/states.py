@@ -1,0 +1,55 @@
+"""States of a campaign, their codes, and the table of allowed transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+
+from acquisition.errors import IllegalTransition
+
+
+class State(Enum):
+    """The states of a run, as the record and the HTTP interface name them."""
+
+    DRAFT = "draft"
+    READY = "ready"
+    RUNNING = "running"
+    WAITING = "waiting_for_operator"
+    PAUSED = "paused"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    STOPPED = "stopped"
+
+    @property
+    def code(self) -> int:
+        """Number of the state, 0 to 7."""
+        return list(State).index(self)
+
+    @property
+    def active(self) -> bool:
+        """Whether devices are in use."""
+        return self in (State.RUNNING, State.WAITING)
+
+    @property
+    def final(self) -> bool:
+        """Whether no state follows. `stopped` does not count: a person may resume it, the record is whole."""
+        return self in (State.SUCCEEDED, State.FAILED)
+
+
+_S = State
+TRANSITIONS: Mapping[State, frozenset[State]] = {
+    _S.DRAFT: frozenset({_S.READY, _S.STOPPED}),
+    _S.READY: frozenset({_S.RUNNING, _S.STOPPED}),
+    _S.RUNNING: frozenset({_S.WAITING, _S.PAUSED, _S.SUCCEEDED, _S.FAILED, _S.STOPPED}),
+    _S.WAITING: frozenset({_S.RUNNING, _S.PAUSED, _S.STOPPED}),
+    _S.PAUSED: frozenset({_S.RUNNING, _S.STOPPED}),
+    _S.STOPPED: frozenset({_S.RUNNING}),
+    _S.SUCCEEDED: frozenset(),
+    _S.FAILED: frozenset(),
+}
+
+
+def check_transition(old: State, new: State) -> None:
+    """Raises IllegalTransition unless the table allows it."""
+    if new not in TRANSITIONS[old]:
+        raise IllegalTransition(f"a campaign that is {old.value} cannot become {new.value}")

@@ -1,0 +1,399 @@
+"""The record of a campaign: its state, its plan, what was attempted and what came of it.
+
+Intent before act: an attempt is written before the robot moves or the instrument measures, and closed by its
+outcome. One transaction a change, with its events; listeners hear of an event only after it is
+durable. No reading that was acknowledged is ever lost; at most the one in flight is repeated, and it is known.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Literal
+
+from acquisition.campaign.plan import Visit
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import RecordTaken, damaged
+from acquisition.record import seal
+from acquisition.record.database import Database
+from acquisition.record.event import Event, Moment
+from acquisition.record.states import State, check_transition
+
+Point = tuple[float, ...]
+COUNTED = "(kind = 'pose' OR base_target IS NOT NULL)"  # of planned readings: as `Visit.counted`
+_OF_NESTS = "(kind = 'nest' AND base_target IS NULL)"
+_STATES = frozenset(state.value for state in State)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A planned reading: a target in a visit, and what became of it."""
+
+    id: int
+    visit: Visit
+    target: str
+    status: str
+    base_target: str | None = None  # of a distance
+
+
+class Store:
+    """The one writer of a record. Thread-safe. `moment` gives the time of what is written.
+
+    Every change makes sure that this program still is the record's owner: should the lock fail (a network disk, a
+    deleted lock file), the program that came first is refused from then on instead of mixing its readings in.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self.seals = seal.Seals()
+        self._owner = uuid.uuid4().hex
+        self.moment: Callable[[], Moment] = lambda: Moment(time.time())
+        self._listeners: list[Callable[[Event], None]] = []
+        self._fresh: list[Event] = []
+        self._changes = 0
+        self._changed = threading.Condition()
+
+    @classmethod
+    def create(
+        cls, folder: Path, name: str, cell: str, campaign: str, visits: Sequence[Visit], *, simulated: bool
+    ) -> Store:
+        """A new record, in state `ready`. Raises RecordError where there is one, RecordInUse, StorageError."""
+        store = cls(Database(folder, writer=True, new=True))
+        with store.changing() as db:
+            db.execute(
+                "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state, owner) "
+                "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
+                (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
+            )
+            store.seals.campaign(db)
+            store._plan(db, visits)
+            store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
+            store.change_state(db, State.READY, "")
+        return store
+
+    @classmethod
+    def open(cls, folder: Path, *, writer: bool = True) -> Store:
+        """An existing record. One that is to be written is looked through first: every row is what it was.
+
+        Looked through without the right to write: whoever may write brings a journal into the file when they close it,
+        also one that is of another record.
+        Raises RecordError, RecordInUse, StorageError, DamagedRecord.
+        """
+        if writer:
+            with cls.reading(folder):
+                pass
+        store = cls(Database(folder, writer=writer))
+        if writer:
+            try:
+                with store.database.transaction() as db:
+                    db.execute("UPDATE campaign SET owner = ?", (store._owner,))
+            except BaseException:
+                store.close()
+                raise
+        return store
+
+    @classmethod
+    @contextmanager
+    def reading(cls, folder: Path) -> Iterator[Store]:
+        """An existing record for whoever uses its readings: every row is what it was. Raises as `open`."""
+        store = cls.open(folder, writer=False)
+        try:
+            seal.check(store.database)
+            yield store
+        finally:
+            store.close()
+
+    def close(self) -> None:
+        self.database.close()
+
+    # -- changes and events -------------------------------------------------------------------------------
+
+    @contextmanager
+    def changing(self) -> Iterator[sqlite3.Connection]:
+        """A durable change; the events noted in it reach the listeners once it is. Changes may be nested."""
+        with self.database.transaction() as db:
+            if not self._changes:
+                self._fresh = []
+                self._check_owner(db)
+            self._changes += 1  # guarded, as `_fresh` is, by the transaction
+            try:
+                yield db
+            finally:
+                self._changes -= 1
+            if self._changes:
+                return
+            fresh, self._fresh = self._fresh, []
+        with self._changed:
+            self._changed.notify_all()
+        for event in fresh:
+            for listener in tuple(self._listeners):
+                listener(event)
+
+    def _check_owner(self, db: sqlite3.Connection) -> None:
+        owner = db.execute("SELECT owner FROM campaign").fetchone()
+        if owner is not None and owner[0] != self._owner:
+            raise RecordTaken(f"{self.database.path}: another program writes this record now")
+
+    def note(self, db: sqlite3.Connection, kind: str, **data: Any) -> None:
+        """Write an event within a change."""
+        now = self.moment()
+        row = db.execute(
+            "INSERT INTO event (utc, t_s, kind, data) VALUES (?, ?, ?, ?) RETURNING id",
+            (now.utc, now.t_s, kind, json.dumps(data)),
+        ).fetchone()
+        self._fresh.append(Event(row[0], now.utc, now.t_s, kind, data))
+
+    def tell(self, kind: str, **data: Any) -> None:
+        """An event by itself."""
+        with self.changing() as db:
+            self.note(db, kind, **data)
+
+    @contextmanager
+    def listening(self, listener: Callable[[Event], None]) -> Iterator[None]:
+        """Call `listener` with every event, in the thread that caused it."""
+        self._listeners.append(listener)
+        try:
+            yield
+        finally:
+            self._listeners.remove(listener)
+
+    def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
+        """Events with a greater id than `after`, oldest first."""
+        rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
+        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._told(r["data"])) for r in rows]
+
+    def _told(self, text: str) -> dict[str, Any]:
+        """The data of an event, which has no checksum of its own."""
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise damaged(self.database.path, f"holds an event that is damaged ({error})") from error
+
+    @property
+    def version(self) -> int:
+        """Id of the last event."""
+        return self.database.query("SELECT coalesce(max(id), 0) FROM event")[0][0]
+
+    def wait_beyond(self, version: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds on the wall for one beyond `version`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.version > version, seconds)
+        return self.version
+
+    def last_reading(self) -> dict[str, Any] | None:
+        """Data of the last `reading` event."""
+        return self._last_of("reading")
+
+    def last_waypoint(self) -> dict[str, Any] | None:
+        """Data of the last `waypoint` event: attempt, waypoint, of, samples and lost by role."""
+        return self._last_of("waypoint")
+
+    def _last_of(self, kind: Literal["reading", "waypoint"]) -> dict[str, Any] | None:
+        # The kind is in the query: only then SQLite uses the index of its events.
+        rows = self.database.query(f"SELECT data FROM event WHERE kind = '{kind}' ORDER BY id DESC LIMIT 1")
+        return self._told(rows[0][0]) if rows else None
+
+    # -- state --------------------------------------------------------------------------------------------
+
+    @property
+    def campaign(self) -> sqlite3.Row:
+        """The row of the campaign. Raises DamagedRecord where it is not what was begun."""
+        row = self.database.query("SELECT * FROM campaign")[0]
+        if not seal.campaign_agrees(dict(row)):
+            raise damaged(self.database.path, "holds a cell or a campaign that is not what it was begun with")
+        if row["state"] not in _STATES:
+            raise damaged(self.database.path, f"holds the state {row['state']!r}, which there is not")
+        return row
+
+    @property
+    def state(self) -> State:
+        return State(self.campaign["state"])
+
+    def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
+        """Within a change. Raises IllegalTransition."""
+        old = State(db.execute("SELECT state FROM campaign").fetchone()[0])
+        check_transition(old, new)
+        db.execute("UPDATE campaign SET state = ?, reason = ?", (new.value, reason))
+        self.note(db, "state", state=new.value, code=new.code, reason=reason)
+
+    def become(self, new: State, reason: str = "") -> None:
+        """Change the state. Raises IllegalTransition, StorageError."""
+        with self.changing() as db:
+            self.change_state(db, new, reason)
+
+    def start(self) -> None:
+        """The run goes to `running`; the first time, the campaign's clock starts."""
+        with self.changing() as db:
+            db.execute("UPDATE campaign SET started_utc = coalesce(started_utc, ?)", (self.moment().utc,))
+            self.change_state(db, State.RUNNING, "")
+
+    def recover(self) -> None:
+        """Recover after a crash: open attempts are marked, open prompts void, the campaign is paused."""
+        with self.changing() as db:
+            for row in db.execute(
+                "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
+            ).fetchall():
+                self.seals.close(db, row["id"], status="died")
+                self.note(db, "attempt_died", attempt=row["id"], act=row["kind"], pose=row["pose"])
+            db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
+            if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
+                self.change_state(db, State.PAUSED, "The program ended in mid-campaign; nothing moves.")
+
+    def command(self, verb: str, by: str, key: str | None = None) -> bool:
+        """Note what somebody asked for; False when this idempotency key was seen before."""
+        with self.changing() as db:
+            if key is not None and db.execute("SELECT 1 FROM command WHERE key = ?", (key,)).fetchone():
+                return False
+            db.execute(
+                "INSERT INTO command (utc, verb, by, key) VALUES (?, ?, ?, ?)",
+                (self.moment().utc, verb, by, key),
+            )
+            self.note(db, "command", verb=verb, by=by)
+        return True
+
+    # -- plan ---------------------------------------------------------------------------------------------
+
+    def plan(self) -> list[Planned]:
+        """Every planned reading that counts, in the order of the plan."""
+        return self._planned("TRUE ORDER BY visit, id", ())
+
+    def left(self, status: str, *, nests: bool = False) -> list[Planned]:
+        """The readings with this status in the first visit that has one, of nests or of all else; empty: none has."""
+        kind = _OF_NESTS if nests else COUNTED
+        same_visit = (
+            f"{kind} AND visit = (SELECT visit FROM pose WHERE {kind} AND status = ? AND replaced_by IS NULL "
+            "ORDER BY visit LIMIT 1) ORDER BY id"
+        )
+        return [each for each in self._planned(same_visit, (status,)) if each.status == status]
+
+    def _planned(self, where: str, values: Sequence[Any]) -> list[Planned]:
+        rows = self.database.query(f"SELECT * FROM pose WHERE replaced_by IS NULL AND {where}", values)
+        out: list[Planned] = []
+        for _, group in groupby(rows, key=lambda row: row["visit"]):
+            readings = list(group)
+            row, targets = readings[0], tuple(each["target"] for each in readings)
+            joints, sides, approach = (
+                tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
+            )
+            place = (row["visit"], row["name"], row["kind"], row["set_name"], row["block"])
+            bases = tuple(each["base_target"] for each in readings if each["base_target"] is not None)
+            waypoints = tuple(map(tuple, json.loads(row["waypoints"] or "[]")))
+            visit = Visit(*place, targets, joints, sides, approach, bases, waypoints)
+            out += [
+                Planned(each["id"], visit, each["target"], each["status"], each["base_target"])
+                for each in readings
+            ]
+        return out
+
+    def counts(self) -> dict[str, int]:
+        """Planned readings by status, without those of nests."""
+        rows = self.database.query(
+            f"SELECT status, count(*) FROM pose WHERE {COUNTED} AND replaced_by IS NULL GROUP BY status"
+        )
+        return {row[0]: row[1] for row in rows}
+
+    def mark(self, pose: int, status: str, reason: str) -> None:
+        """A planned reading is put off (`deferred`) or given up (`skipped`)."""
+        with self.changing() as db:
+            self.set_status(db, pose, status, reason)
+            self.note(db, status, pose=pose, reason=reason)
+
+    def set_status(self, db: sqlite3.Connection, pose: int, status: str, reason: str = "") -> None:
+        """Write the status of a reading; only within a change."""
+        db.execute("UPDATE pose SET status = ?, reason = ? WHERE id = ?", (status, reason, pose))
+        self.seals.row(db, "pose", pose)
+
+    def measure_again(self, poses: Sequence[int], reason: str) -> None:
+        """Readings that are not trusted stay in the record, out of use; others are planned in their place."""
+        if not poses:
+            return
+        with self.changing() as db:
+            again = [self._replace(db, pose, reason) for pose in poses]
+            self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
+
+    def replan(self, planned: Sequence[Planned], visit: Visit) -> None:
+        """Readings of one visit that could not be had there are planned in another, which has the same of them."""
+        wanted = [(each.target, each.base_target) for each in planned]
+        visit = replace(
+            visit,
+            targets=tuple(target for target, _ in wanted),
+            base_targets=tuple(base for _, base in wanted if base is not None),
+        )
+        with self.changing() as db:
+            self._plan(db, [visit])
+            rows = db.execute("SELECT id FROM pose WHERE visit = ? ORDER BY id", (visit.number,)).fetchall()
+            for each, (again,) in zip(planned, rows, strict=True):
+                db.execute("UPDATE pose SET replaced_by = ? WHERE id = ?", (again, each.id))
+                self.seals.row(db, "pose", each.id)
+            self.note(
+                db, "replanned", poses=[each.id for each in planned], visit=visit.number, name=visit.name
+            )
+
+    def _plan(self, db: sqlite3.Connection, visits: Sequence[Visit]) -> None:
+        for visit in visits:
+            columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
+            waypoints = json.dumps(visit.waypoints) if visit.waypoints else None
+            shared = (visit.number, visit.name, visit.kind, visit.set, visit.block, *columns, waypoints)
+            for reading in visit.readings:
+                (planned,) = db.execute(
+                    "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, waypoints, "
+                    "target, base_target) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
+                    (*shared, *reading),
+                ).fetchone()
+                self.seals.row(db, "pose", planned)
+
+    def _replace(self, db: sqlite3.Connection, pose: int, reason: str) -> int:
+        columns = "visit, name, kind, set_name, block, target, base_target, joints_deg, sides, approach_deg, waypoints"
+        (again,) = db.execute(
+            f"INSERT INTO pose ({columns}) SELECT {columns} FROM pose WHERE id = ? RETURNING id", (pose,)
+        ).fetchone()
+        db.execute("UPDATE pose SET replaced_by = ?, reason = ? WHERE id = ?", (again, reason, pose))
+        for each in (pose, again):
+            self.seals.row(db, "pose", each)
+        return again
+
+    # -- world frame --------------------------------------------------------------------------------------
+
+    @property
+    def world(self) -> WorldFrame | None:
+        """The tracker's place in the world, once the nests were measured."""
+        text = self.campaign["world"]
+        return None if text is None else WorldFrame.from_json(text)
+
+    @property
+    def world_nests_mm(self) -> dict[str, Point] | None:
+        """The nests from which the world frame was made, tracker frame, mm."""
+        nests = json.loads(self.campaign["world"] or "{}").get("nests_mm")
+        return None if nests is None else {name: tuple(point) for name, point in nests.items()}
+
+    def set_world(self, world: WorldFrame, nests_mm: Mapping[str, Point], *, moved: bool) -> None:
+        """Readings from now on are turned into the world by it. `moved`: the instrument has a new station."""
+        table = json.loads(world.as_json()) | {"nests_mm": nests_mm}
+        with self.changing() as db:
+            db.execute(
+                "UPDATE campaign SET world = ?, station = station + ?", (json.dumps(table), int(moved))
+            )
+            self.seals.campaign(db)
+            self.note(db, "world_frame", **table)
+
+    def nests_mm(self) -> dict[str, Point]:
+        """The nests of the world frame as measured last, tracker frame, mm."""
+        rows = self.database.query(
+            "SELECT target, tracker_x_mm, tracker_y_mm, tracker_z_mm FROM attempt JOIN pose ON "
+            "pose.id = attempt.pose WHERE pose.kind = 'nest' AND pose.status = 'measured' "
+            "AND pose.replaced_by IS NULL AND attempt.status = 'good'"
+        )
+        return {row[0]: (row[1], row[2], row[3]) for row in rows}
+
+    def measure_nests_again(self, reason: str) -> None:
+        """Measure every nest once more that was measured."""
+        nests = self._planned(f"{_OF_NESTS} AND status = 'measured' ORDER BY id", ())
+        self.measure_again([each.id for each in nests], reason)

@@ -1,0 +1,169 @@
+"""The streams of a record: what robot and instrument sent while the robot drove along a path, in sealed chunks.
+
+Each chunk is one durable transaction: a crash loses what came after the last of them, less than a second, and the
+record says where each stream ends. `export_streams` writes the two files that `truepose align` reads.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.errors import RecordError
+from acquisition.record.store import Store
+from calib.text import replace_file
+
+_HEAD = 4  # numbers of a sample before its values
+_LAST_ATTEMPTS = """
+SELECT pose.id, pose.name, pose.target, attempt.id AS attempt, attempt.status FROM pose
+JOIN attempt ON attempt.pose = pose.id AND attempt.id = (
+  SELECT id FROM attempt AS a WHERE a.pose = pose.id AND a.id IN (SELECT attempt FROM chunk)
+  ORDER BY a.status = 'good' DESC, a.id DESC LIMIT 1)
+WHERE pose.waypoints IS NOT NULL AND pose.replaced_by IS NULL ORDER BY pose.id
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A sample as it is kept. device_t_s: its device's clock; arrived_t_s: campaign time, s; lost: samples before."""
+
+    device_t_s: float
+    arrived_t_s: float
+    lost: int
+    doubted: bool
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A stream of m samples: device_t_s, arrived_t_s (m,) s, lost, doubted (m,), values (m, k) deg or mm."""
+
+    device_t_s: NDArray[np.float64]
+    arrived_t_s: NDArray[np.float64]
+    lost: NDArray[np.int64]
+    doubted: NDArray[np.bool_]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ExportedPath:
+    """The two files of one path. complete: the robot reached its last waypoint; target: the one that was followed."""
+
+    name: str
+    target: str
+    robot: Path
+    tracker: Path
+    samples: dict[str, int]
+    lost: dict[str, int]
+    complete: bool
+
+
+def append(store: Store, attempt: int, parts: Sequence[tuple[str, int, Sequence[Arrived]]]) -> None:
+    """Chunks of an attempt, all in one transaction; each is (role, number of its first sample, samples).
+
+    Durable when this returns. Raises StorageError.
+    """
+    with store.changing() as db:
+        for role, first, samples in parts:
+            rows = [(s.device_t_s, s.arrived_t_s, s.lost, s.doubted, *s.values) for s in samples]
+            (chunk,) = db.execute(
+                "INSERT INTO chunk (attempt, role, first, samples, lost, from_t_s, until_t_s, arrived_t_s, data) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
+                (
+                    *(attempt, role, first, len(samples), sum(s.lost for s in samples)),
+                    *(samples[0].device_t_s, samples[-1].device_t_s, samples[-1].arrived_t_s),
+                    np.array(rows, dtype="<f8").tobytes(),
+                ),
+            ).fetchone()
+            store.seals.row(db, "chunk", chunk)
+
+
+def read_stream(store: Store, attempt: int, role: str) -> Stream:
+    """The stream of one role in an attempt, as far as it goes. Raises RecordError where there is nothing."""
+    rows = store.database.query(
+        "SELECT samples, data FROM chunk WHERE attempt = ? AND role = ? ORDER BY first", (attempt, role)
+    )
+    if not rows:
+        raise RecordError(f"{store.database.path}: attempt {attempt} holds no samples of the {role}")
+    table = np.vstack([np.frombuffer(row["data"], dtype="<f8").reshape(row["samples"], -1) for row in rows])
+    return Stream(table[:, 0], table[:, 1], table[:, 2].astype(np.int64), table[:, 3] > 0.0, table[:, _HEAD:])
+
+
+def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath]]:
+    """Write OUT_robot.csv and OUT_tracker.csv of the path of a record; numbered where it has several.
+
+    Of a path that was never completed the last attempt, as far as it goes. A sample of the robot that is doubted is
+    left out and leaves a gap, one of the tracker has its status. Raises RecordError, StorageError, OSError.
+    """
+    with Store.reading(record_dir) as store:
+        cell = cell_of_record(store.campaign["cell"], str(store.database.path))
+        attempts = store.database.query(_LAST_ATTEMPTS)
+        if not attempts:
+            raise RecordError(
+                f"{record_dir}: holds no streams",
+                what_to_do="Measure a campaign with a block of kind = 'path'; without --streams its readings are "
+                "exported.",
+            )
+        done = []
+        for number, row in enumerate(attempts, start=1):
+            stem = out.with_suffix("")
+            if len(attempts) > 1:
+                stem = stem.with_name(f"{stem.name}_{number}")
+            robot, tracker = (read_stream(store, row["attempt"], role) for role in ("robot", "instrument"))
+            files = [stem.with_name(f"{stem.name}_{what}.csv") for what in ("robot", "tracker")]
+            replace_file(files[0], _robot_text(robot))
+            replace_file(files[1], _tracker_text(tracker))
+            both = {"robot": robot, "instrument": tracker}
+            done.append(
+                ExportedPath(
+                    row["name"],
+                    row["target"],
+                    *files,
+                    samples={role: len(each.device_t_s) for role, each in both.items()},
+                    lost={role: int(each.lost.sum()) for role, each in both.items()},
+                    complete=row["status"] == "good",
+                )
+            )
+    return cell, done
+
+
+def _robot_text(stream: Stream) -> str:
+    names = [f"j{k}_deg" for k in range(1, stream.values.shape[1] + 1)]
+    kept = ~stream.doubted
+    rows = zip(
+        stream.device_t_s[kept],
+        stream.values[kept],
+        stream.arrived_t_s[kept],
+        stream.lost[kept],
+        strict=True,
+    )
+    return _text(
+        ["t_s", *names, "arrived_t_s", "lost_before"],
+        ((f"{t:.6f}", *(f"{q:.6f}" for q in joints), f"{at:.4f}", lost) for t, joints, at, lost in rows),
+    )
+
+
+def _tracker_text(stream: Stream) -> str:
+    rows = zip(stream.device_t_s, stream.values, stream.doubted, stream.arrived_t_s, stream.lost, strict=True)
+    return _text(
+        ["t_s", "x_mm", "y_mm", "z_mm", "status", "arrived_t_s", "lost_before"],
+        (
+            (f"{t:.6f}", *(f"{x:.6f}" for x in point), "doubted" if doubted else "ok", f"{at:.4f}", lost)
+            for t, point, doubted, at, lost in rows
+        ),
+    )
+
+
+def _text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()

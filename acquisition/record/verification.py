@@ -1,0 +1,286 @@
+"""The landings of the robot: the readings of a second campaign in the world frame of the first.
+
+The instrument has not been moved between the two, so its readings stay in the world frame of campaign 1, whose
+noise the identified base already holds; a frame from the nests measured again would add its own noise, some 0.05 mm
+at the tool. What the instrument itself does (drift, scale) is taken out with the model, on the clock of campaign 1.
+Only where the nests show that the instrument did move are its readings tied to the nests measured again.
+
+floor: the RMS distance that a perfect correction would show, from the declared noise of the instrument and the
+robot's repeatability, sqrt(mean trace(C_tracker + J C_joints J')).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.plan import DECIMALS
+from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.cell.workspace import targets_at
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import RecordError
+from acquisition.record.individuals import Individual, Individuals, series_among
+from acquisition.record.readings import readings_of
+from acquisition.record.store import Store
+from calib.array import Array
+from calib.data import Conditions, Dataset
+from calib.fit import ErrorStatistics, Identification, statistics_of
+from calib.model import Design, RobotModel, StatedConditions, conditions_at
+
+INSTRUMENT_MOVED_MM = 1.0  # nests farther off than any drift brings them: somebody moved the instrument
+
+_FEWEST_FOR_A_LINE = 3
+_MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through a noisy sensor may
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Readings of driven targets: points (n, 3) mm in the instrument's frame, and how the robot was driven there.
+
+    driven_deg (n, N): joints as commanded; joints, previous (n, N): model angles of these and of their approach points,
+    rad; time (n,) s on the record's own clock; own, nests: its world frame and nests, as the instrument saw them.
+    """
+
+    driven_deg: Array
+    joints: Array
+    previous: Array
+    target: tuple[str, ...]
+    points: Array
+    time: Array
+    temperature: Array
+    own: WorldFrame
+    nests: Mapping[str, Array]
+    devices: Mapping[str, Individual] = field(default_factory=dict)  # robot and instrument, by role
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The verification of corrected targets. Distances to the wanted points, mm, of all targets of all poses."""
+
+    uncorrected: ErrorStatistics | None  # the same poses, driven as the nominal robot would
+    verified: ErrorStatistics
+    floor_mm: float
+    poses: int
+    refused: tuple[str, ...]  # why targets were left out
+    nests_off_mm: float  # between the nests measured again and the frame of campaign 1
+    approach: str
+    distances_mm: Array
+    accepted: tuple[str, ...] = ()  # other devices than those of campaign 1, by whose leave and why
+
+    @property
+    def ratio(self) -> float:
+        """Verified RMS over what noise and repeatability allow."""
+        return self.verified.rms / self.floor_mm
+
+
+def read_landings(record: Path) -> Landings:
+    """The readings of poses of a record. Raises RecordError."""
+    with Store.reading(record) as store:
+        rows = [row for row in readings_of(store) if row.counts]
+        world, nests = store.world, store.nests_mm()
+        robot = cell_of_record(store.campaign["cell"], str(store.database.path)).robot
+        devices = Individuals(store).now()
+    if world is None or not rows:
+        raise RecordError(f"{record}: holds no reading of a pose yet")
+    driven = np.array([row.joints for row in rows], dtype=np.float64)
+    return Landings(
+        driven_deg=driven,
+        joints=robot.model_angles(driven),
+        previous=robot.model_angles([row.approach for row in rows]),
+        target=tuple(row.target for row in rows),
+        points=np.array([row.point for row in rows]),
+        time=np.array([row.t_s for row in rows]),
+        temperature=np.array([np.nan if row.t_air_c is None else row.t_air_c for row in rows], dtype=float),
+        own=world,
+        nests={name: np.array(point) for name, point in nests.items()},
+        devices=devices,
+    )
+
+
+def first_reading_s(record: Path) -> float:
+    """Time to the middle of the first pose's readings, s, from the first nest on. Raises RecordError."""
+    with Store.reading(record) as store:
+        begin = store.database.query("SELECT min(began_t_s) FROM attempt")[0][0]
+        first = store.database.query(
+            "SELECT avg(ended_t_s) FROM attempt WHERE kind = 'measure' AND status = 'good' AND visit = "
+            "(SELECT min(visit) FROM attempt WHERE status = 'good' AND arrival IS NOT NULL)"
+        )[0][0]
+    return 0.0 if first is None else max(0.0, first - begin)
+
+
+def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
+    """Air temperature, degC, to be expected at `at_s` on the record's clock; NaN where none was recorded.
+
+    A line through the readings of the last `window_s`; the last reading where there are too few. Raises RecordError.
+    """
+    with Store.reading(record) as store:
+        rows = store.database.query(
+            "SELECT ended_t_s, t_air_c FROM attempt WHERE t_air_c IS NOT NULL AND ended_t_s IS NOT NULL AND "
+            "ended_t_s >= (SELECT max(ended_t_s) FROM attempt WHERE t_air_c IS NOT NULL) - ? ORDER BY id",
+            (window_s,),
+        )
+    if not rows:
+        return float("nan")
+    time, air = np.array([tuple(row) for row in rows], dtype=np.float64).T
+    if len(time) < _FEWEST_FOR_A_LINE or np.ptp(time) <= 0.0:
+        return float(air[-1])
+    slope = float(np.polyfit(time - time[-1], air, 1)[0])
+    change = float(np.clip(slope * (at_s - float(np.mean(time))), -_MOST_CHANGE_K, _MOST_CHANGE_K))
+    return float(np.mean(air)) + change
+
+
+def world_of(record: Path) -> WorldFrame:
+    """The world frame of a record. Raises RecordError, also for a record that has none yet."""
+    store = Store.open(record, writer=False)
+    try:
+        world = store.world
+    finally:
+        store.close()
+    if world is None:
+        raise RecordError(f"{record}: its nests have not been measured")
+    return world
+
+
+def nests_off(landings: Landings, world: WorldFrame, nests_mm: Mapping[str, Sequence[float]]) -> float:
+    """Largest distance, mm, between a nest measured again, in the frame `world`, and where that frame has it."""
+    return max(
+        float(np.linalg.norm(world.to_world(point) - np.asarray(nests_mm[name], dtype=np.float64)))
+        for name, point in landings.nests.items()
+    )
+
+
+def instrument_moved(
+    landings: Landings,
+    world: WorldFrame,
+    nests_mm: Mapping[str, Sequence[float]],
+    devices: Mapping[str, Individual],
+) -> bool:
+    """Whether the frame `world`, found with `devices`, does not hold for later landings: then their own does.
+
+    The nests show that somebody moved the instrument, or it is another one.
+    """
+    mine, other = landings.devices.get("instrument"), devices.get("instrument")
+    another = mine is not None and other is not None and mine.is_other_than(other)
+    return another or nests_off(landings, world, nests_mm) > INSTRUMENT_MOVED_MM
+
+
+def landed_points(
+    landings: Landings,
+    world: WorldFrame,
+    model: RobotModel,
+    estimate: Array,
+    later_s: float,
+    *,
+    moved: bool,
+) -> Array:
+    """(n, 3) mm: where the targets are in the world, the instrument's own effects taken out.
+
+    world: frame of campaign 1; later_s: how much later the record's clock began; moved: from `instrument_moved`.
+    """
+    if moved:
+        return landings.own.to_world(landings.points)
+    points = world.to_world(landings.points)
+    design = Design(model, conditions_of(landings, model, later_s))
+    return points - (design.predict(estimate) - design.predict(estimate, owners=("robot", "mounting")))
+
+
+def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Conditions:
+    """The readings' conditions, on the clock of campaign 1, behind all its steps."""
+    series = series_among(model.targets, landings.devices)
+    at = conditions_at(model, landings.joints, StatedConditions(series=series))
+    moved = np.sign(landings.joints - landings.previous)
+    return replace(
+        at,
+        previous=landings.previous,
+        side=np.where(moved == 0.0, 1.0, moved),
+        time=landings.time + later_s,
+        temperature=landings.temperature,
+        target=np.array([at.target_names.index(name) for name in landings.target]),
+    )
+
+
+def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) -> float:
+    """RMS distance, mm, that a perfect correction would show under these conditions (3D, all readings)."""
+    noise = dataset.header.noise
+    joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
+    frames = Design(found.model, conditions).frames(found.estimate, joints)
+    points = np.broadcast_to(frames.p, (3, len(conditions))).T
+    covariance = noise.of_points(points, np.full(points.shape, np.nan))
+    covariance = covariance + noise.of_joints(frames.velocities(joints))
+    return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Distances (n,) mm to the wanted points of some landings, and whether each was driven corrected."""
+
+    distances: Array
+    corrected: NDArray[np.bool_]
+    floor_mm: Array  # (n,) the floor of the record each came from
+    off_mm: float
+
+
+def judge(
+    landings: Landings,
+    wanted: Mapping[tuple[float, ...], tuple[float, ...]],
+    dataset: Dataset,
+    found: Identification,
+    world: WorldFrame,
+    cell: Cell,
+    later_s: float,
+    devices: Mapping[str, Individual],
+) -> Judged:
+    """Compare landings with where the nominal robot would have put the targets.
+
+    wanted: driven joints -> wanted joints, deg, both as commanded; joints that are not in it were driven as wanted.
+    devices: those of campaign 1, of which `world` is the frame.
+    """
+    moved = instrument_moved(landings, world, cell.nests, devices)
+    points = landed_points(landings, world, found.model, found.estimate, later_s, moved=moved)
+    driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
+    goals = np.array([wanted.get(joints, joints) for joints in driven])
+    conditions = conditions_of(landings, found.model, later_s)
+    return Judged(
+        distances=np.linalg.norm(points - nominal_points(cell, goals, landings.target), axis=1),
+        corrected=np.array([joints in wanted for joints in driven]),
+        floor_mm=np.full(len(points), floor_of(dataset, found, conditions)),
+        off_mm=nests_off(landings, world, cell.nests),
+    )
+
+
+def nominal_points(cell: Cell, joints_deg: Array, names: Sequence[str]) -> Array:
+    """(n, 3) mm: where the nominal robot of a cell puts target `names[i]` at joints (n, N) deg, row i."""
+    at = targets_at(cell, joints_deg)
+    known = list(cell.tool.targets)
+    return at[np.arange(len(at)), [known.index(name) for name in names]]
+
+
+def verification_of(
+    judged: Sequence[Judged],
+    poses: int,
+    refused: Sequence[str],
+    approach: str,
+    accepted: Sequence[str] = (),
+) -> Verification:
+    """All batches together. Raises ValueError when nothing was driven corrected."""
+    distances = np.concatenate([j.distances for j in judged])
+    corrected = np.concatenate([j.corrected for j in judged])
+    floors = np.concatenate([j.floor_mm for j in judged])
+    verified = statistics_of(distances[corrected])
+    if verified is None:
+        raise ValueError("no corrected target was measured")
+    return Verification(
+        uncorrected=statistics_of(distances[~corrected]),
+        verified=verified,
+        floor_mm=float(np.sqrt(np.mean(floors[corrected] ** 2))),
+        poses=poses,
+        refused=tuple(refused),
+        nests_off_mm=max(j.off_mm for j in judged),
+        approach=approach,
+        distances_mm=distances[corrected],
+        accepted=tuple(accepted),
+    )

@@ -1,0 +1,28 @@
+"""A run of a campaign: the devices moved and asked, one durable reading at a time. `Run` is the door."""
+
+from acquisition.campaign.forecast import Forecast
+from acquisition.run.clock import Clock, ScaledClock
+from acquisition.run.control import ON_REQUEST
+from acquisition.run.foresight import Foresee, at_once, forecast_of
+from acquisition.run.interrupt import pausing_on_interrupt
+from acquisition.run.lease import Lease
+from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run, checked_plan
+from acquisition.run.status import RunStatus, read_status
+
+__all__ = [
+    "ON_REQUEST",
+    "Clock",
+    "Forecast",
+    "Foresee",
+    "Lease",
+    "Outcome",
+    "Run",
+    "RunStatus",
+    "ScaledClock",
+    "at_once",
+    "checked_plan",
+    "forecast_of",
+    "pausing_on_interrupt",
+    "read_status",
+]

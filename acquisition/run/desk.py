@@ -1,0 +1,101 @@
+"""The desk at which the operator is asked: prompts are rows of the record, answered on a terminal or by HTTP.
+
+Whoever answers first counts. The operator device is asked in a thread of its own, because a person may take an
+hour and a stop may not wait; when the campaign stops waiting, the prompt is void and the thread is left alone.
+"""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from contextlib import suppress
+
+from acquisition.record.attempts import VOID, Attempts
+from acquisition.run.control import Control
+from drivers.errors import AcquisitionError
+from drivers.interfaces import Answer, Operator, Prompt
+from drivers.operator import RemoteOperator, UnknownPrompt
+
+CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
+
+
+class Desk:
+    """The desk asks one prompt at a time."""
+
+    def __init__(self, attempts: Attempts, operator: Operator | None, control: Control) -> None:
+        self._attempts = attempts
+        self._operator = operator
+        self._control = control
+        self._changed = threading.Condition()
+        self._pending: Prompt | None = None
+        self._answer: tuple[Answer, str, str] | None = None  # answer, who, why
+        self._failure: AcquisitionError | None = None
+        self._asker: threading.Thread | None = None
+        control.watch(self._wake)
+
+    def _wake(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def ask(self, text: str, picture: str | None = None, *, redo: bool = False) -> tuple[Answer, str]:
+        """Wait for a person: the answer and its reason. `redo`: the last reading may be asked for once more.
+
+        Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
+        """
+        choices = (*CHOICES, Answer.REDO) if redo else CHOICES
+        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture)
+        with self._changed:
+            self._pending, self._answer, self._failure = prompt, None, None
+        self._attempts.ask(prompt)
+        if self._operator is not None:
+            self._asker = threading.Thread(target=self._put, args=(self._operator, prompt), daemon=True)
+            self._asker.start()
+        with self._changed:
+            self._changed.wait_for(lambda: self._answer or self._failure or self._control.asked)
+            answer, failure, self._pending = self._answer, self._failure, None
+        self._withdraw(prompt)
+        if answer is None:
+            self._attempts.answered(prompt.id, VOID, "program")
+            if failure is not None:
+                raise failure
+            self._control.check()
+            raise AssertionError("woken without a reason")
+        self._attempts.answered(prompt.id, answer[0].value, answer[1], answer[2])
+        return answer[0], answer[2]
+
+    def answer(self, prompt_id: str, answer: Answer, by: str, reason: str = "") -> None:
+        """A person answers, from any thread. Raises UnknownPrompt for a prompt that is not being asked."""
+        with self._changed:
+            pending = self._pending
+            if pending is None or pending.id != prompt_id or self._answer is not None:
+                raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
+            if answer not in pending.expects:
+                raise UnknownPrompt(f"prompt {prompt_id} does not expect {answer.value}", device="operator")
+            self._answer = (answer, by, reason)
+            self._changed.notify_all()
+
+    def _put(self, operator: Operator, prompt: Prompt) -> None:
+        try:
+            answer = operator.ask(prompt)
+        except AcquisitionError as error:
+            with self._changed:
+                if self._pending is prompt:
+                    self._failure = error
+                    self._changed.notify_all()
+            return
+        with self._changed:
+            if self._pending is prompt and self._answer is None:
+                self._answer = (answer, type(operator).__name__, "")
+                self._changed.notify_all()
+
+    def _withdraw(self, prompt: Prompt) -> None:
+        """Let a page that still shows the prompt know that it is over; a terminal keeps waiting for its line."""
+        operator, asker = self._operator, self._asker
+        if not isinstance(operator, RemoteOperator) or asker is None:
+            return
+        while asker.is_alive():  # it may not even have begun to ask; the next prompt must find it gone
+            shown = operator.pending
+            if shown is not None and shown.id == prompt.id:
+                with suppress(UnknownPrompt):  # somebody answered in this moment
+                    operator.answer(prompt.id, Answer.ABORT)
+            asker.join(0.01)

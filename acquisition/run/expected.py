@@ -1,0 +1,52 @@
+"""The check that the instrument saw the target asked for, by its place, which the nominal robot gives.
+
+A tracker that locked on the neighbouring SMR, an SMR in the wrong nest and a body under another's name all answer
+with good readings of the wrong thing. The nominal robot is off by millimetres, targets are centimetres apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acquisition.cell.cell import Cell
+from acquisition.cell.workspace import Array, targets_at
+from acquisition.errors import Misplaced, WronglySeated
+from acquisition.record.store import Planned
+from drivers.interfaces import PointReading
+
+
+class Expectation:
+    """The expected places of the cell's targets in one visit; `targets_mm` (m, 3), world."""
+
+    def __init__(self, cell: Cell, planned: Planned) -> None:
+        self._cell = cell
+        self._target = planned.target
+        self._names = list(cell.tool.targets)
+        self._targets_mm = targets_at(cell, np.array([planned.visit.joints_deg]))[0]
+
+    @property
+    def world_mm(self) -> Array:
+        """(3,) the target that is to be measured."""
+        return self._targets_mm[self._names.index(self._target)]
+
+    def refuse_another(self, reading: PointReading, world_mm: Array) -> None:
+        """Raises Misplaced, or WronglySeated in a cell where a person seats the SMR, for a point (3,) elsewhere."""
+        off = np.linalg.norm(self._targets_mm - world_mm, axis=1)
+        from_target = float(off[self._names.index(self._target)])
+        limit = self._cell.instrument.expected_within_mm
+        if from_target <= limit:
+            return
+        nearest = int(np.argmin(off))
+        hint = (
+            f"; {self._names[nearest]} should be {off[nearest]:.1f} mm from there"
+            if off[nearest] <= limit
+            else ""
+        )
+        kind = WronglySeated if self._cell.instrument.one_smr else Misplaced
+        raise kind(
+            f"the instrument sees {self._target} {from_target:.1f} mm from where it should be, "
+            f"expected within {limit:g} mm{hint}",
+            device="instrument",
+            command=f"measure {self._target}",
+            raw=reading.raw,
+        )

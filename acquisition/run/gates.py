@@ -1,0 +1,175 @@
+"""Gates of a campaign, asked before every reading of a pose: is the arm warm, and is the instrument still where it was?
+
+    warm-up      the first visit, the reference pose, is measured until its last readings lie close together; those
+                 before stay in the record, out of use. Again in every execution: the arm may have cooled down
+    nest check   the nests are measured again after so many readings; when one is beyond the limit from where the
+                 world frame has it, a person decides
+    zero         the ballbar is read in its calibrator before the first visit and after so many readings, and whenever a
+                 reading needs it built to another length
+    new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
+                 moved, it is set up anew
+
+What is measured anew, the sequencer measures: the gates only say when. Lengths mm, times s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
+from acquisition.record.store import Planned, Store
+from acquisition.run.control import Control
+
+_FIRST_VISIT = """
+SELECT id, visit, status FROM pose WHERE replaced_by IS NULL AND visit = (
+  SELECT min(visit) FROM pose WHERE kind = 'pose') ORDER BY id LIMIT 1
+"""
+_LAST_BLOCK = """
+SELECT pose.block FROM attempt JOIN pose ON pose.id = attempt.pose
+WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose' ORDER BY attempt.id DESC LIMIT 1
+"""
+
+
+@dataclass(frozen=True)
+class Zeroing:
+    """The ballbar in its calibrator. `another`: whether a reading needs another bar than the one that is built; `read`:
+    build it and read its zero, False where the reading cannot be had then."""
+
+    another: Callable[[Planned], bool]
+    read: Callable[[Planned], bool]
+
+
+class Gates:
+    """The checks before an execution goes on. `ask`: put a question to a person; `measure_nests`: all of them again."""
+
+    def __init__(
+        self,
+        store: Store,
+        campaign: Campaign,
+        control: Control,
+        ask: Callable[[str], object],
+        measure_nests: Callable[[str], None],
+        zeroing: Zeroing,
+    ) -> None:
+        self._store = store
+        self._campaign = campaign
+        self._control = control
+        self._ask = ask
+        self._measure_nests = measure_nests
+        self._zeroing = zeroing
+        self._since_zero: int | None = None
+        self._station: int | None = None  # of the instrument now; None: not yet looked up
+        self._since_nests = 0
+        self._visit: int | None = None  # of the last reading
+        self._warming = campaign.warm_up
+        self._warming_since_s: float | None = None
+        self._points: list[Sequence[float]] = []  # of the first visit, in this execution
+
+    def open_for(self, planned: Planned) -> bool:
+        """Whether this reading may be tried; False when others were planned before it.
+
+        Raises Pausing, Stopping, NoOperator, StorageError, and what measuring nests raises.
+        """
+        self._set_up_for(planned)
+        self._set_up_where_it_is_now()
+        check = self._campaign.nest_check
+        between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
+        if check is not None and between and self._since_nests >= check.every:
+            self._check_nests(check)
+        old = self._campaign.zero_every and between and self._zero_is_old()
+        if old or self._zeroing.another(planned):
+            self._since_zero = 0
+            if not self._zeroing.read(planned):
+                return False
+        return self._warming is None or self._is_warm(self._warming, planned)
+
+    def measured(self, planned: Planned, world_mm: Sequence[float] | None) -> None:
+        """A good reading of a pose; `world_mm` of a point."""
+        self._since_nests += 1
+        if self._since_zero is not None:
+            self._since_zero += 1
+        self._visit = planned.visit.number
+        if self._warming is not None and world_mm is not None:
+            self._points.append(world_mm)
+
+    def _zero_is_old(self) -> bool:
+        """Also in every new execution: nobody knows how long the bar lay about."""
+        return self._since_zero is None or self._since_zero >= self._campaign.zero_every
+
+    # -- the instrument -----------------------------------------------------------------------------------
+
+    def _set_up_for(self, planned: Planned) -> None:
+        if self._station is None:
+            rows = self._store.database.query(_LAST_BLOCK)
+            self._station = self._campaign.station_of(rows[0][0]) if rows else 0
+        station = self._campaign.station_of(planned.visit.block)
+        if station > self._station:  # readings that were put off at an earlier one are taken from here
+            self._ask(
+                "Set up the instrument at its next station, then confirm: the nests are measured there."
+            )
+            self._measured_nests("a new station of the instrument")
+            self._station = station
+
+    def _set_up_where_it_is_now(self) -> None:
+        """Ordered in mid-campaign (`Run.restation`); the order may come before the instrument is touched."""
+        if (reason := self._control.take_new_station()) is None:
+            return
+        self._ask("Set up the instrument where it is to be, then confirm: the nests are measured there.")
+        self._measured_nests(f"a new station of the instrument{f': {reason}' if reason else ''}")
+
+    def _measured_nests(self, reason: str) -> None:
+        self._measure_nests(reason)
+        self._since_nests = 0
+
+    def _check_nests(self, check: NestCheck) -> None:
+        before = self._store.world_nests_mm or self._store.nests_mm()
+        self._measured_nests(f"check after {self._since_nests} readings: has the instrument moved?")
+        off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
+        worst = max(off, key=lambda name: off[name])
+        self._store.tell("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
+        if off[worst] > check.limit_mm:
+            self._ask(
+                f"Nest {worst} is {off[worst]:.3f} mm from where the world frame has it, "
+                f"the limit is {check.limit_mm:g} mm. Look at the instrument and its stand; "
+                "confirm to go on from the nests as they are now."
+            )
+
+    # -- the arm ------------------------------------------------------------------------------------------
+
+    def _is_warm(self, gate: WarmUp, planned: Planned) -> bool:
+        now_s = self._store.moment().t_s or 0.0
+        if self._warming_since_s is None:
+            self._warming_since_s = now_s
+        row = self._store.database.query(_FIRST_VISIT)[0]
+        if planned.visit.number == row["visit"]:
+            return True  # it is measured now
+        spread = None
+        if row["status"] == "measured":
+            last = np.array(self._points[-gate.over :])
+            if len(last):
+                spread = float(max(_apart(a, b) for a in last for b in last))
+            if len(last) < gate.over or spread is None or spread > gate.below_mm:
+                if now_s - self._warming_since_s < gate.at_most_s:
+                    self._again(gate, row["id"], spread)
+                    return False
+                self._ask(
+                    f"After {now_s - self._warming_since_s:.0f} s the reference pose still moves by "
+                    f"{spread or 0.0:.3f} mm, {gate.below_mm:g} mm are allowed. Confirm to measure all the same."
+                )
+        self._store.tell("warm", readings=len(self._points), spread_mm=spread)
+        self._warming = None
+        return True
+
+    def _again(self, gate: WarmUp, pose: int, spread_mm: float | None) -> None:
+        if self._points:
+            self._store.tell("warming_up", readings=len(self._points), spread_mm=spread_mm)
+            self._control.wait(gate.every_s)
+        reason = "warming up" if self._points else "resumed: is the arm still warm?"
+        self._store.measure_again([pose], reason)
+
+
+def _apart(one: Sequence[float], other: Sequence[float]) -> float:
+    return float(np.linalg.norm(np.subtract(one, other)))

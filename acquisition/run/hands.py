@@ -1,0 +1,91 @@
+"""The handiwork of a person before a reading: seat the only SMR, aim the tracker, put the ballbar between its balls.
+
+    one SMR    asked before the approach: people at the robot void it, so it is made after they have gone
+    aim        at the nests, where the tracker's interface knows no names (emScon)
+    ballbar    asked while the robot is in the pose: with the bar on it there is no approach, it would tear the
+               bar off. The robot leaves a pose only after somebody has said that the bar is off
+
+What a person says is checked by what the instrument then sees (`run.expected`; the stroke of the bar). Which
+of it still holds is only known within one execution: a new one asks again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from acquisition.cell.bars import Bar, bar_for
+from acquisition.cell.cell import Cell
+from acquisition.record.store import Planned
+from drivers.interfaces import Answer
+
+Ask = Callable[[str], Answer]
+
+
+class Hands:
+    """The manual work of one execution. `ask`: put a question to a person."""
+
+    def __init__(self, cell: Cell, ask: Ask) -> None:
+        self._ask = ask
+        self._one_smr = cell.instrument.one_smr
+        self._aimed = not cell.instrument.declared.finds_by_name
+        self._ballbar = cell.instrument.declared.measures_lengths
+        self._cell = cell
+        self._seated: str | None = None
+        self._spanned: tuple[str, str] | None = None  # base ball and tool ball
+        self._free = False  # nothing hangs on the robot
+
+    def doubt(self) -> None:
+        """Doubt the handiwork, since somebody had their hands on it: what is asked for next is asked again."""
+        self._seated = self._spanned = None
+        self._free = False
+
+    def seat(self, planned: Planned) -> Answer:
+        """The SMR is in the nest of the reading, where there is only one SMR."""
+        if not self._one_smr or self._seated == planned.target:
+            return Answer.CONFIRM
+        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.")
+        if answer is Answer.CONFIRM:
+            self._seated = planned.target
+        return answer
+
+    def aim(self, planned: Planned) -> Answer:
+        """The beam is on the SMR of a nest."""
+        if not self._aimed or planned.visit.kind != "nest":
+            return Answer.CONFIRM
+        return self._ask(f"Aim the tracker at the SMR in {planned.target} and press confirm.")
+
+    def free(self, planned: Planned) -> Answer:
+        """Free the robot of the ballbar, since it goes to the pose of the reading next."""
+        if not self._ballbar or self._free:
+            return Answer.CONFIRM
+        answer = self._ask(
+            f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}."
+        )
+        if answer is Answer.CONFIRM:
+            self._free, self._spanned = True, None
+        return answer
+
+    def span(self, planned: Planned) -> Answer:
+        """The ballbar is between the balls of the reading."""
+        if planned.base_target is None or self._spanned == (planned.base_target, planned.target):
+            return Answer.CONFIRM
+        self._free, self._spanned = False, None
+        answer = self._ask(
+            f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
+            f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke."
+        )
+        if answer is Answer.CONFIRM:
+            self._spanned = (planned.base_target, planned.target)
+        return answer
+
+    def zero(self, bar: Bar | None) -> Answer:
+        """The ballbar is in its calibrator, built to another length where `bar` says to which."""
+        self._spanned = None
+        if bar is not None:
+            return self._ask(
+                f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
+                "its zero is read there."
+            )
+        return self._ask(
+            "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres."
+        )

@@ -1,0 +1,94 @@
+"""The nests on the table, measured until they agree with the cell file: they place the instrument in the world.
+
+The frame of a record stays while its nests have not moved beyond the noise (`cell.station`); else the
+instrument has a new station, and its readings go through a new frame from then on. A ballbar has none: the balls on
+the base are the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from acquisition.cell import world_frame
+from acquisition.cell.cell import Cell
+from acquisition.cell.station import change_of, covariance_of
+from acquisition.cell.world_frame import WorldFrame
+from acquisition.errors import NestsDisagree
+from acquisition.record.store import Planned, Store
+from calib.fit import judge_points
+
+
+class Nests:
+    """The nests of one execution. `world`: None until they are measured, and for a ballbar.
+
+    try_at: one try at a nest; consult: ask a person about an error.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        cell: Cell,
+        try_at: Callable[[Planned], object],
+        consult: Callable[[NestsDisagree], object],
+    ) -> None:
+        self._store = store
+        self._cell = cell
+        self._try_at = try_at
+        self._consult = consult
+        self.world: WorldFrame | None = None
+
+    def measure(self, reason: str) -> None:
+        """Measure all nests, anew where they were measured before: three seen from two stations would make no frame.
+
+        Raises what a try and the question to a person raise.
+        """
+        self.world = None
+        if self._cell.instrument.declared.measures_lengths:
+            return
+        self._store.measure_nests_again(reason)
+        while self.world is None:
+            while left := self._store.left("planned", nests=True):
+                self._try_at(left[0])
+            try:
+                self.world = self._settled_world()
+            except NestsDisagree as error:
+                self._store.measure_nests_again(error.message)
+                self._consult(error)
+
+    def _settled_world(self) -> WorldFrame:
+        """The frame of the record while the nests have not moved; else, or the first time, theirs."""
+        nests = self._store.nests_mm()
+        found = world_frame.from_nests(nests, self._cell.nests, self._cell.nests_u_mm)
+        kept = self._store.world
+        if kept is not None:
+            change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
+            if not change.moved:
+                return kept
+            self._store.tell("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
+        self._store.set_world(found, nests, moved=kept is not None)
+        self._doubt(nests)
+        return found
+
+    def _doubt(self, nests: Mapping[str, Sequence[float]]) -> None:
+        """Say which nest is not where the cell file states, where it states how well all of them are known."""
+        names = list(self._cell.nests)[:3]
+        u_mm = [self._cell.nests_u_mm.get(name, 0.0) for name in names]
+        if min(u_mm) <= 0.0:
+            return
+        seen = np.array([nests[name] for name in names], dtype=np.float64)
+        stated = np.array([self._cell.nests[name] for name in names])
+        noise = covariance_of(seen, self._cell.instrument.noise)
+        for name, u, judged in zip(
+            names, u_mm, judge_points(seen, stated, np.array(u_mm), noise, names), strict=True
+        ):
+            if judged.doubted:
+                self._store.tell("nest_doubted", nest=name, text=judged.in_words(f"Nest {name}", u))
+
+    def _nests_of(self, world: WorldFrame) -> Mapping[str, Sequence[float]]:
+        """The nests as they were measured; for a record of version 1, where they ought to have been."""
+        nominal = {
+            name: tuple(world.to_tracker(self._cell.nests[name])) for name in list(self._cell.nests)[:3]
+        }
+        return self._store.world_nests_mm or nominal

@@ -1,0 +1,40 @@
+"""Orders to stop, written to the record while the order goes to the robot: a disk may take longer than both.
+
+The thread that ends the run waits for what is being written, so the record says who stopped it before it says that it
+is stopped. What could not be written is tried once more then.
+"""
+
+from __future__ import annotations
+
+import threading
+
+from acquisition.errors import StorageError
+from acquisition.record.store import Store
+
+
+class Noting:
+    """The orders of one execution. `begin` and `finish` exclude each other: their caller holds a lock."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._threads: list[threading.Thread] = []
+        self._left: list[tuple[str, str | None]] = []
+
+    def begin(self, by: str, key: str | None) -> None:
+        """Write, in a thread of its own, that `by` has asked for a stop, under this idempotency key."""
+        thread = threading.Thread(target=self._note, args=(by, key), name="noting")
+        self._threads.append(thread)
+        thread.start()
+
+    def _note(self, by: str, key: str | None) -> None:
+        try:
+            self._store.command("stop", by, key)
+        except StorageError:
+            self._left.append((by, key))
+
+    def finish(self) -> None:
+        """Once every order is durable. Raises StorageError where the record still cannot be written."""
+        for thread in self._threads:
+            thread.join()
+        for by, key in self._left:
+            self._store.command("stop", by, key)

@@ -1,0 +1,36 @@
+"""Outcomes of an execution of a campaign, and why none may begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acquisition.errors import NotResumed
+from acquisition.record.states import State
+from drivers.errors import AcquisitionError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The outcome of an execution. `error` None: done, or as somebody asked."""
+
+    state: State
+    reason: str
+    error: AcquisitionError | None = None
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command line: 0 done, the error's own, 130 paused or stopped by a person, 1 failed."""
+        if self.error is not None:
+            return self.error.exit_code
+        return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
+
+
+def not_resumed(state: State, message: str, command: str) -> NotResumed:
+    """The refusal of `command` in this state; `message` where the state has no words of its own for it."""
+    if state is State.SUCCEEDED:
+        return NotResumed(
+            "the campaign is finished; nothing to resume",
+            command=command,
+            what_to_do="Export its readings, or start a new record to measure again.",
+        )
+    return NotResumed(message, command=command)

@@ -1,0 +1,71 @@
+"""A path: the robot drives through its waypoints while both streams are recorded.
+
+A pause ends it after the motion in hand, a stop or an error in the middle of it; the streams are closed, and what they
+hold stays in the record under an attempt that is not good. The next attempt drives the path from its beginning.
+"""
+
+from __future__ import annotations
+
+from acquisition.campaign.campaign import Campaign
+from acquisition.cell.transit import Transit
+from acquisition.record.attempts import Attempts
+from acquisition.record.store import Planned, Store
+from acquisition.run.control import Control, Pausing, Stopping
+from acquisition.run.recorder import Recorder
+from acquisition.run.rig import Rig
+from drivers.errors import MotionStopped
+
+
+class PathDrive:
+    """The paths of one execution."""
+
+    def __init__(
+        self, store: Store, campaign: Campaign, rig: Rig, control: Control, transit: Transit
+    ) -> None:
+        self._store = store
+        self._campaign = campaign
+        self._rig = rig
+        self._control = control
+        self._transit = transit
+
+    def drive(self, planned: Planned, attempt: int) -> None:
+        """The robot goes from the first waypoint to the last. Raises Pausing, Stopping, AcquisitionError."""
+        path = self._campaign.path_of(planned.visit.block)
+        assert path is not None, "only a path has waypoints"
+        waypoints = planned.visit.waypoints
+        reached = 1
+        try:
+            with (
+                self._rig.at_speed(path.speed_deg_s),
+                Recorder(self._store, attempt, self._rig, path.rates_hz) as recorder,
+            ):
+                recorder.wait_until_both_flow()
+                self._tell(recorder, attempt, reached, len(waypoints) + 1)
+                self._control.wait(path.rest_s)
+                for waypoint in waypoints:
+                    self._control.check()
+                    for joints_deg in self._transit.way(self._rig.stands_deg(), waypoint):
+                        self._rig.move(joints_deg)
+                    reached += 1
+                    self._control.wait(path.rest_s)
+                    recorder.look()
+                    self._tell(recorder, attempt, reached, len(waypoints) + 1)
+        except (Pausing, Stopping):
+            left = MotionStopped(
+                f"the path was left after waypoint {reached} of {len(waypoints) + 1}; its streams are incomplete",
+                device="robot",
+                command="path",
+            )
+            Attempts(self._store).failed(attempt, left)
+            raise
+
+    def _tell(self, recorder: Recorder, attempt: int, reached: int, of: int) -> None:
+        feeds = recorder.feeds.values()
+        self._store.tell(
+            "waypoint",
+            attempt=attempt,
+            waypoint=reached,
+            of=of,
+            samples={feed.role: feed.taken for feed in feeds},
+            lost={feed.role: feed.lost for feed in feeds},
+        )

@@ -1,0 +1,245 @@
+"""Robot and instrument as the sequencer uses them: it knows which of them must be connected or armed anew.
+
+The drivers' rules: after a LinkError connect and arm; any error of a commanded robot disarms it. A device is
+only ever armed for the move to an approach, so that nothing moves without one.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from typing import cast
+
+from acquisition.cell.devices import Devices
+from acquisition.run.control import Control
+from acquisition.run.settling import until_still
+from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
+from drivers.interfaces import (
+    Device,
+    Identity,
+    JointReading,
+    LengthMeter,
+    LengthReading,
+    Paced,
+    PointMeter,
+    PointReading,
+    RobotArm,
+    Sample,
+    Streams,
+    weakness_of,
+)
+
+PRESS = "Press the emergency stop: the program does not reach the robot, which may still be moving."
+
+
+@dataclass(frozen=True)
+class Met:
+    """A device that has just been connected. `read_deg`: where the robot is; None for the instrument.
+
+    `weakness`: what its wire cannot see (`drivers.interfaces.Candid`).
+    """
+
+    role: str
+    who: Identity
+    can_stop: bool
+    read_deg: tuple[float, ...] | None
+    weakness: str
+
+
+class Rig:
+    """The devices of one execution. `met` hears of every connection, before anything moves."""
+
+    def __init__(self, devices: Devices, control: Control, met: Callable[[Met], None]) -> None:
+        self._devices = devices
+        self._control = control
+        self._met = met
+        self._connected: set[str] = set()
+        self._armed: set[str] = set()
+        self._seen: set[str] = set()  # connected at least once
+        self._lost: set[str] = set()  # its link broke, or could not be made, and is not there again
+        self._can_stop = True
+        self._stands = False  # since its last move nothing happened that may have set it moving
+        self.moving = False
+        self.lost_in_move = False
+        self._halting = threading.Condition()
+        self._halts = 0  # under way
+        self._released = False
+
+    def meet(self) -> None:
+        """Connect what is not connected; nothing is armed. Raises AcquisitionError, Stopping."""
+        for role, device in self._both():
+            with self.using(role):
+                if role not in self._connected:
+                    device.connect()
+                    read_deg = None
+                    if role == "robot":
+                        self._can_stop = self._devices.robot.can_stop
+                        read_deg = self._devices.robot.position().joints_deg
+                    self._met(Met(role, device.identify(), self._can_stop, read_deg, weakness_of(device)))
+                    self._connected.add(role)  # who it is is known: only then
+                    self._seen.add(role)
+                    self._lost.discard(role)
+            self._control.check_stop()
+
+    def make_ready(self) -> None:
+        """Connect and arm what is not. Raises AcquisitionError, Stopping."""
+        self.meet()
+        for role, device in self._both():
+            with self.using(role):
+                if role not in self._armed:
+                    device.arm()
+                    self._armed.add(role)
+            # A stop between the look before and the arming must not be undone by it.
+            self._control.check_stop()
+
+    def _both(self) -> tuple[tuple[str, Device], ...]:
+        return ("robot", self._devices.robot), ("instrument", self._devices.instrument)
+
+    def move(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go there and come to rest. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        self.lost_in_move = False
+        self._stands = False
+        with self.using("robot"):
+            self.moving = True
+            try:
+                reached = self._devices.robot.move_to(joints_deg)
+            except LinkError:
+                # A robot that cannot be stopped may still be moving: nobody but a person may say go on.
+                self.lost_in_move = not self._can_stop
+                raise
+            finally:
+                self.moving = False
+        self._control.check_stop()
+        self._stands = True
+        return reached
+
+    def stands_deg(self) -> tuple[float, ...]:
+        """Joint angles now, deg; a robot that may be moving is waited for. Raises AcquisitionError, Stopping."""
+        if self._stands:
+            return self.position().joints_deg
+        return until_still(self.position, self._control.settle).joints_deg
+
+    def may_have_moved(self) -> None:
+        """Note that somebody may have jogged the robot, or be at it."""
+        self._stands = False
+
+    def position(self) -> JointReading:
+        """The joint angles that the robot reads back. Raises AcquisitionError."""
+        with self.using("robot"):
+            return self._devices.robot.position()
+
+    def measure(self, target: str, samples: int, near_mm: Sequence[float] | None) -> PointReading:
+        """A whole measurement. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self.using("instrument"):
+            meter = cast(PointMeter, self._devices.instrument)  # of a cell that measures points
+            return meter.measure(target, samples=samples, near_mm=near_mm)
+
+    def measure_length(self, target: str, base_target: str, samples: int) -> LengthReading:
+        """A whole measurement of a distance. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self.using("instrument"):
+            return self._length_meter.measure(target, base_target=base_target, samples=samples)
+
+    def build(self, nominal_mm: float) -> None:
+        """The ballbar has been built to another length: armed anew, it is held against its calibration."""
+        self._length_meter.build(nominal_mm)
+        self._armed.discard("instrument")
+
+    def zero(self) -> float:
+        """The sensor's zero, mm, while it is in its calibrator. Raises AcquisitionError, Stopping."""
+        self._control.check_stop()
+        with self.using("instrument"):
+            return self._length_meter.zero()
+
+    def stream(self, role: str, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
+        """The stream of one device; what it raises is to be raised within `using`, by the thread that commands."""
+        return cast(Streams, dict(self._both())[role]).stream(rate_hz)
+
+    def at_speed(self, speed_deg_s: float | None) -> AbstractContextManager[None]:
+        """The leading joint is no faster until the block ends; None: as fast as the cell allows."""
+        return (
+            nullcontext() if speed_deg_s is None else cast(Paced, self._devices.robot).at_speed(speed_deg_s)
+        )
+
+    @property
+    def _length_meter(self) -> LengthMeter:
+        return cast(LengthMeter, self._devices.instrument)  # of a cell that measures distances
+
+    @contextmanager
+    def using(self, role: str) -> Iterator[None]:
+        """Remembers what an error means for the connection and the arming of a device."""
+        try:
+            yield
+        except Unmeasurable:
+            raise
+        except LinkError:
+            self._lost.add(role)
+            self._connected.discard(role)
+            self._armed.discard(role)
+            self._stands = False
+            raise
+        except AcquisitionError:
+            self._armed.discard(role)
+            self._stands = False
+            raise
+
+    def halt(self) -> list[AcquisitionError]:
+        """Robot and instrument stop now; from any thread. Returns what could not be stopped and may be going on.
+
+        Both at the same time: a robot whose link is down takes seconds to be given up.
+        """
+        with self._halting:
+            self._halts += 1
+        try:
+            return self._halt()
+        finally:
+            with self._halting:
+                self._halts -= 1
+                self._halting.notify_all()
+
+    def _halt(self) -> list[AcquisitionError]:
+        problems: list[AcquisitionError] = []
+        moving = self.moving or self.lost_in_move
+        lost = set(self._lost)
+
+        def stop(role: str, device: RobotArm | PointMeter | LengthMeter) -> None:
+            try:
+                device.stop()
+            except AcquisitionError as error:
+                not_reached = isinstance(error, LinkError) and role in self._seen and not self._released
+                if moving or not_reached or role in lost:
+                    problems.append(_not_stopped(role, error, lost=role in lost))
+
+        beside = threading.Thread(target=stop, args=("instrument", self._devices.instrument))
+        beside.start()
+        stop("robot", self._devices.robot)
+        beside.join()
+        return problems
+
+    def release(self) -> None:
+        """Disarm and disconnect both, once a stop under way has been heard: it uses the same connections."""
+        with self._halting:
+            self._halting.wait_for(lambda: not self._halts)
+            self._released = True
+        for _, device in self._both():
+            # One by one: a device that cannot be disarmed is disconnected all the same.
+            with suppress(AcquisitionError):
+                device.disarm()
+            with suppress(AcquisitionError):
+                device.disconnect()
+
+
+def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> AcquisitionError:
+    """The error with what a person has to do now: that the program will connect again stops nothing."""
+    if role != "robot":
+        return error
+    if isinstance(error, LinkError):
+        error.what_to_do = PRESS
+        return error
+    if not lost:
+        return error
+    return LinkLost("is not connected: it did not hear the stop", device=error.device, what_to_do=PRESS)

@@ -1,0 +1,396 @@
+"""One run of a campaign: the interface on which command line, HTTP service and closed loop are built.
+
+    run = Run.create(folder, cell, campaign)          # or Run.open(folder): comes back paused after a crash
+    outcome = run.execute(open_devices(cell), on_event=show)
+    run.resume(by="anna"); run.execute(...)           # a paused run moves only after an explicit resume
+
+`execute` blocks until the run is paused, stopped or done, and leaves the devices disarmed and disconnected.
+Everything else may be called from any thread meanwhile.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from acquisition.campaign.campaign import Campaign, campaign_of_record
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import Visit, make_plan
+from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.cell.devices import Devices
+from acquisition.cell.identity import check_identity
+from acquisition.errors import NotResumed, StorageError
+from acquisition.record.attempts import Attempts
+from acquisition.record.event import Event, Moment
+from acquisition.record.individuals import Acceptance, Individual, Individuals
+from acquisition.record.states import State
+from acquisition.record.store import Store
+from acquisition.run.clock import Clock, ScaledClock
+from acquisition.run.control import ON_REQUEST, Control, Pausing, Stopping
+from acquisition.run.desk import Desk
+from acquisition.run.foresight import Foresee, at_once
+from acquisition.run.lease import Lease
+from acquisition.run.mover import Mover
+from acquisition.run.noting import Noting
+from acquisition.run.outcome import Outcome, not_resumed
+from acquisition.run.rig import Met, Rig
+from acquisition.run.sequencer import Sequencer
+from acquisition.run.status import Pace, RunStatus, status_of
+from drivers.errors import AcquisitionError
+from drivers.interfaces import Answer
+from drivers.operator import UnknownPrompt
+
+LEAST_FREE_BYTES = 50_000_000
+
+
+def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
+    """Rehearse what a campaign would do in this cell, without a record: a dry run. Raises ConfigError, UnsafePlan."""
+    visits = make_plan(cell, campaign)
+    check_plan(cell, visits)
+    return visits
+
+
+@dataclass
+class _Execution:
+    """The parts of a run that live only while devices are in use."""
+
+    control: Control
+    rig: Rig
+    desk: Desk
+    pace: Pace
+    noting: Noting
+
+
+class Run:
+    """A record and, while it executes, its devices."""
+
+    def __init__(self, store: Store, cell: Cell, campaign: Campaign) -> None:
+        self._store = store
+        self.cell = cell
+        self.campaign = campaign
+        self._mutex = threading.Lock()  # who executes; taken for moments only
+        self._execution: _Execution | None = None
+        self._resumed = False
+        self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
+        self._mover: Mover | None = None
+        self._trouble: str | None = None  # what the record could not take
+
+    @classmethod
+    def create(
+        cls,
+        record_dir: Path,
+        cell: Cell,
+        campaign: Campaign,
+        *,
+        simulated: bool = False,
+        name: str = "",
+        visits: Sequence[Visit] | None = None,
+    ) -> Run:
+        """Plan, check everything, and make the record. Nothing moves, no device is touched.
+
+        visits: what `checked_plan` gave for this cell and campaign, where it was made before; None: make it now.
+        Raises ConfigError, UnsafePlan, RecordError, RecordInUse, StorageError.
+        """
+        store = Store.create(
+            record_dir,
+            name or cell.name,
+            cell.source,
+            campaign.source,
+            checked_plan(cell, campaign) if visits is None else visits,
+            simulated=simulated,
+        )
+        return cls(store, cell, campaign)
+
+    @classmethod
+    def open(cls, record_dir: Path) -> Run:
+        """An existing record; one that was running when its program ended is paused now.
+
+        Raises RecordError, RecordInUse, StorageError.
+        """
+        store = Store.open(record_dir)
+        try:
+            store.recover()
+            row = store.campaign
+            where = str(store.database.path)
+            return cls(store, cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where))
+        except BaseException:
+            store.close()
+            raise
+
+    def expect(self, individuals: Sequence[Individual]) -> None:
+        """The robot and the instrument of another record are to answer in this one, which has not begun yet."""
+        Individuals(self._store).expect(individuals)
+
+    def individuals(self) -> list[Individual]:
+        """The robot and the instrument that were met last."""
+        return list(Individuals(self._store).now().values())
+
+    def close(self) -> None:
+        """Give the record up. Not while executing."""
+        self._store.close()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- execution ----------------------------------------------------------------------------------------
+
+    def execute(
+        self,
+        devices: Devices,
+        clock: Clock | None = None,
+        on_event: Callable[[Event], None] | None = None,
+        lease: Lease | None = None,
+        foresee: Foresee = at_once,
+    ) -> Outcome:
+        """Measure what is left; blocks. `clock` None: real, or scaled for a simulated run.
+
+        lease: of an owner who beats; when it ends, the robot comes to rest and the run is paused. None: the caller
+        lives as long as this call. foresee: begins the forecast, from which status takes the time that is left.
+        Raises RobotInUse, NotResumed where nobody resumed it, StorageError where the record cannot even be
+        started; later errors of devices and record are in the outcome.
+        """
+        simulated = bool(self._store.campaign["simulated"])
+        clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
+        with ExitStack() as stack:
+            if not simulated:  # simulated cells are as many as one likes
+                self._mover = stack.enter_context(Mover(self.cell.robot.url))
+            stack.enter_context(self._store.listening(on_event or _ignore))
+            execution = self._begin(devices, clock, foresee)
+            if lease is not None:
+                stack.enter_context(lease.watched(lambda: self._owner_is_silent(lease, execution.control)))
+            sequencer = Sequencer(
+                self._store,
+                self.cell,
+                self.campaign,
+                execution.rig,
+                execution.control,
+                execution.desk,
+                clock,
+            )
+            ending, error = State.PAUSED, None
+            reason = "The program was interrupted."
+            try:
+                sequencer.run()
+                ending, reason = self._verdict()
+            except Pausing as pausing:
+                reason = str(pausing)
+            except Stopping:
+                ending, reason = State.STOPPED, "Stopped on request."
+            except AcquisitionError as caught:
+                error, reason = caught, caught.sentence
+                if execution.control.stopping:  # whatever the devices make of it
+                    ending, reason = State.STOPPED, f"Stopped on request; {reason}"
+                execution.rig.halt()
+            finally:
+                # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.
+                execution.rig.release()
+                error = self._end(ending, reason) or error
+        return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
+
+    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> _Execution:
+        forecast = foresee(self.folder)  # before the mutex, which a stop needs: it may take its time
+        with self._mutex:
+            state = self._store.state
+            if self._execution is not None or not (state is State.READY or self._resumed):
+                raise not_resumed(state, f"the campaign is {state.value}", "execute")
+            self._check_disk()
+            self._trouble = None
+            self._store.recover()
+            self._store.moment = self._moments(clock)
+            self._store.start()
+            self._resumed = False
+            control = Control(clock)
+            rig = Rig(devices, control, self._met)
+            desk = Desk(Attempts(self._store), devices.operator, control)
+            done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
+            self._execution = _Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
+            return self._execution
+
+    def _end(self, ending: State, reason: str) -> StorageError | None:
+        with self._mutex:
+            execution, self._execution = self._execution, None
+            self._accepted = self._mover = None
+            try:
+                if execution is not None:
+                    execution.noting.finish()
+                self._store.become(ending, reason)
+            except StorageError as error:
+                self._trouble = error.sentence
+                return error
+        return None
+
+    def _verdict(self) -> tuple[State, str]:
+        counts = self._store.counts()
+        if not counts.get("measured"):
+            return State.FAILED, "Not one pose could be measured."
+        remarks = []
+        if skipped := counts.get("skipped", 0):
+            remarks.append(f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped.")
+        if (stations := self._store.campaign["station"]) > 1:
+            remarks.append(f"The instrument was moved: its readings come from {stations} stations.")
+        return State.SUCCEEDED, " ".join(remarks)
+
+    def _check_disk(self) -> None:
+        folder = self._store.database.path.parent
+        if shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
+            raise StorageError(f"{folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
+
+    def _moments(self, clock: Clock) -> Callable[[], Moment]:
+        """Campaign time goes on through a pause; the calendar is asked once, so its jumps do no harm."""
+        row = self._store.campaign
+        since = 0.0 if row["started_utc"] is None else clock.utc() - row["started_utc"]
+        last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
+        base = max(last, since * clock.time_scale) - clock.now()
+        return lambda: Moment(clock.utc(), base + clock.now())
+
+    def _met(self, met: Met) -> None:
+        """Warn before anything moves: a robot that no program can stop needs a hand at its button.
+
+        Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
+        record, RobotInUse.
+        """
+        self._store.tell(
+            "connected",
+            role=met.role,
+            **asdict(met.who),
+            can_stop=met.can_stop,
+            read_deg=met.read_deg,
+            weakness=met.weakness,
+        )
+        check_identity(self.cell, met.role, met.who)
+        Individuals(self._store).met(met.role, met.who, self._accepted)
+        if met.role == "robot" and self._mover is not None:
+            self._mover.met(met.who)
+
+    def _owner_is_silent(self, lease: Lease, control: Control) -> None:
+        control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
+        with suppress(StorageError):  # the pause counts; where it cannot be noted the run pauses for that
+            self._store.command("pause", f"watchdog of {lease.owner}")
+
+    # -- from any thread ----------------------------------------------------------------------------------
+
+    def pause(
+        self, by: str = "", key: str | None = None, reason: str = ON_REQUEST, *, at_once: bool = False
+    ) -> None:
+        """End after the reading in hand; `at_once`: after the move or measurement in hand.
+
+        `key`: an idempotency key; the second time nothing happens.
+        """
+        try:
+            new = self._store.command("pause", by, key)
+        except StorageError:
+            new = True  # an order to rest is obeyed whether or not it can be noted
+        if new:
+            with self._mutex:
+                execution = self._execution
+            if execution is not None:
+                execution.control.rest(reason) if at_once else execution.control.pause(reason)
+
+    def restation(self, by: str = "", reason: str = "", key: str | None = None) -> None:
+        """The instrument is moved: its nests are measured again before the next pose, or on resuming.
+
+        Of a running campaign the operator is asked first to set the instrument up; readings taken before the order
+        keep the world frame they had. `key`: an idempotency key. Raises NotResumed for a campaign that has ended.
+        """
+        if self.cell.instrument.declared.measures_lengths:
+            raise NotResumed(
+                f"a {self.cell.instrument.name} has no station",
+                command="restation",
+                what_to_do="Where a ball on the base was moved, start a new record.",
+            )
+        with self._mutex:
+            state, execution = self._store.state, self._execution
+        if state.final:
+            raise NotResumed(
+                f"the campaign has {state.value}: nothing is left to be measured from a new station",
+                command="restation",
+                what_to_do="Start a new record; it begins with the nests.",
+            )
+        with self._store.changing() as db:  # both or none
+            if not self._store.command("restation", by, key):
+                return
+            self._store.note(db, "restation", by=by, reason=reason)
+        if execution is not None:  # else the next execution begins with the nests
+            execution.control.new_station(reason)
+
+    def resume(self, by: str = "", key: str | None = None, accepted: Acceptance | None = None) -> None:
+        """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states.
+
+        accepted: another robot or instrument than the record's, in that execution.
+        """
+        with self._store.changing() as db:  # both or none
+            if not self._store.command("resume", by, key):
+                return
+            if accepted is not None:
+                self._store.note(db, "accept_other", by=by, serial=accepted.serial, reason=accepted.reason)
+        with self._mutex:
+            state = self._store.state
+            if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
+                raise not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
+            self._resumed, self._accepted = True, accepted
+
+    def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
+        """Halt the robot now and end the run. Returns what could not be stopped: use the button, it says which.
+
+        Nothing waits for the record while the robot moves (`run.noting`). Raises StorageError for a run at rest that
+        cannot be ended.
+        """
+        with self._mutex:
+            execution = self._execution
+            if execution is not None:
+                execution.control.stop()
+                execution.noting.begin(by, key)
+            self._resumed = False
+        if execution is not None:
+            return execution.rig.halt()
+        self._store.command("stop", by, key)
+        with self._mutex:
+            ended = (State.STOPPED, State.SUCCEEDED, State.FAILED)
+            if self._execution is None and self._store.state not in ended:
+                self._store.become(State.STOPPED, "Stopped on request.")
+                self._trouble = None
+        return []
+
+    def halt(self) -> list[AcquisitionError]:
+        """Halt the robot now, in a run that was ordered to pause at once: it then is paused. Returns as `stop`."""
+        with self._mutex:
+            execution = self._execution
+        return [] if execution is None else execution.rig.halt()
+
+    def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "") -> None:
+        """Answer the prompt that is being asked; `reason` is kept beside it. Raises UnknownPrompt."""
+        with self._mutex:
+            execution = self._execution
+        if execution is None:
+            raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
+        execution.desk.answer(prompt_id, answer, by, reason)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the record."""
+        return self._store.database.path.parent
+
+    def status(self) -> RunStatus:
+        """State, progress, prompt, last reading."""
+        with self._mutex:
+            execution = self._execution
+        return status_of(self._store, None if execution is None else execution.pace, self._trouble)
+
+    def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
+        """Events since `after`, oldest first."""
+        return self._store.events(after, limit)
+
+    def wait(self, after: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds for one beyond `after`."""
+        return self._store.wait_beyond(after, seconds)
+
+
+def _ignore(_: Event) -> None:
+    """Nobody listens."""

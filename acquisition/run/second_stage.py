@@ -1,0 +1,147 @@
+"""The second stage of a ballbar campaign: what was out of the bar's stroke, at joints corrected by what was not.
+
+    stage 1 -> distances within the stroke -> identification -> corrected joints for the poses of the others -> stage 2
+
+A robot misses its poses by millimetres and the bar shows one. The model of stage 1 need not be good: it brings the
+tool near enough for the bar to show the rest. Nothing of it enters the data set, which has the joints as commanded. It
+is kept in the folder of the record, `stage1.json`, to say how long the legs of stage 2 must be
+(`run.ballbar_checks`), and to be compared with the final one: the thesis found it the better for front/up.
+Source: Nubiola, thesis, section 4.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.campaign.blocks.block import rounded
+from acquisition.campaign.blocks.hexapod import Hexapod
+from acquisition.campaign.blocks.sphere import Sphere
+from acquisition.campaign.campaign import Campaign
+from acquisition.campaign.plan import Visit
+from acquisition.cell.cell import Cell
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import Array
+from acquisition.errors import RecordError, StorageError
+from acquisition.record.export import table_of
+from acquisition.record.individuals import Individuals, series_among
+from acquisition.record.store import Planned, Store
+from acquisition.run.ballbar_checks import STAGE_1
+from calib.compensate import correct
+from calib.errors import DataError
+from calib.fit import Identification, identify
+from calib.model import Design, StatedConditions
+from calib.saved import save_model
+from calib.units import DEG
+from drivers.errors import OutOfRange
+
+_LAST_ERROR = "SELECT error_code FROM attempt WHERE pose = ? AND status = 'failed' ORDER BY id DESC LIMIT 1"
+
+
+class SecondStage:
+    """The second stage of one record."""
+
+    def __init__(self, store: Store, cell: Cell, campaign: Campaign) -> None:
+        self._store = store
+        self._cell = cell
+        recipes = [block.recipe for block in campaign.blocks]
+        self._blocks = {
+            i
+            for i, recipe in enumerate(recipes)
+            if isinstance(recipe, Hexapod | Sphere) and recipe.lengths and recipe.stages == 2
+        }
+
+    def plan(self) -> None:
+        """Plan the readings that were out of stroke once more, at corrected joints. Raises StorageError.
+
+        Where the readings cannot carry a model, or a corrected pose may not be driven, they stay as they were.
+        """
+        left = self._out_of_stroke()
+        if not left:
+            return
+        visits = list({planned.visit.number: planned.visit for planned in left}.values())
+        try:
+            fitted = self._fitted()
+            self._keep(fitted)
+            joints = self._corrected(fitted, visits)
+        except (DataError, RecordError) as error:  # too few readings, or none
+            self._store.tell("second_stage_refused", readings=len(left), reason=str(error))
+            return
+        number = max(planned.visit.number for planned in self._store.plan())
+        with self._store.changing():
+            done = 0
+            for visit, pose in zip(visits, joints, strict=True):
+                if np.all(np.isfinite(pose)):
+                    number, done = number + 1, done + 1
+                    self._store.replan(
+                        [planned for planned in left if planned.visit == visit],
+                        self._moved(visit, pose, number),
+                    )
+            self._store.tell(
+                "second_stage",
+                rms_mm=_rms_mm(fitted),
+                readings_fitted=len(fitted.readings.conditions.joints),
+                noise_scale=fitted.noise_scale,
+                poses=done,
+                refused=len(visits) - done,
+            )
+
+    def _out_of_stroke(self) -> list[Planned]:
+        query = self._store.database.query
+        return [
+            planned
+            for planned in self._store.plan()
+            if planned.status == "deferred"
+            and planned.visit.block in self._blocks
+            and any(row[0] == OutOfRange.code for row in query(_LAST_ERROR, (planned.id,)))
+        ]
+
+    def _fitted(self) -> Identification:
+        return identify(table_of(self._store.database.path.parent).dataset())
+
+    def _keep(self, fitted: Identification) -> None:
+        """The model of stage 1. Raises DataError for a fit that did not converge, StorageError."""
+        try:
+            save_model(self._store.database.path.parent / STAGE_1, fitted)
+        except OSError as error:
+            raise StorageError(f"{STAGE_1}: {error.strerror or error}") from error
+
+    def _corrected(self, fitted: Identification, visits: list[Visit]) -> Array:
+        """(k, N) deg, NaN for a pose that may not be driven."""
+        robot = self._cell.robot
+        goals = np.array([visit.joints_deg for visit in visits])
+        series = series_among(fitted.model.targets, Individuals(self._store).now())
+        correction = correct(
+            fitted.model,
+            fitted.estimate,
+            robot.model_angles(goals),
+            StatedConditions(series=series, loads=self._cell.loads),
+            limits=np.array(robot.limits_deg) * DEG,
+            coupling=robot.coupling,
+        )
+        joints = robot.model.controller_angles(correction.joints, robot.coupling) / DEG
+        approach = joints + np.array([np.subtract(v.approach_deg, v.joints_deg) for v in visits])
+        known = np.all(np.isfinite(joints), axis=1)
+        clear = may_visit(self._cell, np.nan_to_num(joints), np.nan_to_num(approach))
+        return np.where((known & clear)[:, None], joints, np.nan)
+
+    def _moved(self, visit: Visit, joints_deg: Array, number: int) -> Visit:
+        offset = np.subtract(visit.approach_deg, visit.joints_deg)
+        pose = rounded(joints_deg)
+        return replace(
+            visit,
+            number=number,
+            name=f"{visit.name}, corrected",
+            joints_deg=pose,
+            approach_deg=rounded(np.array(pose) + offset),
+        )
+
+
+def _rms_mm(fitted: Identification) -> float:
+    """What the legs of a fit miss its model by, mm."""
+    readings = fitted.readings
+    frames = Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
+    lengths = readings.observed.lengths
+    assert lengths is not None  # of a ballbar
+    return float(np.sqrt(np.mean((lengths - np.linalg.norm(frames.p - frames.anchor, axis=0)) ** 2)))

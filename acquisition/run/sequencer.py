@@ -1,0 +1,390 @@
+"""The sequencer: nests, then every visit of the plan - approach, settle, measure, one durable reading at a time.
+
+Robot and instrument are met first, unarmed: what is dead or somebody else's is known before the warm-up.
+
+What it does about an error is a function of its class (`drivers.errors`):
+
+    LinkError      connect, arm and approach again; after `LINK_TRIES` in a row: pause
+    Unmeasurable   approach again and retry; then put off, come back at the end, then skip
+    Refused        ask the operator: confirm tries again, skip leaves the reading out
+    SafetyStop, StorageError, NoOperator and all others: pause
+
+Any interruption voids the approach, a prompt too, for which people walk up to the robot: a reading is only taken
+after an arrival with nothing in between. A ballbar is put on while the robot is in the pose, and it stays there
+for all its distances. What lies outside the stroke of the bar is put off to a second stage, for which the robot is
+calibrated by what lay within (`run.second_stage`). A redo puts the last reading aside and measures it again
+at once. A calendar that steps pauses: the times of the record come from the steady clock, which does not count while
+a computer sleeps; on resuming they catch up with the calendar and never go back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry
+from acquisition.campaign.campaign import Campaign
+from acquisition.campaign.plan import Visit
+from acquisition.cell.bars import Bar, bar_for, bars_of
+from acquisition.cell.cell import Cell
+from acquisition.cell.transit import Transit
+from acquisition.errors import ClockJumped, Displaced, OtherBalls, WronglySeated
+from acquisition.record.attempts import Attempts
+from acquisition.record.store import Planned, Store
+from acquisition.run.ballbar_checks import BallbarChecks
+from acquisition.run.clock import Clock
+from acquisition.run.control import Control, Stopping
+from acquisition.run.desk import Desk
+from acquisition.run.expected import Expectation
+from acquisition.run.gates import Gates, Zeroing
+from acquisition.run.hands import Hands
+from acquisition.run.nests import Nests
+from acquisition.run.path import PathDrive
+from acquisition.run.rig import Rig
+from acquisition.run.second_stage import SecondStage
+from acquisition.run.settling import until_still
+from drivers.errors import AcquisitionError, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
+from drivers.interfaces import Answer, JointReading, LengthReading, PointReading, Reading
+from drivers.read_back import apart_deg
+
+DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
+LINK_TRIES = 5
+FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
+GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
+# A clock that is being disciplined slews by 500 ppm at most; what it steps beyond twice that was no discipline.
+CALENDAR_STEP_S, SLEW = 5.0, 1e-3
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    """The robot is in the pose of a visit; the attempt that brought it there."""
+
+    visit: int
+    attempt: int
+    read_deg: tuple[float, ...]
+
+
+class Sequencer:
+    """The sequencer of one execution of a record's plan."""
+
+    def __init__(
+        self,
+        store: Store,
+        cell: Cell,
+        campaign: Campaign,
+        rig: Rig,
+        control: Control,
+        desk: Desk,
+        clock: Clock,
+    ) -> None:
+        self._store = store
+        self._attempts = Attempts(store)
+        self._cell = cell
+        self._campaign = campaign
+        self._rig = rig
+        self._control = control
+        self._desk = desk
+        self._clock = clock
+        zeroing = Zeroing(self._needs_another_bar, self._zero)
+        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
+        self._hands = Hands(cell, lambda text: self._ask(text)[0])
+        self._transit = Transit(cell)
+        self._path = PathDrive(store, campaign, rig, control, self._transit)
+        self._checks = BallbarChecks(store, cell)
+        self._second_stage = SecondStage(store, cell, campaign)
+        self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
+        self._arrival: _Arrival | None = None
+        # The bar that is built, where it is always that of the legs; else nobody knows until it is built.
+        one = not any(isinstance(block.recipe, BallbarGeometry) for block in campaign.blocks)
+        self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
+        self._reason = ""  # of the last answer
+        self._last: int | None = None  # planned reading of a pose that was measured last
+        self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
+        self._link_faults = 0  # in a row, as all of these
+        self._tries = 0
+        self._refusals = 0
+        self._given_up = 0
+
+    def run(self) -> None:
+        """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
+        self._look_at_the_calendar()
+        self._meet()
+        self._warm_up()
+        self._measure_nests("resumed: is the instrument still where it was?")
+        # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
+        while left := self._store.left("planned"):
+            self._next(left[0], last=False)
+        self._second_stage.plan()
+        while left := self._store.left("planned") or self._store.left("deferred"):
+            self._next(left[0], last=True)
+
+    # -- before the first pose ----------------------------------------------------------------------------
+
+    def _meet(self) -> None:
+        """Robot and instrument answer, and are free to be used."""
+        self._insist(self._rig.meet)
+
+    def _measure_nests(self, reason: str) -> None:
+        self._arrival = None
+        self._nests.measure(reason)
+
+    def _warm_up(self) -> None:
+        """Again in every execution: a cell that is resumed next morning has cooled down."""
+        if self._campaign.warm_up_s > 0.0:
+            now_s = self._store.moment().t_s or 0.0
+            self._store.tell("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
+            self._control.wait(self._campaign.warm_up_s)
+
+    # -- one reading --------------------------------------------------------------------------------------
+
+    def _next(self, planned: Planned, *, last: bool) -> None:
+        """Make one try, unless a gate has planned others before it: what comes next is then asked anew."""
+        self._control.check()
+        if self._gates.open_for(planned):
+            self._try(planned, last=last)
+        else:
+            self._arrival = None
+
+    def _try(self, planned: Planned, *, last: bool) -> None:
+        """Make one try at a reading. `last`: give it up for good when it cannot be had."""
+        self._control.check()
+        self._look_at_the_calendar()
+        arrival, self._arrival = self._arrival, None  # only what ends well below leaves the approach valid
+        try:
+            if self._by_hand(planned, self._hands.seat) is not Answer.CONFIRM:
+                return
+            if self._by_hand(planned, self._hands.aim) is not Answer.CONFIRM:
+                return
+            self._rig.make_ready()
+            attempt = None
+            if planned.visit.kind == "pose" and (arrival is None or arrival.visit != planned.visit.number):
+                if self._by_hand(planned, self._hands.free) is not Answer.CONFIRM:
+                    return
+                arrival, attempt = self._approach(planned)
+            answer = self._by_hand(planned, self._hands.span)
+            if answer is not Answer.CONFIRM:
+                self._arrival = arrival if answer is Answer.SKIP else None
+                return
+            if planned.base_target is not None and arrival is not None:
+                self._stands_still(arrival)
+            if attempt is None:
+                attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
+            self._measure(planned, attempt)
+        except LinkError as error:
+            self._control.check_stop()
+            self._after_link_error(error)
+        except Unmeasurable as error:
+            out_of_stroke = planned.base_target is not None and isinstance(error, OutOfRange)
+            if planned.base_target is not None:
+                self._arrival = arrival  # the arm is at rest, the next distance is measured there
+            self._tries += 1
+            if out_of_stroke or self._tries > self._campaign.retries:
+                self._give_up(planned, error, last=last)
+        except Refused as error:
+            if isinstance(error, WronglySeated | OtherBalls):
+                self._hands.doubt()
+            if self._refuse_again(error) is Answer.SKIP:
+                self._give_up(planned, error, last=True)
+        else:
+            self._arrival = None if planned.visit.waypoints else arrival  # a path ends elsewhere
+            self._link_faults = self._given_up = self._tries = self._refusals = 0
+
+    def _look_at_the_calendar(self) -> None:
+        """Raises ClockJumped when it stepped since the last look: then the computer slept, or it was set."""
+        calendar, steady = self._clock.utc(), self._clock.now() / self._clock.time_scale
+        before, self._looked = self._looked or (calendar, steady), (calendar, steady)
+        passed = steady - before[1]
+        step = calendar - before[0] - passed
+        if abs(step) > CALENDAR_STEP_S + SLEW * passed:
+            raise ClockJumped(f"the clock of the computer stepped by {step:+.0f} s")
+
+    def _approach(self, planned: Planned) -> tuple[_Arrival, int | None]:
+        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
+
+        The attempt is None where a person has to put the ballbar on before.
+        """
+        visit = planned.visit
+        path = self._transit.way(self._rig.stands_deg(), visit.approach_deg)
+        if len(path) > 1:
+            self._store.tell("detour", visit=visit.number, over_deg=path[0])
+        arrival = self._attempts.begin_arrival(visit)
+        try:
+            for joints_deg in path:
+                self._rig.move(joints_deg)
+            reached = self._rig.move(visit.joints_deg)
+            settle = self._campaign.settle_of(visit.block)
+            self._control.settle(settle.seconds)
+            if settle.check:
+                reached = until_still(self._rig.position, self._control.settle)
+            self._refuse_elsewhere(visit, reached)
+        except AcquisitionError as error:
+            self._attempts.failed(arrival, error)
+            raise
+        with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
+            self._attempts.arrived(arrival, reached)
+            by_hand = planned.base_target is not None
+            attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
+            return _Arrival(visit.number, arrival, reached.joints_deg), attempt
+
+    def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
+        """Refuse to file a reading under angles that the robot does not read back, whatever its driver believes.
+
+        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say.
+        """
+        off = apart_deg(reached.joints_deg, visit.joints_deg)
+        if off > DISPLACED_DEG:
+            raise NotReached(
+                f"a joint is read back {off:.3f} deg from where visit {visit.number} sends it",
+                device="robot",
+                command="arrive",
+                raw=reached.raw,
+            )
+
+    def _stands_still(self, arrival: _Arrival) -> None:
+        """Check that the robot has not been moved after people had their hands on it. Raises Displaced."""
+        off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
+        if off > DISPLACED_DEG:
+            raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
+
+    def _measure(self, planned: Planned, attempt: int) -> None:
+        try:
+            if planned.base_target is not None:
+                reading: Reading = self._length(planned, planned.base_target)
+            else:
+                reading = self._point(planned)
+            if planned.visit.waypoints:
+                self._path.drive(planned, attempt)
+        except AcquisitionError as error:
+            self._attempts.failed(attempt, error)
+            raise
+        self._attempts.measured(attempt, planned, reading, self._nests.world)
+        if planned.visit.counted:
+            self._last = planned.id
+            point = None
+            if self._nests.world is not None and isinstance(reading, PointReading):
+                point = self._nests.world.to_world(reading.xyz_mm).tolist()
+            self._gates.measured(planned, point)
+            if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
+                self._ask(moved)
+
+    def _length(self, planned: Planned, base_target: str) -> LengthReading:
+        """Raises OtherBalls for what cannot be the leg."""
+        try:
+            reading = self._rig.measure_length(planned.target, base_target, self._campaign.samples)
+        except OutOfRange:
+            self._checks.refuse_others(planned, None)
+            raise
+        self._checks.battery(reading)
+        self._checks.refuse_others(planned, reading.length_mm)
+        return reading
+
+    def _point(self, planned: Planned) -> PointReading:
+        """Raises Misplaced and WronglySeated for what cannot be the target."""
+        if self._nests.world is None or planned.visit.kind == "nest":
+            return self._rig.measure(planned.target, self._campaign.samples, None)
+        expected = Expectation(self._cell, planned)
+        near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
+        reading = self._rig.measure(planned.target, self._campaign.samples, near)
+        expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
+        return reading
+
+    def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
+        """CONFIRM when a person has done what the reading needs; one that they skip is left out."""
+        answer = do(planned)
+        if answer is Answer.SKIP and planned.visit.counted:
+            self._done_with(planned, "skipped", self._reason or "by the operator")
+        return answer
+
+    def _zero(self, planned: Planned) -> bool:
+        """The zero of the bar that a reading needs, which goes into every later one; whether the reading may be tried.
+
+        A person who skips it keeps the old one, unless it is another bar, which has none: then the reading is left out.
+        """
+        bar = self._bar_of(planned)
+        another = bar != self._bar
+        if self._hands.zero(bar if another else None) is not Answer.CONFIRM:
+            if another:
+                self._done_with(planned, "skipped", self._reason or "the ballbar was not built for it")
+            return not another
+        if another:
+            self._rig.build(bar.length_mm)
+            self._bar = bar
+
+        def read() -> None:
+            self._rig.make_ready()
+            self._store.tell("zeroed", zero_mm=self._rig.zero(), bar_mm=bar.length_mm)
+
+        self._insist(read)
+        return True
+
+    def _bar_of(self, planned: Planned) -> Bar:
+        return bar_for(self._cell, planned.target, planned.base_target or "")
+
+    def _needs_another_bar(self, planned: Planned) -> bool:
+        return planned.base_target is not None and self._bar_of(planned) != self._bar
+
+    # -- reactions ----------------------------------------------------------------------------------------
+
+    def _insist(self, act: Callable[[], None]) -> None:
+        """Repeat an act until it is done, or a person skips it. Raises what a reading would raise."""
+        while True:
+            self._control.check()
+            try:
+                act()
+            except LinkError as error:
+                self._control.check_stop()
+                self._after_link_error(error)
+            except (Refused, Unmeasurable) as error:
+                if self._refuse_again(error) is Answer.SKIP:
+                    return
+            else:
+                self._link_faults = self._refusals = 0
+                return
+
+    def _after_link_error(self, error: LinkError) -> None:
+        self._link_faults += 1
+        if self._rig.lost_in_move or self._link_faults > LINK_TRIES:
+            raise error
+        back_off_s = FIRST_BACK_OFF_S * 2.0 ** (self._link_faults - 1)
+        self._store.tell("reconnect", attempt=self._link_faults, error=error.as_dict())
+        self._control.wait(back_off_s * self._clock.time_scale)
+
+    def _refuse_again(self, error: AcquisitionError) -> Answer:
+        """Ask what to do about it. Raises the error when that was done often enough."""
+        self._control.check_stop()  # a stop makes devices refuse
+        self._refusals += 1
+        if self._refusals > self._campaign.retries + 1:
+            raise error
+        return self._consult(error)
+
+    def _give_up(self, planned: Planned, error: AcquisitionError, *, last: bool) -> None:
+        if not planned.visit.counted:
+            raise error  # without its nests a campaign has no world frame
+        self._done_with(planned, "skipped" if last else "deferred", error.message)
+        self._given_up += 1
+        if self._given_up >= GIVEN_UP_IN_A_ROW:
+            self._given_up = 0
+            self._consult(error)
+
+    def _done_with(self, planned: Planned, status: str, reason: str) -> None:
+        self._store.mark(planned.id, status, reason)
+        self._tries = self._refusals = 0
+
+    def _consult(self, error: AcquisitionError) -> Answer:
+        """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
+        return self._ask(error.sentence)[0]
+
+    def _ask(self, text: str) -> tuple[Answer, str]:
+        """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
+        self._arrival = None
+        self._rig.may_have_moved()
+        answer, reason = self._desk.ask(text, redo=self._last is not None)
+        if answer is Answer.ABORT:
+            self._control.stop()
+            raise Stopping
+        if answer is Answer.REDO and self._last is not None:
+            self._store.measure_again([self._last], reason or "by the operator")
+            self._last = None
+            self._hands.doubt()  # somebody looks before the robot goes back there
+        self._reason = reason
+        return answer, reason

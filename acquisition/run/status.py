@@ -1,0 +1,98 @@
+"""The state of a run as people and programs see it (the contract's fields)."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from acquisition.campaign.forecast import Forecast
+from acquisition.record.attempts import Attempts
+from acquisition.record.drift import drift_of
+from acquisition.record.seal import unprotected
+from acquisition.record.states import State
+from acquisition.record.store import Store
+from acquisition.run.clock import Clock
+
+
+@dataclass(frozen=True)
+class RunStatus:
+    """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall.
+
+    drift: of the reference pose (`record.drift`); None before its second reading.
+    unprotected: readings from before rows had checksums (`record.seal`).
+    path: the last waypoint that a path reached, of how many, with the samples and the lost ones of both streams so far;
+    None without a path.
+    """
+
+    id: str
+    name: str
+    state: str
+    state_code: int
+    reason: str
+    version: int
+    done: int
+    total: int
+    skipped: int = 0
+    prompt: dict[str, Any] | None = None
+    last_reading: dict[str, Any] | None = None
+    drift: dict[str, Any] | None = None
+    seconds_left: float | None = None
+    simulated: bool = False
+    unprotected: int = 0
+    path: dict[str, Any] | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The values for JSON."""
+        return asdict(self)
+
+
+class Pace:
+    """The pace of an execution, against the forecast of its plan. `done` at its start."""
+
+    def __init__(self, clock: Clock, done: int, forecast: Future[Forecast]) -> None:
+        self._clock, self._done, self._forecast = clock, done, forecast
+        self._since = clock.now()
+
+    def seconds_left(self, done: int) -> float | None:
+        """Seconds on the wall; None until there is a forecast, or where none could be made."""
+        if not self._forecast.done() or self._forecast.exception() is not None:
+            return None
+        elapsed = self._clock.now() - self._since
+        return self._forecast.result().seconds_left(done, self._done, elapsed) / self._clock.time_scale
+
+
+def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
+    """`pace` None: it does not execute. `trouble`: why the record could not take a pause."""
+    row, counts = store.campaign, store.counts()
+    state = State.PAUSED if trouble else State(row["state"])
+    skipped = counts.get("skipped", 0)
+    done, total = counts.get("measured", 0) + skipped, sum(counts.values())
+    return RunStatus(
+        id=row["id"],
+        name=row["name"],
+        state=state.value,
+        state_code=state.code,
+        reason=trouble or row["reason"],
+        version=store.version,
+        done=done,
+        total=total,
+        skipped=skipped,
+        prompt=Attempts(store).open_prompt() if state is State.WAITING else None,
+        last_reading=store.last_reading(),
+        drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
+        seconds_left=None if pace is None else pace.seconds_left(done),
+        simulated=bool(row["simulated"]),
+        unprotected=unprotected(store.database) if row["unsealed_attempts"] else 0,
+        path=store.last_waypoint(),
+    )
+
+
+def read_status(record_dir: Path) -> RunStatus:
+    """The state of a record that another program may be running. Raises RecordError, StorageError."""
+    store = Store.open(record_dir, writer=False)
+    try:
+        return status_of(store)
+    finally:
+        store.close()

@@ -1,0 +1,53 @@
+"""The arm: what its maker says of it, where it holds a target, which joints reach a place, where it is itself."""
+
+from calib.arm.capsules import Capsule
+from calib.arm.hexapod import LEGS, Stances, stances
+from calib.arm.inverse_kinematics import (
+    BRANCHES,
+    Reached,
+    inverse_kinematics,
+    nearest_branch,
+    nearest_turns,
+    within_limits,
+)
+from calib.arm.kinematics import (
+    Chain,
+    Placement,
+    forward,
+    gravity_at_flange,
+    gravity_torques,
+    nominal_values,
+    propagate,
+)
+from calib.arm.robot import FARTHEST_MM, MOST_TURN, Load, Robot, built_in_robots, load_robot
+from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, with_sides
+
+__all__ = [
+    "BRANCHES",
+    "FARTHEST_MM",
+    "LEGS",
+    "MOST_TURN",
+    "Capsule",
+    "Chain",
+    "Load",
+    "Placement",
+    "Reached",
+    "Robot",
+    "Stances",
+    "WorldFrame",
+    "built_in_robots",
+    "by_three_two_one",
+    "forward",
+    "frame_of",
+    "gravity_at_flange",
+    "gravity_torques",
+    "inverse_kinematics",
+    "load_robot",
+    "nearest_branch",
+    "nearest_turns",
+    "nominal_values",
+    "propagate",
+    "stances",
+    "with_sides",
+    "within_limits",
+]

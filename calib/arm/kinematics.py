@@ -1,0 +1,357 @@
+"""The exact kinematic chain, batched: from slot values to the target frame and the twist of every slot.
+
+The chain is a row of elementary motions, each a turn about or a shift along one axis of the frame that the
+motions before it have made. Each has a name, its *slot*:
+
+    frame.x .. frame.rz    the instrument's frame, turning about the station
+    base.x .. base.rz      the base of the series (behind its constant placement in the world)
+    alphaK aK thetaK dK betaK   link K: Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)  (modified DH), or
+                                        Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)  (standard DH)
+    bearingK.rx, bearingK.ry    the bearing of joint K, tilting about the joint's origin just before theta_K: the
+                                origin of frame K (modified DH, where Tz(d) may as well come before Rz(theta)),
+                                of frame K-1 (standard DH)
+    tool.x .. tool.rz      the tool at the flange
+    target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
+    anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
+    length.zero            what a length meter shows at distance nought
+
+Arrays hold one reading a column, so every product runs over all readings at once: vectors are (3, n).
+Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex I (I.2) for the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from calib.arm.robot import BasePlacement, Convention, Load, Robot
+from calib.array import Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One elementary motion: `slot` turns about (`turns`) or shifts along axis 0, 1 or 2."""
+
+    slot: str
+    turns: bool
+    axis: int
+
+
+def _six(name: str) -> tuple[Motion, ...]:
+    return tuple(
+        Motion(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k)
+        for turns in (False, True)
+        for k in range(3)
+    )
+
+
+def _link(convention: Convention, k: int) -> tuple[Motion, ...]:
+    alpha, beta = Motion(f"alpha{k}", True, 0), Motion(f"beta{k}", True, 1)
+    a, theta, d = Motion(f"a{k}", False, 0), Motion(f"theta{k}", True, 2), Motion(f"d{k}", False, 2)
+    bearing = Motion(f"bearing{k}.rx", True, 0), Motion(f"bearing{k}.ry", True, 1)
+    if convention == "mdh":
+        return (alpha, beta, a, d, *bearing, theta)
+    return (*bearing, theta, d, a, alpha, beta)
+
+
+FRAME = _six("frame")
+TOOL = _six("tool")
+TARGET = _six("target")
+ANCHOR = tuple(motion.slot for motion in _six("anchor")[:3])
+LENGTH_ZERO = "length.zero"
+BESIDE = (*ANCHOR, LENGTH_ZERO)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The motions of one robot: `base` and `links` (one tuple a link)."""
+
+    base: tuple[Motion, ...]
+    links: tuple[tuple[Motion, ...], ...]
+
+    @staticmethod
+    def of(robot: Robot) -> Chain:
+        """The chain of `robot`; Nubiola (thesis I.2) puts d_1 before the rotations of the base."""
+        return _chain(robot.convention, robot.base, robot.joints)
+
+    @property
+    def slots(self) -> dict[str, Motion]:
+        """Every slot of the chain by name, in order from world to target; those beside the chain are not here."""
+        motions = (*FRAME, *self.base, *(m for link in self.links for m in link), *TOOL, *TARGET)
+        return {motion.slot: motion for motion in motions}
+
+
+@cache
+def _chain(convention: Convention, placement: BasePlacement, joints: int) -> Chain:
+    base = _six("base")
+    links = [_link(convention, k) for k in range(1, joints + 1)]
+    if placement == "thesis":
+        d1 = Motion("d1", False, 2)
+        base = (*base[:3], d1, *base[3:])
+        links[0] = tuple(motion for motion in links[0] if motion != d1)
+    return Chain(base, tuple(links))
+
+
+@dataclass
+class Frames:
+    """The frame at the end of a chain: columns of the rotation `x`, `y`, `z` and the origin `p`, each (3, n) or (3, 1).
+
+    anchor: (3, n) base target of every reading, mm; world: axes of the frame in which it is given;
+    length_zero: (n,) or float, mm.
+    record: the slots whose axis and origin are kept; None for all.
+    """
+
+    x: Array
+    y: Array
+    z: Array
+    p: Array
+    anchor: Array = field(default_factory=lambda: np.zeros((3, 1)))
+    world: tuple[Array, Array, Array] | None = None
+    length_zero: Array | float = 0.0
+    record: Collection[str] | None = None
+    axis: dict[str, Array] = field(default_factory=dict)
+    origin: dict[str, Array] = field(default_factory=dict)
+    turns: dict[str, bool] = field(default_factory=dict)
+    link_frames: list[tuple[Array, Array, Array, Array]] = field(default_factory=list)
+
+    def twist(self, slot: str) -> tuple[Array, Array]:
+        """Velocity of the target point and angular velocity, both (3, n), for a unit rate of `slot`."""
+        axis = self.axis[slot]
+        if not self.turns[slot]:
+            return axis, np.zeros((3, 1))
+        return cross(axis, self.p - self.origin[slot]), axis
+
+    def velocities(self, slots: Sequence[str]) -> Array:
+        """(S, 3, n) velocities of the target point for a unit rate of some slots; 0 for those beside the chain."""
+        axes, turning = self._axes(slots)
+        arms = np.empty((len(turning), *axes.shape[1:]))
+        for i, s in enumerate(turning):
+            np.subtract(self.p, self.origin[slots[s]], out=arms[i])
+        axes[turning] = cross(axes[turning], arms)
+        return axes
+
+    def turnings(self, slots: Sequence[str]) -> Array:
+        """(S, 3, n) angular velocities of the target frame for a unit rate of some slots."""
+        axes, turning = self._axes(slots)
+        sliding = np.ones(len(slots), dtype=bool)
+        sliding[turning] = False
+        axes[sliding] = 0.0
+        return axes
+
+    def _axes(self, slots: Sequence[str]) -> tuple[Array, list[int]]:
+        """Axes (S, 3, n) of some slots, and which of them turn."""
+        n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
+        axes = np.zeros((len(slots), 3, n))
+        turning = []
+        for i, slot in enumerate(slots):
+            if slot in self.axis:
+                axes[i] = self.axis[slot]
+                if self.turns[slot]:
+                    turning.append(i)
+        return axes, turning
+
+    @property
+    def rotation(self) -> Array:
+        """(n, 3, 3) rotation of the target frame in the world."""
+        n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
+        columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
+        return np.stack(columns, axis=-1).transpose(1, 0, 2)
+
+    def _go(self, motions: Sequence[Motion], values: Mapping[str, Array | float]) -> None:
+        """Move along a row of motions; those at zero that nobody wants recorded are passed over."""
+        for motion in motions:
+            slot = motion.slot
+            if slot in values or self.record is None or slot in self.record:
+                self._move(motion, values.get(slot, 0.0))
+
+    def _move(self, motion: Motion, value: Array | float) -> None:
+        # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
+        columns = (self.x, self.y, self.z)
+        if self.record is None or motion.slot in self.record:
+            self.axis[motion.slot] = columns[motion.axis]
+            self.origin[motion.slot] = self.p
+            self.turns[motion.slot] = motion.turns
+        one = isinstance(value, float)
+        if one and value == 0.0:
+            return
+        if not motion.turns:
+            self.p = self.p + columns[motion.axis] * value
+            return
+        c, s = (math.cos(value), math.sin(value)) if one else (np.cos(value), np.sin(value))
+        if motion.axis == 0:
+            self.y, self.z = self.y * c + self.z * s, self.z * c - self.y * s
+        elif motion.axis == 1:
+            self.z, self.x = self.z * c + self.x * s, self.x * c - self.z * s
+        else:
+            self.x, self.y = self.x * c + self.y * s, self.y * c - self.x * s
+
+    def _shift(self, vector: Array) -> None:
+        self.p = self.p + self.x * vector[0] + self.y * vector[1] + self.z * vector[2]
+
+    def _place(self, rotation: Array, translation: Array) -> None:
+        """Compose with constants: rotation (3, 3, n or 1), translation (3, n or 1)."""
+        self._shift(translation)
+        x, y, z = self.x, self.y, self.z
+        self.x = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
+        self.y = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
+        self.z = x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2]
+
+
+def cross(u: Array, v: Array) -> Array:
+    """Cross product of (..., 3, n) arrays along the last axis but one (several times faster than numpy.cross)."""
+    ux, uy, uz = u[..., 0, :], u[..., 1, :], u[..., 2, :]
+    vx, vy, vz = v[..., 0, :], v[..., 1, :], v[..., 2, :]
+    out = np.empty(np.broadcast_shapes(u.shape, v.shape))
+    for row, (a, b, c, d) in enumerate(((uy, vz, uz, vy), (uz, vx, ux, vz), (ux, vy, uy, vx))):
+        np.multiply(a, b, out=out[..., row, :])
+        out[..., row, :] -= c * d
+    return out
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Constant pose of the base in the world for every reading: rotation (3, 3, n or 1), translation (3, n or 1)."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3)[:, :, None])
+    translation: Array = field(default_factory=lambda: np.zeros((3, 1)))
+
+
+def propagate(
+    chain: Chain,
+    values: Mapping[str, Array | float],
+    placement: Placement,
+    station: Array | None = None,
+    record: Collection[str] | None = None,
+    turn: Array | None = None,
+) -> Frames:
+    """Carry frames through the chain.
+
+    values: slot -> (n,) or float, rad or mm; a slot that is absent is zero. station: (3,) mm, the point about
+    which the instrument's frame turns. turn: (3, 3, n or 1) constant orientation of the tool frame, behind the
+    target's position. Returns the frame of the target and the axis of every slot passed, or of the slots of
+    `record` alone.
+    """
+    eye = np.eye(3)
+    centre = np.zeros((3, 1)) if station is None else np.asarray(station, dtype=np.float64).reshape(3, 1)
+    wanted = None if record is None else frozenset(record)
+    frames = Frames(eye[:, :1], eye[:, 1:2], eye[:, 2:], centre, record=wanted)
+    frames._go(FRAME, values)
+    frames._shift(-centre)
+    frames.world = (frames.x, frames.y, frames.z)
+    x, y, z = (values.get(slot, 0.0) for slot in ANCHOR)
+    frames.anchor = frames.p + frames.x * x + frames.y * y + frames.z * z
+    frames.length_zero = values.get(LENGTH_ZERO, 0.0)
+    frames._place(placement.rotation, placement.translation)
+    frames._go(chain.base, values)
+    for link in chain.links:
+        frames._go(link, values)
+        frames.link_frames.append((frames.x, frames.y, frames.z, frames.p))
+    frames._go(TOOL, values)
+    frames._go(TARGET[:3], values)
+    if turn is not None:
+        frames._place(turn, np.zeros((3, 1)))
+    frames._go(TARGET[3:], values)
+    return frames
+
+
+def nominal_values(robot: Robot, joints: Array) -> dict[str, Array | float]:
+    """Slot values of the nominal robot at model angles `joints` (n, N), rad."""
+    values: dict[str, Array | float] = {}
+    for k in range(robot.joints):
+        values[f"alpha{k + 1}"] = robot.alpha[k]
+        values[f"a{k + 1}"] = robot.a[k]
+        values[f"theta{k + 1}"] = joints[:, k] + robot.theta[k]
+        values[f"d{k + 1}"] = robot.d[k]
+    return values
+
+
+def forward(robot: Robot, joints: Array) -> Array:
+    """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model angles (n, N), rad."""
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement(), record=())
+    poses = np.zeros((len(joints), 4, 4))
+    poses[:, :3, :3] = frames.rotation
+    poses[:, :3, 3] = frames.p.T
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+@dataclass(frozen=True)
+class Statics:
+    """Torques of gravity on the arm at nominal geometry, N.mm.
+
+    moment: (n, N, 3) of all loads beyond joint K about its origin, in the axes of the frame just before theta_K;
+    overturning: (n, 3) of all loads about the origin of the base, in its axes;
+    unit_load: (n, N, 4) torque about every joint of 1 kg at the origin of the last link's frame, then of 1 kg mm
+    along its x, y and z: the torque of any load on the last link is linear in mass and mass x centre.
+    """
+
+    moment: Array
+    overturning: Array
+    unit_load: Array
+
+    @property
+    def torque(self) -> Array:
+        """(n, N) about each joint, positive in the direction in which gravity pushes."""
+        return self.moment[:, :, 2]
+
+
+def statics(
+    robot: Robot,
+    joints: Array,
+    loads: tuple[Load, ...] | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+) -> Statics:
+    """Moments of gravity at the model angles `joints` (n, N), rad; gravity (3,) in the base frame, m/s2.
+
+    M_i = sum over loads beyond joint i of (c_j - o_i) x (m_j g), from the last joint inwards. o_i is the origin of
+    frame i (modified DH) or i-1 (standard DH). Source: Nubiola, Annex I.
+    """
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    n, count = joints.shape
+    g = np.array(gravity)[:, None]
+    moment, unit_load = np.zeros((n, count, 3)), np.zeros((n, count, 4))
+    # Sum of the loads beyond the joint, and of mass x place.
+    mass, weighed = 0.0, np.zeros((3, n))
+    *last_axes, last_origin = frames.link_frames[-1]
+    for k in range(count, 0, -1):
+        for load in robot.loads if loads is None else loads:
+            if load.link == k:
+                x, y, z, p = frames.link_frames[k - 1]
+                centre = p + x * load.cog_mm[0] + y * load.cog_mm[1] + z * load.cog_mm[2]
+                mass, weighed = mass + load.mass_kg, weighed + load.mass_kg * centre
+        origin, axis = frames.origin[f"theta{k}"], frames.axis[f"theta{k}"]
+        about = cross(weighed - mass * origin, g)
+        for i, slot in enumerate((f"bearing{k}.rx", f"bearing{k}.ry", f"theta{k}")):
+            moment[:, k - 1, i] = np.sum(frames.axis[slot] * about, axis=0)
+        swing = cross(g, axis)  # z . (r x g) = r . (g x z)
+        for i, lever in enumerate((last_origin - origin, *last_axes)):
+            unit_load[:, k - 1, i] = np.sum(lever * swing, axis=0)
+    return Statics(moment, np.broadcast_to(cross(weighed, g), (3, n)).T.copy(), unit_load)
+
+
+def gravity_torques(
+    robot: Robot,
+    joints: Array,
+    loads: tuple[Load, ...] | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+) -> Array:
+    """(n, N) torque of gravity about each joint, N.mm, positive in the direction in which gravity pushes.
+
+    tau_i = z_i . M_i, see `statics`. Source: Nubiola, Annex I; equals -dU/dq.
+    """
+    return statics(robot, joints, loads, gravity).torque
+
+
+def gravity_at_flange(
+    robot: Robot, joints: Array, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+) -> Array:
+    """(n, 3) direction of gravity in the axes of the last link of the nominal robot at model angles (n, N), rad."""
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement(), record=())
+    pull = np.array(gravity)[:, None]
+    across = [np.sum(axis * pull, axis=0) for axis in frames.link_frames[-1][:3]]
+    down = np.array([np.broadcast_to(a, len(joints)) for a in across]).T
+    return down / max(float(np.linalg.norm(pull)), 1e-300)

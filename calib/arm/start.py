@@ -1,0 +1,178 @@
+"""Starts for what the world hides: base pose, tool frame and base targets, from the nominal robot and the readings.
+
+Weighted Kabsch alignment of nominal points with measured ones; where the tool targets are unknown too, it alternates
+with the linear solution for them, and Gauss-Newton ends it. Weights (Huber) keep gross errors out. Distances give
+their base target by multilateration. Sources: Kabsch 1976; Norrdine 2012 (linear multilateration).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.array import Array
+
+_ROUNDS_NEAR = 15  # of alignment and averaging in turn, which come near from anywhere and then crawl
+_NEAR = 1e-3  # mm: a round that changes the mean distance by less is the last; the fit does the rest
+# Share of what the nominal robot misses anyway: a round that changes less than it is the last as well
+_ENOUGH = 0.01
+_ROUNDS = 60
+_HALVINGS = 8
+_SETTLED = 1e-9  # mm, rad
+
+
+def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) with measured = rotation @ nominal + translation, least squares."""
+    w = weights / np.sum(weights)
+    centre, goal = w @ nominal, w @ measured
+    u, _, vt = np.linalg.svd((measured - goal).T @ ((nominal - centre) * w[:, None]))
+    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return rotation, goal - rotation @ centre
+
+
+def base_and_tool(
+    flange: Array, targets: Array, which: NDArray[np.int64], measured: Array, *, tool_unknown: bool
+) -> tuple[Array, Array]:
+    """Base pose (4, 4) and tool targets (T, 3), mm, of one series, by least squares with Huber weights.
+
+    flange: (n, 4, 4) nominal poses; targets: (T, 3) nominal; which: (n,) index of the target of every reading;
+    measured: (n, 3). With p_i the flange, F_i its axes and t the target,
+
+        minimise  sum_i w_i | m_i - (R (p_i + F_i t) + T) |^2   over R, T and, where the tool is unknown, t.
+
+    Alignment and averaging in turn come near, Gauss-Newton then converges; a target without readings stays.
+    """
+    turn, place = flange[:, :3, :3], flange[:, :3, 3]
+    targets, weights = targets.copy(), np.ones(len(measured))
+    rotation, translation = np.eye(3), np.zeros(3)
+    before, seen = np.inf, np.unique(which)
+    for _ in range(_ROUNDS_NEAR):
+        nominal = place + np.einsum("nij,nj->ni", turn, targets[which])
+        rotation, translation = align(nominal, measured, weights)
+        back = (measured - translation) @ rotation
+        miss = np.linalg.norm(back - nominal, axis=1)
+        weights = _huber(miss)
+        if tool_unknown:
+            at_flange = np.einsum("nji,nj->ni", turn, back - place)
+            for t in seen:
+                w = weights * (which == t)
+                targets[t] = (w @ at_flange) / w.sum()
+        moved, before = abs(before - float(miss.mean())), float(miss.mean())
+        if moved < max(_NEAR, _ENOUGH * before):
+            break
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, translation
+    if not tool_unknown:
+        return pose, targets
+    return settled(
+        flange, targets, which, measured, pose, tool_unknown=True, enough=max(_NEAR, _ENOUGH * before)
+    )
+
+
+def settled(
+    flange: Array,
+    targets: Array,
+    which: NDArray[np.int64],
+    measured: Array,
+    base: Array,
+    *,
+    tool_unknown: bool,
+    enough: float = _SETTLED,
+) -> tuple[Array, Array]:
+    """Base pose (4, 4) and tool targets (T, 3), mm, by Gauss-Newton from a start; the problem of `base_and_tool`.
+
+    A step that raises the robust cost is halved; one below `enough` (mm, rad) is the last. What the readings do not
+    determine stays as it was.
+    """
+    rotation, shift, targets = base[:3, :3].copy(), base[:3, 3].copy(), targets.copy()
+    turn, place = flange[:, :3, :3], flange[:, :3, 3]
+    unknown = np.unique(which) if tool_unknown else np.array([], dtype=np.int64)
+
+    def left_by(rotation: Array, shift: Array, targets: Array) -> tuple[Array, Array]:
+        arm = (place + np.einsum("nij,nj->ni", turn, targets[which])) @ rotation.T
+        return arm, measured - arm - shift
+
+    arm, left = left_by(rotation, shift, targets)
+    for _ in range(_ROUNDS):
+        miss = np.linalg.norm(left, axis=1)
+        weight = np.sqrt(_huber(miss))
+        columns = np.zeros((len(arm), 3, 6 + 3 * len(unknown)))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # axis i turns the arm: e_i x arm
+            columns[:, j, i], columns[:, k, i] = -arm[:, k], arm[:, j]
+        columns[:, :, 3:6] = np.eye(3)
+        for k, target in enumerate(unknown):
+            of = which == target
+            columns[of, :, 6 + 3 * k : 9 + 3 * k] = rotation @ turn[of]
+        columns *= weight[:, None, None]
+        step = _step(columns.reshape(-1, columns.shape[2]), (left * weight[:, None]).ravel())
+        cost = float(np.mean((miss * weight) ** 2))
+        for halving in range(_HALVINGS):
+            part = step / 2.0**halving
+            further = Rotation.from_rotvec(part[:3]).as_matrix() @ rotation
+            moved = targets.copy()
+            moved[unknown] += part[6:].reshape(-1, 3)
+            arm, left = left_by(further, shift + part[3:6], moved)
+            if float(np.mean((np.linalg.norm(left, axis=1) * weight) ** 2)) <= cost + _SETTLED:
+                rotation, shift, targets, step = further, shift + part[3:6], moved, part
+                break
+        else:
+            break
+        if np.abs(step).max() < enough:
+            break
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, shift
+    return pose, targets
+
+
+def _huber(miss: Array) -> Array:
+    """(n,) weights of distances (n,): those above twice the median count in proportion to their inverse."""
+    middle = len(miss) // 2
+    return np.minimum(
+        1.0, np.maximum(2.0 * np.partition(miss, middle)[middle], 1e-9) / np.maximum(miss, 1e-9)
+    )
+
+
+def _step(columns: Array, right: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    step, *_ = np.linalg.lstsq(columns / size, right, rcond=1e-10)
+    return step / size
+
+
+def tools_of(flange: Array, base: Array, targets: Array, which: NDArray[np.int64], measured: Array) -> Array:
+    """Tool targets (T, 3), mm, of one series whose base is at `base` (4, 4): the median of what its readings say.
+
+    As `base_and_tool` has them; a target without readings stays as it is in `targets`.
+    """
+    back = (measured - base[:3, 3]) @ base[:3, :3]
+    at_flange = np.einsum("nji,nj->ni", flange[:, :3, :3], back - flange[:, :3, 3])
+    out = targets.copy()
+    for t in np.unique(which):
+        out[t] = np.median(at_flange[which == t], axis=0)
+    return out
+
+
+def tool_turn(flange: Array, base: Array, orientation: Array) -> Array:
+    """(3, 3) constant orientation of the tool frame on the flange: the mean of what the readings say.
+
+    flange: (n, 4, 4) nominal poses; base: (4, 4); orientation: (n, 4) measured in the world, scalar first.
+    """
+    measured = Rotation.from_quat(orientation, scalar_first=True)
+    at_flange = Rotation.from_matrix(base[:3, :3] @ flange[:, :3, :3]).inv() * measured
+    return at_flange.mean().as_matrix()
+
+
+def base_target(points: Array, lengths: Array, *, zero_unknown: bool) -> Array | None:
+    """(3,) place from which `points` (n, 3) are `lengths` (n,) away, mm; None where they do not determine it.
+
+    |p|^2 - l^2 = 2 p.b + 2 l z + (z^2 - |b|^2): linear in b, the zero z of the lengths, and a constant.
+    """
+    columns = [2.0 * points, 2.0 * lengths[:, None]] if zero_unknown else [2.0 * points]
+    system = np.column_stack([*columns, np.ones(len(points))])
+    if len(points) < system.shape[1]:
+        return None
+    right = np.sum(points**2, axis=1) - lengths**2
+    scale = np.linalg.norm(system, axis=0)
+    found, _, rank, _ = np.linalg.lstsq(system / scale, right, rcond=1e-6)
+    return (found / scale)[:3] if rank == system.shape[1] else None

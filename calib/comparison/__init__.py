@@ -1,0 +1,18 @@
+"""Regression beside identification on the same readings, in one table."""
+
+from calib.comparison.away import TURN, Away, away
+from calib.comparison.comparison import DIAGNOSIS, NOMINAL, Comparison, Plan, Scored, compare, mae, rmse
+
+__all__ = [
+    "DIAGNOSIS",
+    "NOMINAL",
+    "TURN",
+    "Away",
+    "Comparison",
+    "Plan",
+    "Scored",
+    "away",
+    "compare",
+    "mae",
+    "rmse",
+]

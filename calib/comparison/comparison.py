@@ -1,0 +1,208 @@
+"""Regression against identification on the same readings: one table, in sample and by waypoint.
+
+By waypoint: in five parts, whole waypoints left out; everything is done again with the rest, the fit of the physical
+model, the diagnosis, the choice of gamma and lambda. Errors are measured less predicted, in the axes of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.comparison.levels import PLACE, freeing
+from calib.comparison.waypoints import waypoints_of
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.data.groups import LEVELS
+from calib.diagnose.diagnosis import diagnose
+from calib.errors import DataError
+from calib.fit.identification import Identification
+from calib.fit.identify import Progress, identify, silent
+from calib.fit.placing import base_model_of, place_nominal
+from calib.fit.readings import readings_of
+from calib.model.model import Design, RobotModel
+from calib.regression.choose import folds_of
+from calib.regression.regression import Regression, Wanted, train
+from calib.validation.holdout import without
+
+NOMINAL = "nominal robot, placed"
+DIAGNOSIS = "diagnosis"
+_FEWEST = 3  # waypoints: one left out of the comparison, two to choose by
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The request for a comparison. wanted: the regression asked for; level: of the model that it is based on, 2 or 3.
+
+    compare: the other levels and the other kind of regression too; diagnosed: and the diagnosis, with a regression
+    on what it leaves.
+    """
+
+    wanted: Wanted
+    level: int = 3
+    compare: bool = False
+    diagnosed: bool = False
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A predictor: a model, and a regression on top of it where there is one.
+
+    found: the fit behind the model, None of the nominal robot; asked: whether a regression was asked for.
+    """
+
+    name: str
+    model: RobotModel
+    estimate: Array
+    found: Identification | None = None
+    regression: Regression | None = None
+    asked: bool = False
+
+    def predict(self, conditions: Conditions) -> Array:
+        """(n, 3) points in the world, mm."""
+        if self.regression is None:
+            return Design(self.model, conditions).predict(self.estimate)
+        return self.regression.predict(self.model, self.estimate, conditions)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A predictor, and its errors (n, 3), mm, in sample and on waypoints left out."""
+
+    predictor: Predictor
+    in_sample: Array
+    by_waypoint: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All predictors side by side. rows: (n,) index of the readings into the data set; waypoint: (n,) of each."""
+
+    dataset: Dataset
+    plan: Plan
+    rows: NDArray[np.int64]
+    waypoint: NDArray[np.int64]
+    scored: tuple[Scored, ...]
+
+    @property
+    def asked(self) -> Scored:
+        """The regression that was asked for."""
+        name = name_of(self.plan.wanted.on, f"level {self.plan.level}")
+        return next(s for s in self.scored if s.predictor.name == name)
+
+
+def name_of(on: str, base: str) -> str:
+    """Name of a regression on positions, or on what a model of this name leaves."""
+    return "MLS-SVR on positions" if on == "positions" else f"MLS-SVR on residuals of {base}"
+
+
+def compare(dataset: Dataset, plan: Plan, *, progress: Progress = silent) -> Comparison:
+    """Judge what the plan names on the readings of points that may enter a fit.
+
+    Raises DataError where there are no points, too few waypoints, or what a part leaves cannot carry the model.
+    """
+    rows = dataset.fit_rows & dataset.pointed
+    waypoint = waypoints_of(dataset)
+    if not rows.any():
+        raise DataError(
+            "holds no points, and the regression is one on positions.",
+            do="Measure x_mm, y_mm, z_mm.",
+            file=dataset.path,
+            key="x_mm",
+        )
+    count = len(np.unique(waypoint[rows]))
+    if count < _FEWEST:
+        raise DataError(
+            f"holds {'one waypoint' if count == 1 else f'{count} waypoints'}: nothing can be left out to judge and to "
+            "choose by.",
+            do="Measure at more waypoints, some 30 or more.",
+            file=dataset.path,
+            key="j1_deg",
+        )
+    try:
+        return _compared(dataset, plan, rows, waypoint, progress)
+    except DataError as error:
+        if error.file is not None:
+            raise
+        raise DataError(error.what, do=error.do, file=dataset.path, key=error.key) from error
+
+
+def _compared(
+    dataset: Dataset,
+    plan: Plan,
+    rows: NDArray[np.bool_],
+    waypoint: NDArray[np.int64],
+    progress: Progress,
+) -> Comparison:
+    progress("fitting all readings")
+    predictors = _predictors(dataset, plan, waypoint)
+    everything = dataset.conditions.take(rows)
+    measured, index = dataset.points[rows], np.flatnonzero(rows)
+    in_sample = {name: measured - predictor.predict(everything) for name, predictor in predictors.items()}
+    left_out = {name: np.full_like(measured, np.nan) for name in predictors}
+    folds = folds_of(waypoint[rows])
+    for k, held in enumerate(folds, start=1):
+        progress(f"leaving waypoints out, part {k} of {len(folds)}")
+        away = np.zeros(len(dataset), dtype=bool)
+        away[index[held]] = True
+        for name, predictor in _predictors(without(dataset, away), plan, waypoint).items():
+            left_out[name][held] = measured[held] - predictor.predict(dataset.conditions.take(away))
+    scored = tuple(
+        Scored(predictor, in_sample[name], left_out[name]) for name, predictor in predictors.items()
+    )
+    return Comparison(dataset, plan, index, waypoint[rows], scored)
+
+
+def _predictors(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> Mapping[str, Predictor]:
+    """Every predictor of the plan, from the rows of a data set that may enter a fit."""
+    placed = freeing(dataset, PLACE)
+    out = {NOMINAL: Predictor(NOMINAL, *place_nominal(placed, base_model_of(placed)))}
+    if plan.compare or plan.wanted.on == "positions":
+        out |= _on_positions(placed, plan, waypoint)
+    for level in (2, 3) if plan.compare or plan.diagnosed else (plan.level,):
+        freed = freeing(dataset, LEVELS[level])
+        out |= _with_residuals(f"level {level}", identify(freed), dataset, plan, waypoint)
+    if plan.diagnosed:
+        final = diagnose(freeing(dataset, LEVELS[plan.level])).final
+        out |= _with_residuals(DIAGNOSIS, final, dataset, plan, waypoint)
+    return out
+
+
+def _on_positions(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> dict[str, Predictor]:
+    found = identify(dataset)
+    wanted = Wanted("positions", plan.wanted.features, plan.wanted.kernel)
+    # Every reading takes part: a nominal robot cannot say which of them do not belong.
+    rows = dataset.fit_rows & dataset.pointed
+    readings = readings_of(dataset, rows, found.model, found.estimate)
+    trained = train(wanted, found.model, found.estimate, readings, waypoint[rows])
+    name = name_of("positions", "")
+    return {name: Predictor(name, found.model, found.estimate, found, trained, asked=True)}
+
+
+def _with_residuals(
+    base: str, found: Identification, dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]
+) -> dict[str, Predictor]:
+    out = {base: Predictor(base, found.model, found.estimate, found)}
+    if plan.compare or plan.diagnosed or plan.wanted.on == "residuals":
+        wanted = Wanted("residuals", plan.wanted.features, plan.wanted.kernel)
+        readings = found.readings.take(dataset.pointed[found.readings.rows])
+        trained = train(wanted, found.model, found.estimate, readings, waypoint[readings.rows])
+        name = name_of("residuals", base)
+        out[name] = Predictor(name, found.model, found.estimate, found, trained, asked=True)
+    return out
+
+
+def mae(errors: Array) -> Array:
+    """(4,) mean absolute error along x, y and z of errors (n, 3), and the mean of the three."""
+    each = np.abs(errors).mean(axis=0)
+    return np.append(each, each.mean())
+
+
+def rmse(errors: Array) -> Array:
+    """(4,) root mean square along x, y and z of errors (n, 3), and the quadratic mean of the three."""
+    each = (errors**2).mean(axis=0)
+    return np.sqrt(np.append(each, each.mean()))

@@ -1,0 +1,27 @@
+"""A data set: its header, its readings and their conditions, and the refusal of what cannot be meant."""
+
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
+from calib.data.header import LEAST, Header, header_of
+from calib.data.noise import Noise
+from calib.data.plausible import assumed_in_words
+from calib.data.read import dataset_of, read_dataset
+from calib.data.spans import OTHER, Span
+
+__all__ = [
+    "DEFAULT_GROUPS",
+    "GROUPS",
+    "LEAST",
+    "LEVELS",
+    "OTHER",
+    "Conditions",
+    "Dataset",
+    "Header",
+    "Noise",
+    "Span",
+    "assumed_in_words",
+    "dataset_of",
+    "header_of",
+    "read_dataset",
+]

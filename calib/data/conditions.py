@@ -1,0 +1,69 @@
+"""Under which conditions every reading was taken: what drives an effect, as arrays over n readings.
+
+Angles are model angles (behind the joint matrix), rad; times s; temperatures degC; torques and moments N.mm.
+A quantity nobody recorded is NaN; regressors that need it are then not offered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.units import DEG
+
+_SAME_POSE = 1e-4 * DEG
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of n readings of a robot with N joints."""
+
+    joints: Array  # (n, N) commanded
+    previous: Array  # (n, N) where the robot was before
+    side: Array  # (n, N) +1 when the joint arrived from below, -1 from above
+    torque: Array  # (n, N) gravity torque, nominal geometry; this and the next three: see kinematics.Statics
+    moment: Array  # (n, N, 3) gravity moment at every joint, axes of the frame just before it turns
+    overturning: Array  # (n, 3) gravity moment of the whole arm about the base's origin, axes of the base
+    unit_load: Array  # (n, N, 4) torques of 1 kg, and of 1 kg mm along x, y, z, on the last link
+    time: Array  # (n,)
+    order: Array  # (n,) rank of the reading in its campaign, 0, 1, ...
+    temperature: Array  # (n,) air
+    point: Array  # (n, 3) where the nominal robot in its place holds the target, mm, world
+    series: NDArray[np.int64]  # (n,) index into series_names
+    target: NDArray[np.int64]  # (n,) index into target_names
+    anchor: NDArray[np.int64]  # (n,) index into anchor_names of the base target of a distance; -1: none
+    waypoint: NDArray[np.int64]  # (n,) number of the pose where the file numbers them; -1: not numbered
+    series_names: tuple[str, ...]
+    target_names: tuple[str, ...]
+    anchor_names: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @cached_property
+    def pose(self) -> NDArray[np.int64]:
+        """(n,) number of the pose of every reading, whenever and from wherever the robot came.
+
+        Readings of one waypoint share their pose, since joints that were interpolated between two samples differ from
+        visit to visit; readings without one share it where their joints are the same.
+        """
+        places = np.round(self.joints / _SAME_POSE).astype(np.int64)
+        places[self.waypoint >= 0] = 0
+        keys = np.column_stack([self.waypoint, places])
+        return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64] | Sequence[int]) -> Conditions:
+        """The conditions of some of the readings, by mask or by index."""
+        arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if not f.name.endswith("_names")}
+        return replace(self, **arrays)
+
+
+def row_keys(columns: Array) -> list[bytes]:
+    """One key a row of columns (n, c): rows have the same where all their numbers are the same, to the last digit."""
+    numbers = np.ascontiguousarray(columns + 0.0)  # -0 becomes 0
+    return numbers.view(f"V{numbers.itemsize * numbers.shape[1]}").ravel().tolist()

@@ -1,0 +1,304 @@
+"""Hypotheses about what the files of a data set mean: wrong signs, orders, zeros, rows, units, conventions, robots.
+
+Each hypothesis changes one thing of what the files say. `explained` puts the nominal robot in its place under every
+one of them; where it then misses the readings at least five times less than under the files as they are, the
+hypothesis is the likelier meaning. The tool is taken as the header gives it and, in a second round, as unknown, so
+that a wrong tool explains nothing but itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot, built_in_robots, load_robot
+from calib.arm.start import base_and_tool, base_target
+from calib.array import Array
+from calib.units import DEG
+
+FEWEST = 8
+"""Readings that can show what else the files mean."""
+BETTER = 5.0
+"""Ratio of misses from which on a hypothesis is believed."""
+
+# Miss of the nominal robot, as a share of the extent of the readings, that asks for no explanation
+_SMALL = 0.02
+_EXPLAINED = 0.03  # the same, that a believed hypothesis may leave
+_ALIKE = 1.5  # ratio of misses within which two hypotheses count as alike
+_UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
+_LATEST = 3  # rows by which a column may have slipped
+_METRES = 20.0  # mm: an arm with a smaller reach is written in metres
+_QUARTER = 90.0 * DEG
+
+File = Literal["data", "header"]
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """Readings of one series as the files, or a hypothesis about them, would have them.
+
+    robot: nominal; angles: (n, N) rad as the controller counts; which: (n,) index of the tool target;
+    points: (n, 3) mm, or None where distances were measured; lengths, anchor: (n,) mm and index of the base target.
+    """
+
+    robot: Robot
+    coupling: str
+    angles: Array
+    which: NDArray[np.int64]
+    points: Array | None
+    lengths: Array | None = None
+    anchor: NDArray[np.int64] | None = None
+
+    @cached_property
+    def flange(self) -> Array:
+        """(n, 4, 4) poses of the nominal flange, mm."""
+        return forward(self.robot, self.robot.model_angles(self.angles, self.coupling))
+
+    def miss(self, tools: Array, *, tool_unknown: bool, zero_unknown: bool) -> tuple[float, float]:
+        """Median distance, mm, of the nominal robot in its best place from the readings, and their extent, mm."""
+        turn, place = self.flange[:, :3, :3], self.flange[:, :3, 3]
+        if self.points is None:
+            nominal = place + np.einsum("nij,nj->ni", turn, tools[self.which])
+            return self._miss_of_lengths(nominal, zero_unknown=zero_unknown), _extent(nominal)
+        pose, tool = base_and_tool(self.flange, tools, self.which, self.points, tool_unknown=tool_unknown)
+        there = (place + np.einsum("nij,nj->ni", turn, tool[self.which])) @ pose[:3, :3].T + pose[:3, 3]
+        return float(np.median(np.linalg.norm(self.points - there, axis=1))), _extent(self.points)
+
+    def _miss_of_lengths(self, nominal: Array, *, zero_unknown: bool) -> float:
+        assert self.lengths is not None
+        assert self.anchor is not None
+        miss = []
+        for a in np.unique(self.anchor):
+            of = self.anchor == a
+            place = base_target(nominal[of], self.lengths[of], zero_unknown=zero_unknown)
+            if of.sum() >= FEWEST and place is not None:
+                off = self.lengths[of] - np.linalg.norm(nominal[of] - place, axis=1)
+                miss.append(np.abs(off - zero_unknown * np.median(off)))
+        return float(np.median(np.concatenate(miss))) if miss else np.inf
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A hypothesis about the files: what is wrong, what to do, and in which file under which key."""
+
+    what: str
+    do: str
+    file: File
+    key: str
+    meaning: Meaning
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The likeliest meaning of readings that the files as they are do not explain.
+
+    rivals: other hypotheses that explain them as well; miss, left: median distance, mm, of the nominal robot from the
+    readings as the files have them and as `cause` has them.
+    """
+
+    cause: Hypothesis
+    rivals: tuple[Hypothesis, ...]
+    miss: float
+    left: float
+
+
+def explained(
+    meaning: Meaning,
+    others: Callable[[], Iterator[Hypothesis]],
+    tools: Array,
+    *,
+    tool_unknown: bool,
+    zero_unknown: bool,
+) -> Explanation | None:
+    """The hypothesis that explains the readings clearly better than the files do; None where none does or need be.
+
+    others: the hypotheses to try; tools: (T, 3) mm, nominal targets.
+    """
+
+    def share(of: Meaning, free: bool) -> float:
+        miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
+        return miss / max(extent, 1e-9)
+
+    for free in (False, True):
+        if free < tool_unknown or (free and meaning.points is None):
+            continue
+        plain = share(meaning, free)
+        if plain < _SMALL:
+            return None
+        limit = min(plain / BETTER, _EXPLAINED)
+        if not free and meaning.points is not None:
+            limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
+        shares = [(share(other.meaning, free), other) for other in others()]
+        found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
+        if found:
+            left, cause = found[0]
+            rivals = tuple(other for of_other, other in found[1:] if of_other < _ALIKE * left)
+            options = {"tool_unknown": free, "zero_unknown": zero_unknown}
+            return Explanation(
+                cause, rivals, meaning.miss(tools, **options)[0], cause.meaning.miss(tools, **options)[0]
+            )
+    return None
+
+
+def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
+    """The robot is another one, or counts its joints otherwise; a robot file of the user's own is misread."""
+    robot, built_in = meaning.robot, {name: load_robot(name) for name in built_in_robots()}
+    for name, other in built_in.items():
+        if other.joints == robot.joints and other != robot:
+            yield Hypothesis(
+                f"the readings are not of the robot {robot.name}: they fit {name}",
+                f'Set robot = "{name}".',
+                "header",
+                "robot",
+                replace(meaning, robot=other, coupling="none"),
+            )
+    for coupling in ("none", *robot.joint_matrices):
+        if coupling != meaning.coupling:
+            yield Hypothesis(
+                f"the joints are not counted with joint_coupling = {meaning.coupling!r}",
+                f'Set joint_coupling = "{coupling}".',
+                "header",
+                "joint_coupling",
+                replace(meaning, coupling=coupling),
+            )
+    if robot in built_in.values():
+        return
+    if reach(robot) < _METRES:
+        longer = replace(robot, a=tuple(1000.0 * x for x in robot.a), d=tuple(1000.0 * x for x in robot.d))
+        yield _of_table(meaning, longer, "has its lengths in metres", "Multiply every a_mm and d_mm by 1000.")
+    wider = replace(
+        robot, alpha=tuple(x / DEG for x in robot.alpha), theta=tuple(x / DEG for x in robot.theta)
+    )
+    yield _of_table(meaning, wider, "has its angles in radians", "Write alpha_deg and theta_deg in degrees.")
+    written, convention = ("modified", "dh") if robot.convention == "mdh" else ("standard", "mdh")
+    yield _of_table(
+        meaning,
+        replace(robot, convention=convention),
+        f"does not hold {written} DH numbers, as its convention says",
+        f'Set convention = "{convention}" in the robot file.',
+    )
+    for k, alpha in enumerate(robot.alpha):
+        if abs(np.sin(alpha)) > 1e-3:
+            turned = (*robot.alpha[:k], -alpha, *robot.alpha[k + 1 :])
+            yield _of_table(
+                meaning,
+                replace(robot, alpha=turned),
+                f"has alpha_deg of link {k + 1} with the wrong sign",
+                f"Write alpha_deg = {-alpha / DEG:g} for link {k + 1}.",
+            )
+
+
+def _of_table(meaning: Meaning, robot: Robot, what: str, do: str) -> Hypothesis:
+    return Hypothesis(
+        f"the file of the robot {robot.name} {what}", do, "header", "robot", replace(meaning, robot=robot)
+    )
+
+
+def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
+    """A joint turns in the other direction, has its zero a quarter turn off, or is in its neighbour's column."""
+    angles, last = meaning.angles, meaning.angles.shape[1]
+    for k in range(last):
+        name = f"j{k + 1}_deg"
+        other = angles.copy()
+        other[:, k] *= -1.0
+        yield Hypothesis(
+            f"joint {k + 1} turns in the other direction than the robot has it",
+            f"Change the sign of the column {name}, or of the joint in the robot file.",
+            "data",
+            name,
+            replace(meaning, angles=other),
+        )
+        for off, sign in ((_QUARTER, "+"), (-_QUARTER, "-")):
+            other = angles.copy()
+            other[:, k] += off
+            tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
+            yield Hypothesis(
+                f"the zero of joint {k + 1} is 90 deg off",
+                f"Add {sign}90 to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
+                "data",
+                name,
+                replace(meaning, angles=other),
+            )
+        if k + 1 < last:
+            other = angles.copy()
+            other[:, [k, k + 1]] = angles[:, [k + 1, k]]
+            yield Hypothesis(
+                f"joints {k + 1} and {k + 2} are in each other's column",
+                f"Swap the columns {name} and j{k + 2}_deg.",
+                "data",
+                f"{name}, j{k + 2}_deg",
+                replace(meaning, angles=other),
+            )
+
+
+def of_points(meaning: Meaning) -> Iterator[Hypothesis]:
+    """The measured points are mirrored, or they or the distances are in another unit."""
+    if reach(meaning.robot) < _METRES:
+        return  # the robot file is in the wrong unit, not the readings
+    points, lengths = meaning.points, meaning.lengths
+    if points is not None:
+        yield Hypothesis(
+            "the measured frame is left-handed: mirrored, its points fit the robot",
+            "Change the sign of one axis, or swap two columns, as the instrument's manual has it.",
+            "data",
+            "x_mm, y_mm, z_mm",
+            replace(meaning, points=points * (-1.0, 1.0, 1.0)),
+        )
+    for unit, factor in _UNITS.items():
+        yield Hypothesis(
+            f"the measured numbers are {unit}, not millimetres",
+            f"Multiply them by {factor:g}.",
+            "data",
+            "length_mm" if points is None else "x_mm, y_mm, z_mm",
+            replace(
+                meaning,
+                points=None if points is None else points * factor,
+                lengths=None if lengths is None else lengths * factor,
+            ),
+        )
+
+
+def of_rows(everything: Meaning, rows: NDArray[np.int64], usable: NDArray[np.bool_]) -> Iterator[Hypothesis]:
+    """Hypotheses that what was measured has slipped against the joints by up to three rows.
+
+    everything: every row of the file; rows: (n,) index of those that are looked at; usable: (all,) rows of this
+    series that may be.
+    """
+    for late in (*range(1, _LATEST + 1), *range(-1, -_LATEST - 1, -1)):
+        inside = rows[(rows + late >= 0) & (rows + late < len(usable))]
+        here = inside[usable[inside + late]]
+        if len(here) < FEWEST:
+            continue
+        there = here + late
+        how, where = ("late", "up") if late > 0 else ("early", "down")
+        for named_with in (here, there):  # the names of the targets may have slipped too
+            yield Hypothesis(
+                f"what was measured is {abs(late)} row{'s' * (abs(late) > 1)} too {how} beside the joints",
+                f"Move the measured columns {abs(late)} row{'s' * (abs(late) > 1)} {where}.",
+                "data",
+                "length_mm" if everything.points is None else "x_mm, y_mm, z_mm",
+                Meaning(
+                    everything.robot,
+                    everything.coupling,
+                    everything.angles[here],
+                    everything.which[named_with],
+                    None if everything.points is None else everything.points[there],
+                    None if everything.lengths is None else everything.lengths[there],
+                    None if everything.anchor is None else everything.anchor[there],
+                ),
+            )
+
+
+def reach(robot: Robot) -> float:
+    """Sum of the lengths of the links, mm."""
+    return float(np.sum(np.abs([*robot.a, *robot.d])))
+
+
+def _extent(points: Array) -> float:
+    return float(np.linalg.norm(np.std(points, axis=0)))

@@ -1,0 +1,67 @@
+"""The declared noise of an instrument and of the robot, as the covariance of every reading.
+
+A tracker's range is better than its angles: sigma along the beam and across it grow as fixed + ppm x distance.
+The robot's repeatability enters through the joint Jacobian. Source: Nubiola, thesis 2.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+
+Kind = Literal["tracker", "isotropic", "per-row"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise of an instrument: one sigma per axis; lengths mm, repeatability rad, rotation rad."""
+
+    kind: Kind
+    sigma_mm: float = 0.0
+    station_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    range_mm: float = 0.0
+    range_ppm: float = 0.0
+    transverse_mm: float = 0.0
+    transverse_ppm: float = 0.0
+    repeatability: float = 0.0
+    rotation: float = 0.0
+    length_mm: float = 0.0
+
+    def of_points(self, points: Array, per_row: Array) -> Array:
+        """(n, 3, 3) covariance of measured points (n, 3), mm2; rows of `per_row` (n, 3) that are finite override it."""
+        if self.kind == "tracker":
+            beam = points - np.array(self.station_mm)
+            distance = np.linalg.norm(beam, axis=1)
+            beam = beam / np.maximum(distance, 1e-9)[:, None]
+            along = self.range_mm + self.range_ppm * 1e-6 * distance
+            across = self.transverse_mm + self.transverse_ppm * 1e-6 * distance
+            outer = beam[:, :, None] * beam[:, None, :]
+            covariance = across[:, None, None] ** 2 * (np.eye(3) - outer) + along[:, None, None] ** 2 * outer
+        else:
+            covariance = np.broadcast_to(np.eye(3) * self.sigma_mm**2, (len(points), 3, 3)).copy()
+        given = np.all(np.isfinite(per_row), axis=1)
+        covariance[given] = per_row[given][:, :, None] ** 2 * np.eye(3)
+        return covariance
+
+    def of_joints(self, columns: Array) -> Array:
+        """(n, k, k) covariance that the repeatability of the joints causes; columns (N, k, n), one row a joint."""
+        return self.repeatability**2 * np.einsum("jkn,jln->nkl", columns, columns)
+
+
+def whitener(covariance: Array, measured: NDArray[np.bool_]) -> Array:
+    """(k, k, n) lower-triangular W with W C W' = I over the rows that were measured, from covariances C (n, k, k).
+
+    measured: (n, k); the other rows of W are zero. Raises LinAlgError when a covariance is singular.
+    """
+    if measured.all():
+        lower = np.linalg.cholesky(covariance)
+        return np.ascontiguousarray(np.linalg.inv(lower).transpose(1, 2, 0), dtype=np.float64)
+    both = measured[:, :, None] & measured[:, None, :]
+    lower = np.linalg.cholesky(np.where(both, covariance, np.eye(measured.shape[1])))
+    inverse = np.where(both, np.linalg.inv(lower), 0.0)
+    return np.ascontiguousarray(inverse.transpose(1, 2, 0), dtype=np.float64)

@@ -1,0 +1,219 @@
+"""Plausibility: files that mean something else than they say, and repeated readings, which a fit would not notice.
+
+A left-handed frame, a wrong unit or a joint of the wrong sign leaves the readings consistent among themselves, and the
+least squares distant by decimetres. Each is tried in turn (`calib.data.hypotheses`): where the nominal robot then fits
+clearly better, the readings are refused by that name. `remarks` says what is no error but limits what the readings
+can show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.arm.kinematics import forward
+from calib.arm.start import align, tool_turn
+from calib.array import Array
+from calib.data.conditions import row_keys
+from calib.data.dataset import Dataset
+from calib.data.header import Header
+from calib.data.hypotheses import FEWEST, Meaning, explained, of_joints, of_points, of_robot, of_rows
+from calib.errors import DataError
+from calib.units import DEG
+
+# Miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
+_GOOD = 0.05
+_BETTER = 0.1  # share of the miss that may be left when it is explained
+_NARROW = 20.0 * DEG
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+_ENOUGH = 300  # readings of a series that show what the files mean
+_MOST_RIVALS = 2
+
+
+def refuse_implausible(dataset: Dataset) -> None:
+    """Raise DataError where the files can only mean something else than they say, by the name of what they mean.
+
+    Points mirrored or in another unit, joints with another sign, order or zero, rows that slipped, another robot or
+    another reading of its file (`calib.data.hypotheses`), quaternions in another order.
+    """
+    conditions = dataset.conditions
+    controller = dataset.header.robot.controller_angles(conditions.joints, dataset.header.coupling)
+    for s, series in enumerate(conditions.series_names):
+        rows = dataset.fit_rows & (conditions.series == s)
+        tools = _tools(dataset, series)
+        for measured in (rows & dataset.pointed, rows & dataset.spanned & ~dataset.pointed):
+            if measured.sum() >= FEWEST:
+                _refuse_misread(dataset, series, controller, tools, measured)
+        turned = rows & dataset.turned
+        if turned.sum() >= FEWEST:
+            flange = forward(dataset.header.robot, conditions.joints[turned])
+            arm = np.einsum("nij,nj->ni", flange[:, :3, :3], tools[conditions.target[turned]])
+            _refuse_turns(dataset, series, flange, flange[:, :3, 3] + arm, turned)
+
+
+def _tools(dataset: Dataset, series: str) -> Array:
+    """(T, 3) nominal tool targets of a series, mm, in the order of the data set's names."""
+    known = dataset.header.targets_of(series)
+    return np.array([known.get(name, (0.0, 0.0, 0.0)) for name in dataset.conditions.target_names])
+
+
+def _refuse_misread(
+    dataset: Dataset, series: str, controller: Array, tools: Array, measured: NDArray[np.bool_]
+) -> None:
+    header, conditions = dataset.header, dataset.conditions
+    pointed = bool(dataset.pointed[measured].any())
+    everything = Meaning(
+        header.robot,
+        header.coupling,
+        controller,
+        conditions.target,
+        dataset.points if pointed else None,
+        None if pointed else dataset.lengths,
+        None if pointed else conditions.anchor,
+    )
+    rows = np.flatnonzero(measured)
+    rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
+    meaning = replace(
+        everything,
+        angles=controller[rows],
+        which=conditions.target[rows],
+        points=dataset.points[rows] if pointed else None,
+        lengths=None if pointed else dataset.lengths[rows],
+        anchor=None if pointed else conditions.anchor[rows],
+    )
+    why = explained(
+        meaning,
+        lambda: chain(
+            of_points(meaning), of_joints(meaning), of_robot(meaning), of_rows(everything, rows, measured)
+        ),
+        tools,
+        tool_unknown="tool" in header.groups,
+        zero_unknown=header.frees_length_zero,
+    )
+    if why is None:
+        return
+    rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
+    raise DataError(
+        f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
+        f"read so by {why.left:.3g} mm.",
+        do=why.cause.do + rivals,
+        file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
+        key=why.cause.key,
+    )
+
+
+def _refuse_turns(
+    dataset: Dataset, series: str, flange: Array, nominal: Array, rows: NDArray[np.bool_]
+) -> None:
+    base = np.eye(4)
+    base[:3, :3], _ = align(nominal, dataset.points[rows], np.ones(len(nominal)))
+    orientation = dataset.orientation[rows]
+
+    def left(read: Array) -> float:
+        """Median turn, rad, that remains behind a constant turn of the tool."""
+        turn = base[:3, :3] @ flange[:, :3, :3] @ tool_turn(flange, base, read)
+        off = Rotation.from_matrix(turn).inv() * Rotation.from_quat(read, scalar_first=True)
+        return float(np.median(off.magnitude()))
+
+    if (plain := left(orientation)) < _GOOD:
+        return
+    readings = {
+        "hold the scalar last": orientation[:, [3, 0, 1, 2]],
+        "turn in the other direction, from the tool to the world": orientation * (1.0, -1.0, -1.0, -1.0),
+    }
+    for what, read in readings.items():
+        if left(read) < min(_BETTER * plain, _GOOD):
+            raise DataError(
+                f"the quaternions of series '{series}' {what}: read so, they fit the robot.",
+                do="Write the orientation of the tool frame in the world, rot_w the scalar.",
+                file=dataset.path,
+                key="rot_w..rot_z",
+            )
+
+
+def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mapping[str, Array]) -> None:
+    """Raise DataError where base targets, declared in the world, lie mirrored to `here`, their places by the lengths.
+
+    Both in mm; needs four that do not lie in a plane.
+    """
+    if len(here) < 4:
+        return
+    found, goal = np.array(list(here.values())), np.array([declared[name] for name in here])
+
+    def left(places: Array) -> float:
+        rotation, translation = align(found, places, np.ones(len(found)))
+        return float(np.linalg.norm(places - found @ rotation.T - translation, axis=1).max())
+
+    plain = left(goal)
+    if plain > _GOOD * np.linalg.norm(np.std(goal, axis=0)) and left(goal * _MIRROR) < _BETTER * plain:
+        raise DataError(
+            "lie mirrored to where the lengths find them: the frame they are given in is left-handed.",
+            do="Change the sign of one axis of all of them.",
+            file=dataset.path.with_suffix(".toml"),
+            key="base_targets",
+        )
+
+
+def assumed_in_words(header: Header) -> str:
+    """A sentence on the targets whose uncertainty nobody stated; empty where there are none."""
+    u_mm = {**header.tool_targets_u_mm, **header.base_targets_u_mm}
+    assumed = [f"{name} ({u_mm.get(name, 0.0):g} mm)" for name in header.u_mm_assumed]
+    if not assumed:
+        return ""
+    return (
+        f"Nobody stated how well these are known: {', '.join(assumed)}, assumed. State u_mm under [world] and [tool] "
+        "in the cell file."
+    )
+
+
+def remarks(dataset: Dataset) -> list[str]:
+    """What limits the readings of a fit, sentence by sentence: repeated rows, narrow joints, one approach."""
+    rows = dataset.fit_rows
+    out = []
+    if words := assumed_in_words(dataset.header):
+        out.append(words)
+    twice = _repeated(dataset, rows)
+    if twice:
+        ids = ", ".join(twice[:4]) + (", ..." if len(twice) > 4 else "")
+        out.append(
+            f"{len(twice)} {'reading repeats' if len(twice) == 1 else 'readings repeat'} an earlier one to the last "
+            f"digit, joints and measured numbers ({ids}): counted twice, they make errors look smaller."
+        )
+    joints = dataset.conditions.joints[rows]
+    low, high = joints.min(axis=0) / DEG, joints.max(axis=0) / DEG
+    for k in np.flatnonzero(np.ptp(joints, axis=0) < _NARROW):
+        out.append(
+            f"Joint {k + 1} moves only from {low[k]:.1f} to {high[k]:.1f} deg: its parameters are hardly seen, and "
+            "poses beyond are a guess."
+        )
+    side = dataset.conditions.side[rows]
+    one_sided = np.flatnonzero(np.ptp(side, axis=0) == 0.0)
+    if len(one_sided):
+        names = ", ".join(str(k + 1) for k in one_sided)
+        out.append(
+            f"{'Joint' if len(one_sided) == 1 else 'Joints'} {names} always arrived from the same side: backlash "
+            "there is invisible, and the result holds for that approach."
+        )
+    return out
+
+
+def _repeated(dataset: Dataset, rows: NDArray[np.bool_]) -> list[str]:
+    """Ids of readings that equal an earlier one. A length alone is one number, so its time must be the same too."""
+    time = np.where(dataset.pointed, 0.0, dataset.conditions.time)
+    numbers = np.nan_to_num(
+        np.column_stack(
+            [dataset.conditions.joints, dataset.points, dataset.orientation, dataset.lengths, time]
+        )
+    )
+    seen: set[bytes] = set()
+    out = []
+    for i, key in zip(np.flatnonzero(rows).tolist(), row_keys(numbers[rows]), strict=True):
+        if key in seen:
+            out.append(dataset.reading_id[i])
+        seen.add(key)
+    return out

@@ -1,0 +1,277 @@
+"""A data set read from its files, `NAME.csv` + `NAME.toml` (`truepose-dataset/1`), or from what they would hold.
+
+What cannot be trusted is refused by file, line and column.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.kinematics import statics
+from calib.array import Array
+from calib.data.arrivals import arrivals_of, order_of
+from calib.data.conditions import Conditions
+from calib.data.dataset import SETS, Dataset
+from calib.data.expected import expected_points
+from calib.data.header import Header, read_header
+from calib.data.plausible import refuse_implausible
+from calib.data.spans import take_spans
+from calib.data.unfit import refuse_beyond_limits, refuse_unfit
+from calib.errors import DataError
+from calib.text.columns import Columns
+from calib.text.toml_table import FARTHEST_MM
+from calib.units import DEG
+
+_MOST_DEG = 1e5
+_MOST_WAYPOINTS = 1e9
+_UNITLESS = ("x", "y", "z", "t", "length", "t_air")
+
+
+def read_dataset(path: Path | str) -> Dataset:
+    """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
+    path = Path(path)
+    return dataset_of(Columns.read(path), read_header(path.with_suffix(".toml")))
+
+
+def dataset_of(table: Columns, header: Header) -> Dataset:
+    """The data set of a table and its header. Raises DataError (file, line or key, what to do)."""
+    _refuse_without_units(table)
+    _refuse_without_ids(table)
+    spans, table = take_spans(table, header)
+    if not len(table):
+        raise DataError(
+            "has distances between balls only, and no reading of the arm.",
+            do="Measure poses of the robot too.",
+            file=table.path,
+        )
+    joints = _joints(table, header)
+    reading_id = tuple(str(name) for name in table.text("reading_id"))
+    if "reading_id" not in table:
+        reading_id = tuple(str(number) for number in table.lines)
+    sets = table.text("set", "calibration")
+    for i, name in enumerate(sets):
+        if name not in SETS:
+            raise table.refuse(i, "set", f"is '{name}'", f"Use {', '.join(SETS)}")
+    status = _status(table)
+    points, orientation = _measured(table, status)
+    series, target = _names(table, header)
+    time = table.numbers("t_s")
+    loading = statics(header.robot, joints, header.loads, header.gravity)
+    series_names, series_index = np.unique(series, return_inverse=True)
+    order = order_of(time, series_index)
+    side, previous = arrivals_of(table, header, joints, order, series_index)
+    target_names, target_index = np.unique(target, return_inverse=True)
+    anchor_names, anchor_index = _base_targets(table, header)
+    fitted = np.isin(status, ("", "ok")) & (sets != "validation")
+    located = np.where(fitted[:, None], points, np.nan)
+    conditions = Conditions(
+        joints=joints,
+        previous=previous,
+        side=side,
+        torque=loading.torque,
+        moment=loading.moment,
+        overturning=loading.overturning,
+        unit_load=loading.unit_load,
+        time=time,
+        order=order.astype(np.float64),
+        temperature=table.numbers("t_air_c"),
+        point=expected_points(header, joints, series, target, located),
+        series=series_index,
+        target=target_index,
+        anchor=anchor_index,
+        waypoint=_waypoints(table),
+        series_names=tuple(str(name) for name in series_names),
+        target_names=tuple(str(name) for name in target_names),
+        anchor_names=anchor_names,
+    )
+    dataset = Dataset(
+        path=table.path,
+        header=header,
+        reading_id=reading_id,
+        sets=sets,
+        status=status,
+        conditions=conditions,
+        points=points,
+        orientation=orientation,
+        lengths=table.numbers("length_mm"),
+        u_rotation=table.numbers("u_rot_mrad") * 1e-3,
+        u_length=table.numbers("u_length_mm"),
+        u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
+        sha256=hashlib.sha256((table.sha256 + header.text).encode()).hexdigest(),
+        spans=spans,
+    )
+    refuse_unfit(dataset, table)
+    refuse_implausible(dataset)
+    if not header.beyond_limits:
+        refuse_beyond_limits(dataset, table)
+    return dataset
+
+
+def _refuse_without_units(table: Columns) -> None:
+    for name in table.names:
+        stem = name.lower()
+        if stem in _UNITLESS or (stem.startswith("j") and stem[1:].isdigit()):
+            unit = {"t": "s", "t_air": "c"}.get(stem, "deg" if stem.startswith("j") else "mm")
+            raise DataError(
+                f"column '{name}' has no unit in its name.",
+                do=f"Name it '{name}_{unit}' if its values are in that unit; convert them first if not.",
+                file=table.path,
+                line=1,
+            )
+        for wrong, right in (("_rad", "_deg"), ("_m", "_mm")):
+            known = any(stem.startswith(start) for start in ("j", "x", "y", "z", "length"))
+            if known and stem.endswith(wrong) and not stem.endswith("_mm") and len(stem.split("_")) == 2:
+                raise DataError(
+                    f"column '{name}' is not in the unit of the format.",
+                    do=f"Convert its values and name it '{name[: -len(wrong)]}{right}'.",
+                    file=table.path,
+                    line=1,
+                )
+
+
+def _refuse_without_ids(table: Columns) -> None:
+    """Raise DataError where a reading has no id, or that of another; in a file without the column lines are the ids."""
+    if "reading_id" not in table:
+        return
+    seen: set[str] = set()
+    for i, name in enumerate(table.text("reading_id").tolist()):
+        if not name:
+            raise table.refuse(i, "reading_id", "is empty", "Give every reading an id")
+        if name in seen:
+            raise table.refuse(i, "reading_id", f"'{name}' is given twice", "Give each reading its own id")
+        seen.add(name)
+
+
+def _joints(table: Columns, header: Header) -> Array:
+    count = header.robot.joints
+    for k in range(1, count + 1):
+        table.require(
+            f"j{k}_deg", f"The robot {header.robot.name} has {count} joints: give j1_deg to j{count}_deg."
+        )
+    if f"j{count + 1}_deg" in table:
+        raise DataError(
+            f"column 'j{count + 1}_deg' is there, but the robot {header.robot.name} has {count} joints.",
+            do="Correct the robot in the header, or remove the column.",
+            file=table.path,
+            line=1,
+        )
+    degrees = np.column_stack([table.numbers(f"j{k}_deg", required=True) for k in range(1, count + 1)])
+    if len(degrees) >= 5 and np.max(np.abs(degrees)) <= 2.0 * np.pi + 1e-3:
+        raise DataError(
+            f"no joint angle exceeds {np.max(np.abs(degrees)):.3f}: these can only be radians.",
+            do="Columns j1_deg... hold degrees: multiply by 180/pi.",
+            file=table.path,
+            key="j1_deg",
+        )
+    for i, k in np.argwhere(np.abs(degrees) > _MOST_DEG):
+        raise table.refuse(
+            int(i), f"j{k + 1}_deg", f"is {degrees[i, k]:g}", "Give degrees, not encoder counts"
+        )
+    return header.robot.model_angles(degrees * DEG, header.coupling)
+
+
+def _status(table: Columns) -> NDArray[np.str_]:
+    status = np.array([cell.lower() if cell.lower() == "ok" else cell for cell in table.text("status")])
+    for i, cell in enumerate(status):
+        if cell not in ("", "ok") and not cell.startswith("rejected"):
+            raise table.refuse(i, "status", f"is '{cell}'", "Use ok, rejected:REASON, or leave it empty")
+    return status
+
+
+def _waypoints(table: Columns) -> NDArray[np.int64]:
+    number = table.numbers("waypoint")
+    counts = (number >= 0.0) & (number <= _MOST_WAYPOINTS) & (number % 1.0 == 0.0)
+    for i in np.flatnonzero(np.isfinite(number) & ~counts):
+        raise table.refuse(int(i), "waypoint", f"is {number[i]:g}", "Number the poses 0, 1, 2, ...")
+    return np.where(counts, number, -1.0).astype(np.int64)
+
+
+def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Names of the base targets, and the index of each row's, -1 where the row has none."""
+    named = table.text("base_target")
+    lengths = table.numbers("length_mm")
+    for i, (name, length) in enumerate(zip(named, lengths, strict=True)):
+        if np.isfinite(length) and not name:
+            raise table.refuse(i, "base_target", "is empty", "A distance needs the base target it ends at")
+        if name and not header.knows_base_target(str(name)):
+            raise table.refuse(
+                i,
+                "base_target",
+                f"names '{name}', which the header does not",
+                f'Add it under [base_targets], with its position in the world or as {name} = "free"',
+            )
+        if abs(length) > FARTHEST_MM:
+            raise table.refuse(i, "length_mm", f"is {length:g}: no wire is that long", "Give it in mm")
+        if length <= 0.0 and not header.frees_length_zero:
+            raise table.refuse(
+                i,
+                "length_mm",
+                f"is {length:g}",
+                "A distance is above zero; free the group 'length_zero' where lengths count from an unknown zero",
+            )
+    names = tuple(sorted({str(name) for name in named if name}))
+    return names, np.array([names.index(str(name)) if name else -1 for name in named], dtype=np.int64)
+
+
+def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
+    for axis in "xyz" if "length_mm" not in table else "":
+        table.require(
+            f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
+        )
+    points = np.column_stack([table.numbers(f"{axis}_mm") for axis in "xyz"])
+    for i in np.flatnonzero(np.isfinite(points).any(axis=1) & ~np.isfinite(points).all(axis=1)):
+        raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are only partly filled", "Fill all three or none")
+    zero = np.all(points == 0.0, axis=1) & np.isin(status, ("", "ok"))
+    for i in np.flatnonzero(zero):
+        raise table.refuse(
+            int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty"
+        )
+    for i in np.flatnonzero(np.max(np.abs(np.nan_to_num(points)), axis=1) > FARTHEST_MM):
+        raise table.refuse(
+            int(i), "x_mm, y_mm, z_mm", "are farther than anything on earth", "Give them in mm"
+        )
+    orientation = np.column_stack([table.numbers(f"rot_{q}") for q in "wxyz"])
+    norm = np.linalg.norm(orientation, axis=1)
+    for i in np.flatnonzero(np.abs(norm - 1.0) > 1e-3):
+        raise table.refuse(int(i), "rot_w..rot_z", f"have the norm {norm[i]:.4f}", "A quaternion has norm 1")
+    partly = np.isfinite(orientation).any(axis=1) & ~np.isfinite(orientation).all(axis=1)
+    for i in np.flatnonzero(partly):
+        raise table.refuse(int(i), "rot_w..rot_z", "are only partly filled", "Fill all four or none")
+    for i in np.flatnonzero(np.isfinite(norm) & ~np.isfinite(points).all(axis=1)):
+        raise table.refuse(
+            int(i),
+            "x_mm, y_mm, z_mm",
+            "are empty beside an orientation",
+            "A pose has both; give the point too",
+        )
+    return points, orientation / norm[:, None]
+
+
+def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+    series = table.text("series", "main")
+    for i, name in enumerate(series):
+        if header.series_targets and name not in header.series_targets and not header.targets:
+            raise table.refuse(i, "series", f"names '{name}'", "Add [series.NAME] to the header")
+    everything = set(header.targets).union(*(names for names in header.series_targets.values()))
+    if not everything:
+        raise DataError(
+            "names no tool target.",
+            do="Add [tool_targets] with their nominal positions in the flange frame, e.g. T1 = [0.0, 0.0, 125.0].",
+            file=table.path.with_suffix(".toml"),
+            key="tool_targets",
+        )
+    only = next(iter(everything)) if len(everything) == 1 else ""
+    target = table.text("tool_target", only)
+    for i, (name, of_series) in enumerate(zip(target, series, strict=True)):
+        if name not in header.targets_of(of_series):
+            what = (
+                f"names '{name}', which the header does not"
+                if name
+                else "is empty, and the header has several targets"
+            )
+            raise table.refuse(i, "tool_target", what, f"Use one of {', '.join(sorted(everything))}")
+    return series, target

@@ -1,0 +1,106 @@
+"""Data sets that cannot be fitted, refused by file, line and column: too few readings, no noise, beyond limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.data.dataset import Dataset
+from calib.data.header import LEAST
+from calib.errors import DataError
+from calib.text.columns import Columns
+from calib.units import DEG
+
+_FEWEST_A_SERIES = 3
+_BEYOND_DEG = 2.0  # by which a joint may exceed its limit: limits are set a little apart in many a controller
+
+
+def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
+    """Raise DataError where no robot goes: a typing error, or another robot."""
+    robot, conditions = dataset.header.robot, dataset.conditions
+    angles = robot.controller_angles(conditions.joints, dataset.header.coupling) / DEG
+    lower, upper = np.array(robot.lower) / DEG, np.array(robot.upper) / DEG
+    beyond = (angles < lower - _BEYOND_DEG) | (angles > upper + _BEYOND_DEG)
+    for i, k in np.argwhere(beyond & dataset.usable[:, None])[:1]:
+        raise table.refuse(
+            int(i),
+            f"j{k + 1}_deg",
+            f"is {angles[i, k]:g}, and joint {k + 1} of {robot.name} goes from {lower[k]:g} to {upper[k]:g} deg",
+            "Correct it, or write beyond_limits = true in the header where the robot really went there",
+        )
+
+
+def refuse_unfit(dataset: Dataset, table: Columns) -> None:
+    """Raise DataError for readings that cannot carry the model of their header."""
+    rows = dataset.fit_rows
+    if not rows.any():
+        raise DataError(
+            "has no calibration rows that were measured.",
+            do="Mark some rows set = calibration; validation rows never enter a fit.",
+            file=table.path,
+            key="set",
+        )
+    pointed = dataset.points[rows & dataset.pointed]
+    if len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1 or (
+        len(pointed) == int(rows.sum()) and np.ptp(pointed, axis=0).max() < 1.0
+    ):
+        raise DataError(
+            "all calibration readings are the same.",
+            do="Measure poses all over the joint ranges.",
+            file=table.path,
+            key="j1_deg.. x_mm..",
+        )
+    conditions = dataset.conditions
+    for s, name in enumerate(conditions.series_names):
+        few = int(rows[conditions.series == s].sum())
+        if few < _FEWEST_A_SERIES:
+            raise DataError(
+                f"series '{name}' has {few} calibration readings: they cannot say where its base is.",
+                do=f"Measure {_FEWEST_A_SERIES} or more with set = calibration, or leave the series out.",
+                file=table.path,
+                key="set",
+            )
+    if "tool" in dataset.header.groups:
+        pairs = {
+            (int(s), int(t)) for s, t in zip(conditions.series[rows], conditions.target[rows], strict=True)
+        }
+        for i, pair in enumerate(zip(conditions.series, conditions.target, strict=True)):
+            if (int(pair[0]), int(pair[1])) not in pairs:
+                raise table.refuse(
+                    i,
+                    "tool_target",
+                    f"names {conditions.target_names[pair[1]]}, which no calibration reading measured",
+                    "With 'tool' under [model] fit every target needs calibration readings of its series",
+                )
+    given = np.isfinite(dataset.u_point)
+    for i in np.flatnonzero(given.any(axis=1) & ~(given & (dataset.u_point >= LEAST)).all(axis=1)):
+        raise table.refuse(
+            int(i),
+            "u_x_mm, u_y_mm, u_z_mm",
+            "are not all above zero",
+            "Give all three, or none for [noise] to hold",
+        )
+    if dataset.header.noise.kind == "per-row":
+        pointed_rows = dataset.usable & dataset.pointed
+        for i in np.flatnonzero(pointed_rows & ~np.all(dataset.u_point >= LEAST, axis=1)):
+            raise table.refuse(
+                int(i),
+                "u_x_mm",
+                "is empty or zero, and [noise] kind is 'per-row'",
+                "Give u_x_mm, u_y_mm, u_z_mm",
+            )
+    _refuse_without_noise(dataset, table)
+
+
+def _refuse_without_noise(dataset: Dataset, table: Columns) -> None:
+    """Distances weigh by their own noise, which cannot be guessed."""
+    for of_row, column in ((dataset.u_rotation, "u_rot_mrad"), (dataset.u_length, "u_length_mm")):
+        for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row >= LEAST * 1e-3)):
+            raise table.refuse(int(i), column, "is not above zero", "Leave it empty for [noise] to hold")
+    missing = np.flatnonzero(dataset.usable & dataset.spanned & ~np.isfinite(dataset.u_length))
+    if dataset.header.noise.length_mm == 0.0 and len(missing):
+        raise DataError(
+            f"is missing or zero, but line {table.lines[int(missing[0])]} of {dataset.path.name} holds a distance.",
+            do="Give its standard uncertainty under [noise], or fill the column u_length_mm.",
+            file=dataset.path.with_suffix(".toml"),
+            key="noise.length_mm",
+        )

@@ -1,0 +1,39 @@
+"""The diagnosis: what the model lacks, named where readings can name it, with its evidence and its rivals."""
+
+from calib.diagnose.carry import CarryOver, carry_over
+from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
+from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rival, separating, stands
+from calib.diagnose.outlying import ACTS_ON
+from calib.diagnose.patch import Patch, error_with_patch, error_without_patch, patch_of
+from calib.diagnose.places import QUICK
+from calib.diagnose.power import Visible
+from calib.diagnose.repeats import EACH_POSE
+from calib.diagnose.select import MOST_EFFECTS
+from calib.diagnose.structure import Structure
+from calib.diagnose.without import error_without
+
+__all__ = [
+    "ACTS_ON",
+    "APPROACHES",
+    "EACH_POSE",
+    "MOST_EFFECTS",
+    "POSES",
+    "QUICK",
+    "SEPARATES",
+    "CarryOver",
+    "Diagnosis",
+    "FollowUp",
+    "Found",
+    "Patch",
+    "Rival",
+    "Structure",
+    "Visible",
+    "carry_over",
+    "diagnose",
+    "error_with_patch",
+    "error_without",
+    "error_without_patch",
+    "patch_of",
+    "separating",
+    "stands",
+]

@@ -1,0 +1,88 @@
+"""The error from noise, as declared and as repeated readings show it, and whether each pose has an error of its own.
+
+Readings of one visit share where the robot came to rest, so three targets read at once are no three tries: degrees of
+freedom count as if every visit had one reading. Sources: the lack-of-fit F test, Draper and Smith ch. 2; degrees of
+freedom of rows that belong together, Satterthwaite 1946.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.diagnose.null import visits_of
+from calib.diagnose.structure import ALARM, Structure
+from calib.scan.space import Space
+
+NOISY = 0.001  # chance that noise of the declared size fails the chi-square
+EACH_POSE = "each pose by itself, the same at every visit"
+_FEWEST = 30  # rows by which noise is known from repeats
+
+
+def p_lack_of_fit(space: Space) -> float:
+    """Chance that noise of the declared size leaves this much."""
+    conditions = space.fitted.readings.conditions
+    freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
+    apart = (visits_of(conditions).max() + 1) / len(conditions)
+    return float(stats.chi2.sf(float(np.sum(space.residual**2)) * apart, freedom * apart))
+
+
+def p_beyond_repeats(space: Space) -> float | None:
+    """Chance that the noise which repeated readings show leaves this much; None where too few are repeated.
+
+    Repeats are visits of one pose with one target, arrived at from the same sides: what differs among them is noise,
+    with the robot's repeatability.
+    """
+    conditions = space.fitted.readings.conditions
+    found = _between(space, np.column_stack([_place(conditions), conditions.side.astype(np.int64)]))
+    return None if found is None else found[0]
+
+
+def each_pose(space: Space) -> list[Structure]:
+    """The place of an error that every pose and target has of its own, whenever it is visited; empty where none is."""
+    found = _between(space, _place(space.fitted.readings.conditions))
+    if found is None or found[0] >= ALARM:
+        return []
+    return [Structure(EACH_POSE, *found)]
+
+
+def _place(conditions: Conditions) -> NDArray[np.int64]:
+    """(n, 4) what is measured: pose, tool target, base target, series."""
+    return np.column_stack([conditions.pose, conditions.target, conditions.anchor, conditions.series])
+
+
+def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | None:
+    """Chance that visits of readings which are alike, where rows of `alike` (n, c) are, differ so much less than
+    groups of them do, and the share of what is left that the groups have beyond it.
+
+    None where too few are visited again, or the model has as many parameters as there are groups.
+    """
+    readings = space.fitted.readings
+    groups = np.unique(alike, axis=0, return_inverse=True)[1].reshape(-1)
+    _, first, one = np.unique(
+        np.column_stack([groups, visits_of(readings.conditions)]),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    visits = _means(space.residual, one.reshape(-1))
+    group, rows = groups[first], readings.observed.freedom[first]
+    middle = _means(visits, group)
+    of_groups = int(rows[np.unique(group, return_index=True)[1]].sum())
+    pure, left = int(rows.sum()) - of_groups, of_groups - space.basis.shape[1]
+    if pure < _FEWEST or left <= 0:
+        return None
+    within = float(np.sum((visits - middle[:, group]) ** 2))
+    between = float(np.sum(middle**2 * np.bincount(group)))
+    noise = max(within / pure, 1e-300)
+    apart = (visits_of(readings.conditions).max() + 1) / len(first)
+    p_value = float(stats.f.sf(between / left / noise, max(left * apart, 1.0), max(pure * apart, 1.0)))
+    return p_value, max(between - left * noise, 0.0) / (between + within)
+
+
+def _means(values: Array, group: NDArray[np.int64]) -> Array:
+    """(k, groups) mean of the columns of values (k, n) that belong to each group."""
+    return np.array([np.bincount(group, row) for row in values]) / np.bincount(group)

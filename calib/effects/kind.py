@@ -1,0 +1,51 @@
+"""A kind of effect beside its mathematics: what a technician checks, and what distinguishes it from others.
+
+Every file of the library names its kinds; reports and follow-ups ask them here, and nothing else knows an effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+OTHER_SIDE = "visit the same poses from the other side, after moves of other lengths."
+OTHER_WARMTH = (
+    "pause until the air has another temperature, or measure in another order, "
+    "so that temperature no longer follows the clock."
+)
+OTHER_LOAD = "measure some poses with another payload, declared in the header."
+SECOND_TARGET = "measure a second tool target, 50 mm or more off the axis of the last joint."
+OTHER_STATION = "measure the world nests again, or from another station."
+PROCEDURES = (OTHER_SIDE, OTHER_WARMTH, OTHER_LOAD, SECOND_TARGET, OTHER_STATION)
+"""Procedures that several kinds share, in the order in which they are advised."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of effect by its name, which is its label up to the first colon.
+
+    check: what a technician should look at first, and how to find out whether the finding is real, a sentence or two
+    with {joint} or {name} where the label has one. It is no work order: what must be done to a gear or a bearing is in
+    the robot's own manual. apart: procedures, as the end of a sentence, that distinguish the kind from another where
+    no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
+    temperature that does not follow the clock distinguishes no two such kinds.
+    """
+
+    name: str
+    check: str
+    apart: tuple[str, ...]
+    by_clock: bool = False
+
+    def check_of(self, label: str) -> str:
+        """Advice on what to check for the effect of this label of the kind."""
+        name = label.partition(":")[2].partition(":")[0]
+        joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
+        return self.check.format(joint=joint, name=name)
+
+
+def told_apart(one: Kind, other: Kind) -> list[str]:
+    """The procedures that distinguish two kinds, those that several kinds share first."""
+    proposed = dict.fromkeys([*one.apart, *other.apart])
+    if one.by_clock and other.by_clock:
+        proposed.pop(OTHER_WARMTH, None)
+    shared = [each for each in PROCEDURES if each in proposed]
+    return [*shared, *(each for each in proposed if each not in PROCEDURES)]

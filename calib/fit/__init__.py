@@ -1,0 +1,36 @@
+"""The fit: a base model in its place, its parameters by robust least squares, and what is known of them."""
+
+from calib.fit.circle_points import FEWEST, LEAST_RANGE
+from calib.fit.held_out import errors_on, length_differences
+from calib.fit.identification import Identification
+from calib.fit.identify import identify, silent
+from calib.fit.left_out import LeftOut, all_readings, left_out
+from calib.fit.offsets import Offset, judge_points, offsets_of
+from calib.fit.placing import base_model_of, place_nominal
+from calib.fit.readings import Readings, readings_of
+from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
+
+__all__ = [
+    "FEWEST",
+    "LEAST_RANGE",
+    "ErrorStatistics",
+    "Identification",
+    "LeftOut",
+    "Offset",
+    "Readings",
+    "UncertaintyMap",
+    "all_readings",
+    "base_model_of",
+    "errors_on",
+    "identify",
+    "judge_points",
+    "left_out",
+    "length_differences",
+    "offsets_of",
+    "place_nominal",
+    "readings_of",
+    "silent",
+    "statistics_of",
+    "uncertainty_map",
+]

@@ -1,0 +1,203 @@
+"""Axes of single joints from sweeps: a start for base and tool that needs no nominal chain between them.
+
+While one joint turns, a target runs on a circle about its axis: p = c + A cos(theta) + B sin(theta), linear in c, A
+and B, with A and B of one length and at right angles. The axes of joints 1 and 2 place the base (its origin lies where
+the nominal robot has it below them, d_1), those of the last two joints the flange, and so the target. Which points of
+which axes meet is asked of the nominal robot alone, so both conventions are served alike. Source: Nubiola, 2.3 (circle
+point analysis; Mooring, Roth and Driels 1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.arm.robot import Robot
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.units import DEG
+
+FEWEST = 6
+"""Readings that make a sweep."""
+LEAST_RANGE = 30.0 * DEG
+"""Angle over which they must be spread."""
+
+_STILL = 0.01 * DEG  # by which a joint that counts as still may move
+_ROUNDS = 10
+_PARALLEL = 5.0 * DEG  # two axes that meet under less have no common perpendicular worth the name
+_SURE = 0.02  # rad to which the direction of an axis must be known
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Readings of one series and one target in which joint `joint` (1-based) alone moved.
+
+    rows: (n,) index into the data set; posture: (N,) model angles, rad, that of the joint itself any of its own.
+    """
+
+    joint: int
+    series: int
+    target: int
+    rows: NDArray[np.int64]
+    posture: Array
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes of S sweeps, in the world: direction (S, 3), by the right hand, and centre (S, 3) of the circle, mm.
+
+    cosine, sine: (S, 3) mm, the target is at centre + cosine cos(theta) + sine sin(theta); tilt: (S,) rad,
+    standard uncertainty of the direction, from what the circles leave.
+    """
+
+    direction: Array
+    centre: Array
+    cosine: Array
+    sine: Array
+    tilt: Array
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start by the sweeps of a series: base pose (4, 4) or None, and nominal-flange positions (3,) mm by target."""
+
+    base: Array | None
+    targets: dict[int, Array]
+
+
+def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
+    """The sweeps among the calibration readings, in any order of time: back and forth, and with others between."""
+    conditions = dataset.conditions
+    candidates = np.flatnonzero(dataset.fit_rows & dataset.pointed)
+    joints = conditions.joints[candidates]
+    series, target = conditions.series[candidates], conditions.target[candidates]
+    numbers = np.column_stack([np.round(joints / _STILL).astype(np.int64), series, target])
+    # One number a row that distinguishes rows, less the part of one joint; sorting it is all the search there is.
+    factors = np.random.default_rng(0).integers(1, 2**62, numbers.shape[1])
+    parts = numbers * factors
+    out = []
+    others = parts.sum(axis=1)[:, None] - parts[:, : joints.shape[1]]
+    ordered = np.sort(others, axis=0)
+    for k in np.flatnonzero((ordered[FEWEST - 1 :] == ordered[: 1 - FEWEST]).any(axis=0)).tolist():
+        _, group, count = np.unique(others[:, k], return_inverse=True, return_counts=True)
+        for g in np.flatnonzero(count >= FEWEST):
+            of = np.flatnonzero(group == g)
+            if np.ptp(joints[of, k]) >= LEAST_RANGE:
+                first = of[0]
+                out.append(
+                    Sweep(k + 1, int(series[first]), int(target[first]), candidates[of], joints[first])
+                )
+    return tuple(out)
+
+
+def fit_axes(points: Array, angles: Array, measured: NDArray[np.bool_]) -> Axes:
+    """Circles through the points of S sweeps, all at once, robust against gross errors (Huber weights).
+
+    points: (S, n, 3) mm; angles: (S, n) rad; measured: (S, n) False where a sweep has no further reading.
+    """
+    system = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=-1)
+    count = measured.sum(axis=1)
+    weights = measured.astype(np.float64)
+    found, normal, miss = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3, 3)), np.zeros_like(angles)
+    for _ in range(_ROUNDS):
+        normal = np.einsum("sni,sn,snj->sij", system, weights, system)
+        found = np.linalg.solve(normal, np.einsum("sni,sn,snx->six", system, weights, points))
+        miss = np.linalg.norm(points - system @ found, axis=2)
+        usual = np.nanmedian(np.where(measured, miss, np.nan), axis=1, keepdims=True)
+        weights = measured * np.minimum(1.0, np.maximum(2.0 * usual, 1e-9) / np.maximum(miss, 1e-9))
+    u, s, vt = np.linalg.svd(found[:, 1:].transpose(0, 2, 1), full_matrices=False)
+    radius = s.mean(axis=1)
+    arms = u @ vt * radius[:, None, None]  # the nearest two at right angles and of one length
+    direction = np.cross(arms[:, :, 0], arms[:, :, 1]) / np.maximum(radius, 1e-12)[:, None] ** 2
+    variance = np.sum(weights * miss**2, axis=1) / np.maximum(3 * count - 9, 1)
+    spread = np.linalg.inv(normal)
+    tilt = np.sqrt(variance * (spread[:, 1, 1] + spread[:, 2, 2])) / np.maximum(radius, 1e-12)
+    return Axes(direction, found[:, 0], arms[:, :, 0], arms[:, :, 1], tilt)
+
+
+def starts(dataset: Dataset) -> dict[int, Start]:
+    """Series -> what its sweeps yield for base and tool; a series without usable sweeps is not there."""
+    sweeps = find_sweeps(dataset)
+    if not sweeps:
+        return {}
+    longest = max(len(sweep.rows) for sweep in sweeps)
+    points, angles = np.zeros((len(sweeps), longest, 3)), np.zeros((len(sweeps), longest))
+    measured = np.zeros((len(sweeps), longest), dtype=bool)
+    for i, sweep in enumerate(sweeps):
+        n = len(sweep.rows)
+        points[i, :n], measured[i, :n] = dataset.points[sweep.rows], True
+        angles[i, :n] = dataset.conditions.joints[sweep.rows, sweep.joint - 1]
+    axes = fit_axes(points, angles, measured)
+    out = {}
+    for series in sorted({sweep.series for sweep in sweeps}):
+        here = [i for i, s in enumerate(sweeps) if s.series == series and axes.tilt[i] < _SURE]
+        here.sort(key=lambda i: axes.tilt[i])
+        start = Start(
+            _base(dataset.header.robot, sweeps, axes, here), _tool(dataset.header.robot, sweeps, axes, here)
+        )
+        if start.base is not None or start.targets:
+            out[series] = start
+    return out
+
+
+def _base(robot: Robot, sweeps: tuple[Sweep, ...], axes: Axes, here: list[int]) -> Array | None:
+    """Base pose (4, 4) in the world, from the surest sweeps of joints 1 and 2."""
+    first = next((i for i in here if sweeps[i].joint == 1), None)
+    second = next((i for i in here if sweeps[i].joint == 2), None)
+    if first is None or second is None:
+        return None
+    nominal = _frame(_axis(robot, sweeps[first].posture, 1), _axis(robot, sweeps[second].posture, 2))
+    found = _frame(_line(axes, first), _line(axes, second))
+    return None if nominal is None or found is None else found @ np.linalg.inv(nominal)
+
+
+def _tool(robot: Robot, sweeps: tuple[Sweep, ...], axes: Axes, here: list[int]) -> dict[int, Array]:
+    """Targets in the flange frame, from sweeps of the last joint and of that before, joints 1..N-2 alike."""
+    last = robot.joints
+    out: dict[int, Array] = {}
+    for i in (i for i in here if sweeps[i].joint == last and sweeps[i].target not in out):
+        posture = sweeps[i].posture.copy()
+        posture[last - 1] = 0.0
+        for j in (j for j in here if sweeps[j].joint == last - 1):
+            if np.abs(sweeps[j].posture[: last - 2] - posture[: last - 2]).max() > 2.0 * _STILL:
+                continue
+            nominal = _frame(_axis(robot, posture, last), _axis(robot, posture, last - 1))
+            found = _frame(_line(axes, i), _line(axes, j))
+            if nominal is not None and found is not None:
+                flange = found @ np.linalg.inv(nominal) @ forward(robot, posture[None])[0]
+                point = axes.centre[i] + axes.cosine[i]
+                out[sweeps[i].target] = flange[:3, :3].T @ (point - flange[:3, 3])
+                break
+    return out
+
+
+def _line(axes: Axes, i: int) -> tuple[Array, Array]:
+    return axes.centre[i], axes.direction[i]
+
+
+def _axis(robot: Robot, posture: Array, joint: int) -> tuple[Array, Array]:
+    """A point of the axis of a joint of the nominal robot and its direction, in the base frame, at a posture (N,)."""
+    frames = propagate(Chain.of(robot), nominal_values(robot, posture[None]), Placement())
+    slot = f"theta{joint}"
+    return np.ravel(frames.origin[slot][:, -1]), np.ravel(frames.axis[slot][:, -1])
+
+
+def _frame(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array | None:
+    """(4, 4) frame of two lines: z along the first, x towards the second, origin on the first where it is nearest.
+
+    None where they are parallel.
+    """
+    (p, z), (q, w) = one, other
+    across = w - (w @ z) * z
+    sine = np.linalg.norm(across)
+    if sine < np.sin(_PARALLEL):
+        return None
+    pose = np.eye(4)
+    x = across / sine
+    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    across = q - p
+    pose[:3, 3] = p + z * (across @ z - (across @ x) * (w @ z) / sine)
+    return pose

@@ -1,0 +1,323 @@
+"""Identification: from a data set to the parameters of its base model, with what is known about them.
+
+start -> rank analysis -> plain least squares. Where its residual shows readings that may have steered it: from the
+start again with Huber's weights, then the bisquare; rows that do not belong are relabelled or rejected; plain least
+squares on the rest. Only `fit_rows` of the data set take part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.plausible import remarks
+from calib.errors import DataError
+from calib.fit import robust
+from calib.fit.astray import astray
+from calib.fit.identification import Identification
+from calib.fit.least_squares import (
+    LEAST_NOISE,
+    MAX_ITERATIONS,
+    Dropped,
+    Ending,
+    Linearisation,
+    Solution,
+    find_dependent,
+    solve,
+    usual_sizes,
+)
+from calib.fit.offsets import offsets_of
+from calib.fit.placing import base_model_of
+from calib.fit.readings import Readings, readings_of
+from calib.model.model import Design, RobotModel
+
+Progress = Callable[[str], None]
+
+_UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
+# Standard deviations by which a distance between balls may miss what everything else says of it
+_ASTRAY = 5.0
+_CLEAR = 1e-9  # of a distance that nothing else shows
+_FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
+
+
+def silent(_: str) -> None:
+    """A progress callback that says nothing."""
+
+
+def identify(
+    dataset: Dataset, *, groups: Sequence[str] | None = None, progress: Progress = silent
+) -> Identification:
+    """Identify the base model of a data set.
+
+    groups: which groups to free, default those of the header. Raises DataError when the readings cannot carry
+    the model (too few, or tool targets that cannot show the last joint).
+    """
+    model = base_model_of(dataset, groups)
+    refuse_too_few(dataset, model)
+    start = np.zeros(len(model.parameters))
+    readings = readings_of(dataset, dataset.fit_rows, model, start)
+    return fit(dataset, model, readings, start, progress=progress)
+
+
+def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:
+    """Estimate (m,) for `goal`: values of the parameters both models have, zero elsewhere."""
+    out = np.zeros(len(goal.parameters))
+    for name, position in goal.index.items():
+        if name in source.index:
+            out[position] = estimate[source.index[name]]
+    return out
+
+
+def fit(
+    dataset: Dataset,
+    model: RobotModel,
+    readings: Readings,
+    start: Array,
+    *,
+    settled: tuple[Dropped, ...] | None = None,
+    progress: Progress = silent,
+) -> Identification:
+    """Fit any model to readings from a start: plain where all readings belong, robust first where some may not.
+
+    settled: what an earlier fit dropped of the base model, which is then kept.
+    """
+    progress("fitting")
+    observed = readings.observed
+    at_start = Linearisation(Design(model, readings.conditions), observed, start)
+    active, dropped = find_dependent(at_start, settled)
+    near = solve(at_start, active, dropped, max_iterations=2)
+    scale = robust.noise_scale(near.residual, observed.freedom)
+    if (
+        scale > _UNSETTLED
+    ):  # perhaps only far from the start yet: a misfit that is no noise must not lend the priors weight
+        near = solve(near.at, active, dropped)
+        scale = robust.noise_scale(near.residual, observed.freedom)
+    plain = solve(near.at, active, dropped, scale=scale)
+    while (
+        scale > LEAST_NOISE and (found := robust.noise_scale(plain.residual, observed.freedom)) < 0.5 * scale
+    ):
+        scale = found
+        plain = solve(plain.at, active, dropped, scale=scale)
+    if not robust.suspicious(plain.standardised(), observed.freedom):
+        return _result(dataset, model, readings, plain, active, dropped)
+    progress("fitting, robust to gross errors")
+    at = at_start
+    for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
+        found, weights = (
+            robust.noise_scale(at.residual, observed.freedom),
+            weigh(at.residual, observed.freedom),
+        )
+        at = solve(at, active, dropped, weights=weights, scale=min(found, scale), max_iterations=2).at
+    estimate, residual = at.estimate, at.residual
+    readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
+    if relabelled:
+        frames = Design(model, readings.conditions).frames(estimate, ())
+        residual = observed.residual(frames)
+    faulty = robust.outliers(residual, observed.freedom)
+    rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
+    readings = readings.take(~faulty)
+    return fit_plain(dataset, model, readings, estimate, active, dropped, rejected, relabelled)
+
+
+def fit_plain(
+    dataset: Dataset,
+    model: RobotModel,
+    readings: Readings,
+    start: Array,
+    active: NDArray[np.bool_],
+    dropped: tuple[Dropped, ...],
+    faulty: tuple[str, ...] = (),
+    relabelled: tuple[tuple[str, str, str], ...] = (),
+    max_iterations: int = MAX_ITERATIONS,
+) -> Identification:
+    """Plain least squares on readings that belong; nothing is screened."""
+    at = Linearisation(Design(model, readings.conditions), readings.observed, start)
+    solution = _solve(at, active, dropped, max_iterations)
+    return _result(dataset, model, readings, solution, active, dropped, faulty, relabelled)
+
+
+def _solve(
+    start: Linearisation, active: NDArray[np.bool_], dropped: tuple[Dropped, ...], max_iterations: int
+) -> Solution:
+    """Plain least squares, the priors weighed with the noise that is left near the end, not at the start."""
+    near = solve(start, active, dropped, max_iterations=2)
+    scale = robust.noise_scale(near.residual, start.observed.freedom)
+    return solve(near.at, active, dropped, scale=scale, max_iterations=max(max_iterations - 2, 1))
+
+
+def _result(
+    dataset: Dataset,
+    model: RobotModel,
+    readings: Readings,
+    solution: Solution,
+    active: NDArray[np.bool_],
+    dropped: tuple[Dropped, ...],
+    faulty: tuple[str, ...] = (),
+    relabelled: tuple[tuple[str, str, str], ...] = (),
+) -> Identification:
+    # What a declared uncertainty or a usual size determines, wholly where the readings say nothing, costs no freedom.
+    dof = readings.observed.count - int(active.sum()) + round(solution.given)
+    scale = float(np.sqrt(np.sum(solution.residual**2) / max(dof, 1)))
+    covariance = solution.covariance * max(scale, 1.0) ** 2
+    warnings = list(_warnings(model, active, dropped, covariance, solution))
+    if not 1.0 / _FAR < scale < _FAR:
+        why = (
+            "the model lacks something, or [noise] is too small"
+            if scale > 1.0
+            else "[noise] is far too large"
+        )
+        warnings.append(f"The residuals are {scale:.2g} times the declared noise: {why}; look at its units.")
+    warnings += astray(solution)
+    warnings += _unused(dataset)
+    warnings += remarks(dataset)
+    warnings += _of_faulty(readings, faulty)
+    if relabelled:
+        warnings.append(
+            f"{len(relabelled)} readings fit only when another tool target is assumed; relabelled."
+        )
+    found = Identification(
+        model=model,
+        estimate=solution.estimate,
+        covariance=covariance,
+        dropped=dropped,
+        readings=readings,
+        residual=solution.residual,
+        prior=solution.prior,
+        noise_scale=scale,
+        degrees_of_freedom=dof,
+        faulty_rows=faulty,
+        relabelled_rows=relabelled,
+        iterations=solution.iterations,
+        ending=solution.ending,
+        warnings=tuple(warnings),
+        header=dataset.header,
+        data_sha256=dataset.sha256,
+    )
+    doubted = tuple(offset.in_words() for offset in offsets_of(found) if offset.judged.doubted)
+    return replace(found, warnings=(*doubted, *found.warnings))
+
+
+def _warnings(
+    model: RobotModel,
+    active: NDArray[np.bool_],
+    dropped: tuple[Dropped, ...],
+    covariance: Array,
+    solution: Solution,
+) -> list[str]:
+    out = []
+    if solution.ending is not Ending.CONVERGED:
+        out.append(f"The fit did not converge: it {solution.ending.in_words}. Do not use its parameters.")
+    for drop in dropped:
+        reason = (
+            f"confounded with {', '.join(drop.confounded_with)}"
+            if drop.confounded_with
+            else "it moves nothing here"
+        )
+        out.append(f"{drop.name} was dropped: these readings do not determine it ({reason}).")
+    spread, usual = np.sqrt(np.diag(covariance)), usual_sizes(model, dropped)
+    for position, parameter in enumerate(model.parameters):
+        hardly = spread[position] > 0.5 * usual[position]
+        if active[position] and hardly and not model.measured[position]:
+            out.append(f"{parameter.name} is hardly seen by these readings; its usual size holds it.")
+    return out
+
+
+def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
+    """A remark on the number of readings that were left out, if any were."""
+    if not faulty:
+        return []
+    share = len(faulty) / (len(faulty) + len(readings.rows))
+    many = f"{len(faulty)} readings" if len(faulty) > 1 else "1 reading"
+    return [f"{many} ({share:.1%}) outside what the model and the noise allow: left out."]
+
+
+def leaving_out(fitted: Identification, readings: Readings, faulty: tuple[str, ...]) -> Identification:
+    """A fit to be repeated on other readings, the faulty ones left out."""
+    before = _of_faulty(fitted.readings, fitted.faulty_rows)
+    warnings = (*(w for w in fitted.warnings if w not in before), *_of_faulty(readings, faulty))
+    return replace(fitted, readings=readings, faulty_rows=faulty, warnings=warnings)
+
+
+def _unused(dataset: Dataset) -> list[str]:
+    """Remarks on what is in the files and takes no part in the fit."""
+    header = dataset.header
+    out = [f"The header's key '{key}' is not known and was passed over." for key in header.unknown_keys]
+    idle_series = sorted(set(header.series_targets) - set(dataset.conditions.series_names))
+    out += [f"The header's series '{name}' has no readings." for name in idle_series]
+    idle = int(np.sum(np.isfinite(dataset.orientation[:, 0]) & ~dataset.turned))
+    if idle:
+        out.append(
+            f"{idle} orientations were not used: [noise] declares no rotation_mrad, so nobody knows their worth."
+        )
+    return out
+
+
+def _relabel(
+    dataset: Dataset, model: RobotModel, readings: Readings, estimate: Array, residual: Array
+) -> tuple[Readings, tuple[tuple[str, str, str], ...]]:
+    """Readings that do not fit, but do with another tool target: relabel them."""
+    conditions = readings.conditions
+    suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom))
+    limit = robust.threshold(residual, readings.observed.freedom)
+    target = conditions.target.copy()
+    relabelled = []
+    for t, name in enumerate(conditions.target_names):
+        known = np.array(
+            [name in model.targets[conditions.series_names[s]] for s in conditions.series[suspects]]
+        )
+        trial = suspects[known] if len(suspects) else suspects
+        if not len(trial):
+            continue
+        few = readings.taken(trial)
+        few = replace(few, conditions=replace(few.conditions, target=np.full(len(trial), t)))
+        frames = Design(model, few.conditions).frames(estimate, ())
+        fits = robust.distances(few.observed.residual(frames)) < limit[trial]
+        for i in trial[fits]:
+            if target[i] == conditions.target[i] != t:
+                target[i] = t
+                reading = dataset.reading_id[readings.rows[i]]
+                relabelled.append((reading, conditions.target_names[conditions.target[i]], name))
+    if not relabelled:
+        return readings, ()
+    return replace(readings, conditions=replace(conditions, target=target)), tuple(relabelled)
+
+
+def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
+    """Raise DataError when the readings cannot carry the model."""
+    rows = dataset.fit_rows
+    unknowns = int(np.sum(~model.measured))  # what is known to an uncertainty brings its own number
+    if dataset.numbers <= unknowns:
+        raise DataError(
+            f"has {int(rows.sum())} calibration readings ({dataset.numbers} numbers) for {unknowns} parameters.",
+            do=f"Measure numbers for at least {unknowns + 30}, or free fewer groups under [model] fit.",
+            file=dataset.path,
+            key="set",
+        )
+    last = f"theta{model.robot.joints}"
+    tool = [p for e in model.effects if e.label.startswith("tool") for p in e.parameters]
+    if last in model.index and not any(p.size is None for p in tool) and last_joint_unseen(dataset):
+        raise DataError(
+            "all readings were taken with tool targets on the axis of the last joint, whose turning they cannot see.",
+            do="Measure a second target, some 50 mm or more off that axis; or accept that the last joint keeps its "
+            f'nominal zero: hold = ["{last}"] under [model].',
+            file=dataset.path,
+            key="tool_targets",
+        )
+
+
+def last_joint_unseen(dataset: Dataset) -> bool:
+    """Whether all that was measured for a fit lies on the axis of the last joint, whose turning then moves nothing."""
+    rows = dataset.fit_rows
+    if (rows & dataset.turned).any():
+        return False
+    conditions = dataset.conditions.take(rows)
+    off_axis = [
+        np.hypot(*dataset.header.targets_of(conditions.series_names[s])[conditions.target_names[t]][:2])
+        for s, t in np.unique(np.column_stack([conditions.series, conditions.target]), axis=0)
+    ]
+    return bool(max(off_axis) < 1.0)

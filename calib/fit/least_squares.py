@@ -1,0 +1,382 @@
+"""Gauss-Newton on the exact chain, with priors, weights a reading and named rank deficiency.
+
+minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j (x_j / size_j)^2  +  s^2 sum_k t_k(x)^2
+
+t_k are the distances between balls of one body (`calib.model.ties`), measurements like a declared position.
+
+s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
+they are better than declared for less, so that readings without noise come back as they are (a prior that is a
+measurement, of a base target, keeps its worth beside the declared noise). A parameter that takes the place of others,
+which the readings cannot distinguish from it, has their sizes beside its own (`usual_sizes`). Steps are solved on
+scaled columns; a step that does not lower the cost is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
+
+from calib.arm.kinematics import Frames
+from calib.array import Array
+from calib.data.conditions import row_keys
+from calib.model.model import Design, RobotModel
+from calib.model.observations import Observations
+from calib.model.ties import ties
+
+MAX_ITERATIONS = 50
+CONVERGED = 0.02  # length of a step in standard errors of the estimate
+LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
+_MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
+_STRAINED = 10.0  # usual sizes by which a parameter may move to make up for the usual size of another
+_DEPENDENT = 1e-7  # share of a column left when those before it are projected out
+
+
+class Ending(StrEnum):
+    """Why a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
+
+    CONVERGED = "converged"  # the last step was a small part of the standard errors
+    ROUNDS = "round limit"
+    NO_DESCENT = "no descent"
+
+    @property
+    def in_words(self) -> str:
+        """The predicate of a sentence about the fit."""
+        return _IN_WORDS[self]
+
+
+_IN_WORDS = {
+    Ending.CONVERGED: "has converged",
+    Ending.ROUNDS: "still moved when it had taken as many steps as it may",
+    Ending.NO_DESCENT: "found no step, however short, that makes its error smaller",
+}
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A parameter that the readings cannot determine, and those with which it is confounded.
+
+    stand_ins: parameters that take its place, and how far each moves for one unit of it, internal units.
+    """
+
+    name: str
+    confounded_with: tuple[str, ...]
+    stand_ins: tuple[tuple[str, float], ...] = ()
+
+
+class Linearisation:
+    """Readings as a model sees them at an estimate (m,): chain, residual and derivative, each worked out once."""
+
+    def __init__(self, design: Design, observed: Observations, estimate: Array) -> None:
+        self.design, self.observed, self.estimate = design, observed, estimate
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The chain, with the axes of every slot on which a parameter acts."""
+        return self.design.frames(self.estimate, self.design.slots)
+
+    @cached_property
+    def residual(self) -> Array:
+        """(k, n) whitened."""
+        return self.observed.residual(self.frames)
+
+    @cached_property
+    def columns(self) -> Array:
+        """(k n, m) whitened derivative of the prediction."""
+        return jacobian(self.design, self.observed, self.frames)
+
+    @cached_property
+    def tied(self) -> tuple[Array, Array]:
+        """(q,) whitened residual of the distances between balls of one body, and (q, m) its derivative."""
+        return ties(self.design.model, self.estimate)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The end of Gauss-Newton. Arrays of m parameters; covariances are for noise as declared (scale 1)."""
+
+    at: Linearisation
+    active: NDArray[np.bool_]  # (m,)
+    root: Array  # (active, active) matrix whose product with its transpose is the covariance
+    columns: Array  # (k n, active) whitened, weighted Jacobian of the last step
+    prior: Array  # (m,) weight of the prior of every parameter, 0 where there is none
+    tied: Array  # (q, m) weighted derivative of the distances between balls of one body
+    iterations: int
+    ending: Ending
+
+    @property
+    def estimate(self) -> Array:
+        """(m,) internal units."""
+        return self.at.estimate
+
+    @property
+    def residual(self) -> Array:
+        """(k, n) whitened, unweighted."""
+        return self.at.residual
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(m, m); 0 in the rows and columns of parameters that were not fitted."""
+        out = np.zeros((len(self.active), len(self.active)))
+        out[np.ix_(self.active, self.active)] = self.root @ self.root.T
+        return out
+
+    @property
+    def given(self) -> float:
+        """How many of the parameters the priors and the distances between balls determine, and not the readings."""
+        share = np.diag(self.covariance) * self.prior**2
+        return float(share.sum() + np.sum((self.tied @ self.covariance) * self.tied))
+
+    def standardised(self) -> Array:
+        """(n,) length of every residual for noise as declared, in the metric of its own spread, I - H.
+
+        H is the reading's block of the hat matrix: a fit pulls itself to its readings, most to those that lie
+        alone. Each is chi distributed with as many degrees of freedom as the reading has rows.
+        """
+        k, n = self.residual.shape
+        hat = (self.columns @ self.root).reshape(k, n, -1).transpose(1, 0, 2)
+        left = np.eye(k) - hat @ hat.transpose(0, 2, 1)
+        solved = np.linalg.solve(left, self.residual.T[:, :, None])[:, :, 0]
+        return np.sqrt(np.maximum(np.sum(self.residual.T * solved, axis=1), 0.0))
+
+
+def jacobian(design: Design, observed: Observations, frames: Frames) -> Array:
+    """(k n, m) whitened derivative of the prediction."""
+    return design.columns(observed.columns(frames, design.slots))
+
+
+def triangular_factor(matrix: Array) -> Array:
+    """(min(rows, m), m) R of matrix (rows, m) = QR, by Householder reflections: safe for dependent columns."""
+    rows, m = matrix.shape
+    return np.triu(_GEQRF(matrix)[0][: min(rows, m)])
+
+
+def orthonormal(matrix: Array) -> tuple[Array, Array]:
+    """Q (rows, m) and R (m, m) of a tall matrix, columns of about equal length.
+
+    Cholesky of the Gram matrix, twice: as accurate as Householder up to a condition number of 10^7 and several
+    times faster, since all work is matrix products. Beyond it, Householder. Source: Yamamoto et al. 2015.
+    """
+    try:
+        first = np.linalg.cholesky(matrix.T @ matrix).T
+        q = matrix @ np.linalg.inv(first)
+        second = np.linalg.cholesky(q.T @ q).T
+    except np.linalg.LinAlgError:
+        q, r = np.linalg.qr(matrix)
+        return q, r
+    return q @ np.linalg.inv(second), second @ first
+
+
+def _normal_factor(gram: Array, columns: Array, tied: Array, prior: Array, size: Array) -> Array:
+    """(m, m) R with R'R = gram, scaled. An error in R only slows Gauss-Newton, which looks at the true residual.
+
+    Where rounding makes gram indefinite: by reflections on what it is made of, columns, ties and priors, scaled by
+    `size`.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(gram).T, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return triangular_factor(np.vstack([columns / size, tied / size, np.diag(prior / size)]))
+
+
+def find_dependent(
+    start: Linearisation, settled: tuple[Dropped, ...] | None = None
+) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
+    """The parameters that the readings determine: mask (m,) and the dropped ones by name.
+
+    A column that those before it explain to one part in 10^7 is dropped. Base and tool are
+    looked at first: of a confounded group they stay, then whatever comes first in the model, unless it would have to
+    go by ten times its usual size to make up for the usual size of another, which is then the better one to keep
+    (the exchange of a strong rank-revealing QR: Gu and Eisenstat 1996). Where a prior is a
+    measurement (base targets known to 0.05 mm) it counts as one: the readings and it together determine them. So it
+    does for every usual size where different readings have fewer numbers than the model has parameters: what would be
+    dropped is then no redundancy of the arm, and an arm that is held to nominal there fits nothing.
+    With `settled`, what was decided for the base model is kept, and only the parameters of effects are looked at.
+    """
+    model = start.design.model
+    parameters = model.parameters
+    names = [p.name for p in parameters]
+    of_base = [e.group == "base model" for e in model.effects for _ in e.parameters]
+    before = {} if settled is None else {drop.name: drop for drop in settled}
+    columns, held = start.columns, model.measured
+    if not _enough_numbers(start, len(parameters)):
+        held = held | np.isfinite(model.prior_std)
+    if held.any():
+        columns = np.vstack([columns, np.diag(1.0 / model.prior_std)[held]])
+    if model.spans:
+        columns = np.vstack([columns, start.tied[1]])
+    scale = np.linalg.norm(columns, axis=0)
+    usual = np.where(np.isfinite(model.prior_std), model.prior_std, model.unit)
+    seen = scale * usual > _MOVES_NOTHING
+    # Parameters without a usual size (base, tool) first: among confounded ones those with a size are dropped, since
+    # their nominal value is a good guess of them and a rough start is not.
+    order = sorted(range(len(names)), key=lambda j: parameters[j].size is not None)
+    settled_ones = {j for j in order if settled is not None and of_base[j] and names[j] not in before}
+    dropped = {j: before[names[j]] for j in order if of_base[j] and names[j] in before}
+    dropped |= {j: Dropped(names[j], ()) for j in order if not seen[j] and j not in dropped}
+    kept = [j for j in order if j not in dropped]
+    may_go = np.isfinite(model.prior_std) & ~model.measured
+    may_go[list(settled_ones)] = False
+    # Whitened displacement for the usual size of those that may be given up
+    reach = np.full(len(names), np.inf)
+    reach[may_go] = scale[may_go] * model.prior_std[may_go]
+    whole, place = triangular_factor(columns[:, kept] / scale[kept]), {j: i for i, j in enumerate(kept)}
+    triangle, gone = whole, list[int]()
+    while (at := _first_dependent(triangle, [j in settled_ones for j in kept])) is not None:
+        share = np.abs(_shares(triangle[:at, :at], triangle[:at, at]))
+        # how far, in its usual sizes, each of them would have to go for the usual size of this one
+        strain = share * reach[kept[at]] / reach[kept[:at]] if may_go[kept[at]] else 0.0 * share
+        out = int(np.argmax(strain)) if np.max(strain, initial=0.0) > _STRAINED else at
+        triangle = triangular_factor(np.delete(triangle, out, axis=1))
+        gone.append(kept.pop(out))
+    if gone:
+        both = triangular_factor(whole[:, [place[j] for j in (*kept, *gone)]])
+        shares = _shares(both[: len(kept), : len(kept)], both[: len(kept), len(kept) :])
+        for j, share in zip(gone, shares.T, strict=True):
+            weight = np.abs(share)
+            heaviest = np.argsort(-weight)[:6]
+            heavy = heaviest[weight[heaviest] > 0.05 * weight.max()]
+            moves = share * scale[j] / scale[kept]
+            dropped[j] = Dropped(
+                names[j],
+                tuple(names[kept[i]] for i in heavy),
+                tuple((names[kept[i]], float(moves[i])) for i in np.flatnonzero(weight > _DEPENDENT)),
+            )
+    active = np.zeros(len(names), dtype=bool)
+    active[kept] = True
+    return active, tuple(dropped[j] for j in order if j in dropped)
+
+
+def _enough_numbers(at: Linearisation, count: int) -> bool:
+    """Whether readings of different poses, targets, base targets and series have so many numbers."""
+    c, freedom = at.design.conditions, at.observed.freedom
+    if (int(c.pose.max()) + 1) * int(freedom.min()) >= count:  # different poses alone have
+        return True
+    places = row_keys(np.column_stack([c.joints, c.target, c.anchor, c.series]).astype(np.float64))
+    first: dict[bytes, int] = {}
+    for place, rows in zip(places, freedom.tolist(), strict=True):
+        first.setdefault(place, rows)
+    return sum(first.values()) >= count
+
+
+def _shares(before: Array, column: Array) -> Array:
+    """(a,) how much of each column before explains a column, or (a, b) of b columns.
+
+    Columns before may be dependent among themselves.
+    """
+    if np.all(np.abs(np.diag(before)) >= _DEPENDENT):
+        return _back(before, column)
+    return np.asarray(np.linalg.lstsq(before, column, rcond=None)[0], dtype=np.float64)
+
+
+def _first_dependent(triangle: Array, kept: list[bool]) -> int | None:
+    """The first column of R (m, m), columns of length 1, that those before it explain; None where there is none.
+
+    What is left of a column is on the diagonal. Columns that `kept` are never given up; behind one of them
+    that is explained the diagonal no longer shows that, so the others are then measured against it as it is.
+    """
+    left = np.zeros(triangle.shape[1])
+    left[: min(triangle.shape)] = np.abs(np.diag(triangle))
+    for j in np.flatnonzero(left < _DEPENDENT):
+        if not kept[j]:
+            return int(j)
+    return None
+
+
+def usual_sizes(model: RobotModel, dropped: Sequence[Dropped]) -> Array:
+    """(m,) standard deviation of every parameter's prior, internal units; infinite where there is none.
+
+    What a parameter is fitted to is its own error and that of all dropped ones that it makes up for: their
+    variances add up. A prior that is a measurement stays one.
+    """
+    variance = model.prior_std**2
+    for drop in dropped:
+        for name, move in drop.stand_ins:
+            if move != 0.0 and not model.measured[model.index[name]]:
+                variance[model.index[name]] += (move * model.prior_std[model.index[drop.name]]) ** 2
+    return np.sqrt(variance)
+
+
+def solve(
+    start: Linearisation,
+    active: NDArray[np.bool_],
+    dropped: Sequence[Dropped] = (),
+    *,
+    weights: Array | None = None,
+    scale: float = 1.0,
+    max_iterations: int = MAX_ITERATIONS,
+    tolerance: float = CONVERGED,
+) -> Solution:
+    """Minimise from a start over the `active` parameters (m,).
+
+    dropped: those of the model that the readings cannot determine, for which others make up; weights: (n,) per
+    reading; scale: noise scale s for the prior; tolerance: length of the last step, in standard errors of the
+    estimate. A solution that did not converge says so.
+    """
+    root = None if weights is None else np.sqrt(weights)
+    model = start.design.model
+    weight = np.where(model.measured, max(scale, 1.0), max(scale, LEAST_NOISE))
+    prior = np.where(active, weight / usual_sizes(model, dropped), 0.0)
+    held = prior[active]
+    worth = max(
+        scale, 1.0
+    )  # of a distance between balls: it keeps its worth as a prior that is a measurement does
+    at, cost = start, _cost(start, root, prior, worth)
+    iterations, ending = 0, Ending.ROUNDS
+    small = tolerance * max(scale, 1.0)
+    triangle, size = np.eye(len(held)), np.ones(len(held))
+    columns = np.zeros((at.residual.size, len(held)))
+    while iterations < max_iterations and ending is Ending.ROUNDS:
+        iterations += 1
+        columns, weighted = at.columns, at.residual
+        if not active.all():
+            columns = columns[:, active]
+        if root is not None:
+            columns, weighted = columns * np.tile(root, len(weighted))[:, None], weighted * root
+        left, tied = worth * at.tied[0], worth * at.tied[1][:, active]
+        gram = columns.T @ columns + np.diag(held**2) + tied.T @ tied
+        size = np.sqrt(gram.diagonal())
+        triangle = _normal_factor(gram / (size[:, None] * size), columns, tied, held, size)
+        right = (columns.T @ weighted.ravel() - held**2 * at.estimate[active] + tied.T @ left) / size
+        scaled = _back(triangle, _back(triangle, right, 1))
+        change = float(np.linalg.norm(triangle @ scaled))
+        step = scaled / size
+        for _ in range(12):
+            trial = at.estimate.copy()
+            trial[active] += step
+            there = Linearisation(start.design, start.observed, trial)
+            cost_there = _cost(there, root, prior, worth)
+            # what a step so small promises drowns in the rounding of the cost, which then cannot judge it
+            if cost_there <= cost * (1.0 + 1e-12) or change < small or change**2 < 1e-12 * cost:
+                break
+            step = step / 2.0
+        else:
+            ending = Ending.NO_DESCENT
+            break
+        at, cost = there, cost_there
+        if change < small:
+            ending = Ending.CONVERGED
+    inverse = _back(triangle, np.eye(len(size))) / size[:, None]
+    return Solution(at, active, inverse, columns, prior, worth * at.tied[1], iterations, ending)
+
+
+_TRTRS, _GEQRF = get_lapack_funcs(("trtrs", "geqrf"), dtype=np.float64)
+
+
+def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
+    """R x = right, or R' x = right. Raises LinAlgError where R is singular."""
+    found, singular = _TRTRS(triangle, right, trans=trans)
+    if singular:
+        raise np.linalg.LinAlgError("a triangular factor is singular")
+    return found
+
+
+def _cost(at: Linearisation, root: Array | None, prior: Array, worth: float) -> float:
+    weighted = at.residual if root is None else at.residual * root
+    tied = worth * at.tied[0]
+    return float(np.sum(weighted**2) + np.sum((prior * at.estimate) ** 2) + tied @ tied)

@@ -1,0 +1,165 @@
+"""The offsets that a fit found for positions known to an uncertainty: base targets (cups, nests) and tool targets.
+
+Of a target the fit gives offset m and covariance P beside its prior N(0, U). Readings and all other targets together
+then put it at
+
+    d = U S+ m   with   S = U - P,   and   d' (U S+ U)+ d = m' S+ m  ~  chi-squared
+
+if the uncertainty is as stated: S is the covariance of m over such set-ups, S+ its inverse in the directions that
+they see. A target beyond that is doubted by name, its prior is taken away, and the others are judged again without
+it, so that one cup out of place does not accuse its neighbours. Source: the test of innovations (Bar-Shalom, Li and
+Kirubarajan 2001, section 5.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.special import chdtrc
+
+from calib.arm.start import align
+from calib.array import Array
+from calib.fit.identification import Identification
+
+FALSE_ALARM = 1e-3  # chance that any target of a set is doubted although all are as stated
+_SEEN = 1e-3  # share of the prior's variance that the others take away: below it they say nothing
+_AS_WELL = 6.0  # chi-squared by which another target may explain less and still be the one: odds of 1 to 20
+_SET_FREE = 1e3  # by so much the prior of a doubted target is widened
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The judgement of a target: how far readings and all other targets put it from its stated place.
+
+    distance_mm, and sigma: that many standard deviations of such a distance; doubted: it cannot be by chance, unless
+    one of `rivals`, which would explain the same readings about as well, is out of place instead.
+    """
+
+    distance_mm: float
+    sigma: float
+    doubted: bool = False
+    rivals: tuple[str, ...] = ()
+
+    def in_words(self, what: str, u_mm: float) -> str:
+        """A sentence on something, known to `u_mm` per axis, that is out of place."""
+        far = f"{self.distance_mm:.2g} mm ({self.sigma:.0f} sigma)"
+        lies = f"{what} lies {far} from where the cell file puts it to {u_mm:g} mm"
+        if not self.rivals:
+            return f"{lies}: measure it anew."
+        rivals = ", ".join(self.rivals)
+        return (
+            f"{lies}, or else {rivals}, which these readings hardly distinguish from it: measure them anew."
+        )
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A target beside its stated position: (x, y, z) mm as far as they were free, with standard errors.
+
+    kind: `base target` or `tool target`; u_mm: stated standard uncertainty per axis.
+    """
+
+    name: str
+    kind: str
+    offset_mm: tuple[float, ...]
+    std_mm: tuple[float, ...]
+    u_mm: float
+    judged: Judged
+
+    def in_words(self) -> str:
+        """A sentence on a target that is out of place."""
+        return self.judged.in_words(f"{self.kind.capitalize()} {self.name}", self.u_mm)
+
+
+def offsets_of(found: Identification) -> tuple[Offset, ...]:
+    """Every target whose position was known to an uncertainty, in the order of the model."""
+    model = found.model
+    of_target: dict[tuple[str, str], list[int]] = {}
+    for effect in model.effects:
+        if effect.group != "base model" or not effect.label.startswith(("tool", "base_targets")):
+            continue
+        kind = "base target" if effect.label == "base_targets" else "tool target"
+        for p in effect.parameters:
+            i = model.index[p.name]
+            if model.measured[i] and found.covariance[i, i] > 0.0:
+                of_target.setdefault((kind, p.name.rpartition(".")[0]), []).append(i)
+    if not of_target:
+        return ()
+    which = np.array([i for those in of_target.values() for i in those])
+    rows = np.split(np.arange(len(which)), np.cumsum([len(those) for those in of_target.values()])[:-1])
+    u, m, p = model.prior_std[which], found.estimate[which], found.covariance[np.ix_(which, which)]
+    # what the prior weighed in the fit, beside the noise as it found it then, not as it was reported in the end
+    then = np.outer(*[found.prior[which] * u] * 2) / max(found.noise_scale, 1.0) ** 2
+    judged = _judged(m, then * p, u, rows, [name for _, name in of_target])
+    return tuple(
+        Offset(
+            name,
+            kind,
+            tuple(m[at].tolist()),
+            tuple(np.sqrt(np.diag(p)[at]).tolist()),
+            float(u[at].max()),
+            one,
+        )
+        for (kind, name), at, one in zip(of_target, rows, judged, strict=True)
+    )
+
+
+def judge_points(points: Array, stated: Array, u_mm: Array, noise: Array, names: list[str]) -> list[Judged]:
+    """Points measured in a frame of their own, beside where they are stated to be, which is known to an uncertainty.
+
+    With o what is off by the statement, y the points laid over the stated ones, and a frame that is free to move by
+    G theta, y = o + G theta + e has the weights P = V - V G (G'VG)^-1 G'V, V = (U + N)^-1, so that m = U P y.
+    points, stated: (n, 3) mm, n >= 3, not in a line; u_mm: (n,) above zero; noise: (n, 3, 3) mm2 of a point.
+    """
+    turn, shift = align(points, stated, np.ones(len(points)))
+    y = (points @ turn.T + shift - stated).ravel()
+    lever = stated - stated.mean(axis=0)
+    frame = np.concatenate(
+        [np.tile(np.eye(3), (len(stated), 1, 1)), np.cross(np.eye(3), lever[:, None])], axis=1
+    )
+    g = frame.swapaxes(1, 2).reshape(-1, 6)
+    u = np.repeat(u_mm, 3)
+    spread = np.asarray(block_diag(*(turn @ noise @ turn.T)), dtype=np.float64)
+    v = np.asarray(np.linalg.inv(np.diag(u**2) + spread), dtype=np.float64)
+    p = np.asarray(v - v @ g @ np.linalg.solve(g.T @ v @ g, g.T @ v), dtype=np.float64)
+    m, left = u**2 * (p @ y), np.diag(u**2) - np.outer(u**2, u**2) * p
+    return _judged(m, left, u, list(np.arange(len(y)).reshape(-1, 3)), names)
+
+
+def _judged(m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: list[str]) -> list[Judged]:
+    """Every target judged; what is doubted no longer speaks about the others.
+
+    m (k,), p (k, k) offsets and covariance, u (k,) standard deviations of the priors; rows: those of each target.
+    """
+    out: dict[int, Judged] = {}
+    while len(out) < len(rows):
+        found = {t: _apart(m[at], p[np.ix_(at, at)], u[at]) for t, at in enumerate(rows) if t not in out}
+        worst = min(found, key=lambda t: (found[t][1], -found[t][0].sigma))
+        one, chance = found[worst]
+        if chance * len(rows) >= FALSE_ALARM:
+            out |= {t: other for t, (other, _) in found.items()}
+            break
+        alike = [
+            names[t]
+            for t, (other, _) in found.items()
+            if t != worst and other.sigma**2 > one.sigma**2 - _AS_WELL
+        ]
+        out[worst] = replace(one, doubted=True, rivals=tuple(alike))
+        at = rows[worst]
+        less = np.diag(u[at] ** 2 / (1.0 - _SET_FREE**-2)) - p[np.ix_(at, at)]
+        gain = p[:, at] @ np.linalg.inv(less)  # Woodbury: the prior's weight goes down, its mean is zero
+        m, p = m + gain @ m[at], p + gain @ p[at]
+    return [out[t] for t in range(len(rows))]
+
+
+def _apart(m: Array, p: Array, u: Array) -> tuple[Judged, float]:
+    """How far the others put a target, and the chance of more where all is as stated."""
+    share, axes = np.linalg.eigh(np.eye(len(u)) - p / np.outer(u, u))
+    seen = share > _SEEN
+    along = (axes.T @ (m / u))[seen]
+    square = float(np.sum(along**2 / share[seen]))
+    distance = float(np.linalg.norm(u * (axes[:, seen] @ (along / share[seen]))))
+    return Judged(distance, float(np.sqrt(square))), float(chdtrc(max(int(seen.sum()), 1), square))

@@ -1,0 +1,253 @@
+"""The base model of a data set in its place: what the header frees, with a start for what the world hides.
+
+The start of every series is found from its own readings: the base pose by aligning the nominal robot with measured
+points or with base targets located by distances, the tool frame by averaging. Where the series has sweeps of single
+joints, their circles are a second opinion (`fit.circle_points`): joints 1 and 2 say where the base is, the last
+two where the tool sits, and the start at which the nominal robot misses less is taken. It matters where the tool is
+unknown and reaches as far as the arm, and the poses are few: alignment and averaging in turn then end in a wrong place.
+`place_nominal` fits base and tool alone: the nominal robot at its best, the yardstick of every report.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.kinematics import forward
+from calib.arm.start import align, base_and_tool, base_target, tool_turn, tools_of
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.header import Header
+from calib.data.plausible import refuse_mirrored
+from calib.data.spans import Span
+from calib.errors import DataError
+from calib.fit import robust
+from calib.fit.circle_points import Start, starts
+from calib.fit.least_squares import Linearisation, find_dependent, solve
+from calib.fit.readings import readings_of
+from calib.model import base_model
+from calib.model.effect import Effect
+from calib.model.model import Design, RobotModel
+from calib.text.toml_table import Vector
+
+_OF_PLACE = ("base", "tool", "base_targets", "length_zero")
+
+
+def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> RobotModel:
+    """The model that the header frees (or `groups`), with a start for every series.
+
+    Raises DataError when the header holds or weighs a parameter that the model does not have or of which nothing is
+    known, and where the readings are mirrored or in another unit.
+    """
+    _refuse_unknown(dataset)
+    header, conditions = dataset.header, dataset.conditions
+    groups = header.groups if groups is None else groups
+    targets = {name: header.targets_of(name) for name in conditions.series_names}
+    placements: dict[str, Array] = {}
+    turns: dict[str, Array] = {}
+    located: dict[str, Vector] = {}
+    measured_in: list[dict[str, bool]] = []
+    flange = forward(header.robot, conditions.joints)
+    circles = starts(dataset) if header.world == "free" else {}
+    for s, name in enumerate(conditions.series_names):
+        rows = dataset.fit_rows & (conditions.series == s)
+        names = conditions.target_names
+        seen = {
+            names[t]: bool((dataset.turned & rows & (conditions.target == t)).any())
+            for t in np.unique(conditions.target[rows])
+        }
+        measured_in.append(seen)
+        pointed = rows & dataset.pointed
+        if header.world == "free" and pointed.any():
+            nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in names])
+            which, points = conditions.target[pointed], dataset.points[pointed]
+            free = "tool" in groups
+            pose, tool = base_and_tool(flange[pointed], nominal, which, points, tool_unknown=free)
+            if s in circles:
+                pose, tool = _nearer(
+                    flange[pointed], (pose, tool), circles[s], which, points, tool_unknown=free
+                )
+            placements[name] = pose
+            if free:
+                found: dict[str, Vector] = {
+                    t: (float(x), float(y), float(z))
+                    for t, (x, y, z) in zip(names, tool, strict=True)
+                    if t in seen and t not in header.tool_targets_u_mm and not _declared(header, "tool", t)
+                }
+                targets[name] = {**targets[name], **found}
+        turned = rows & dataset.turned
+        if "tool" in groups and turned.any() and not _declared(header, "tool", *(f"{t}.r" for t in seen)):
+            pose = placements.get(name, np.eye(4))
+            turns[name] = tool_turn(flange[turned], pose, dataset.orientation[turned])
+        spanned = rows & dataset.spanned
+        if spanned.any():
+            here = _locate(dataset, flange, targets[name], spanned, zero_unknown="length_zero" in groups)
+            known = {b: place for b, place in here.items() if b in header.base_targets}
+            refuse_mirrored(dataset, known, {b: np.array(header.base_targets[b]) for b in known})
+            if header.world == "free" and name not in placements:
+                placements[name] = _aligned(here, header)
+            pose = placements.get(name, np.eye(4))
+            for anchor, place in here.items():
+                x, y, z = pose[:3, :3] @ place + pose[:3, 3]
+                located.setdefault(anchor, (float(x), float(y), float(z)))
+    effects = base_model.build(
+        groups,
+        header.robot,
+        conditions.series_names,
+        measured_in,
+        _uncertain(header, conditions.anchor_names),
+        header.tool_targets_u_mm,
+    )
+    return RobotModel(
+        header.robot,
+        _adapted(effects, dataset),
+        targets,
+        placements,
+        header.noise.station_mm,
+        turns,
+        {
+            name: header.base_targets.get(name, located.get(name, (0.0, 0.0, 0.0)))
+            for name in conditions.anchor_names
+        },
+        spans=_between(dataset, targets, measured_in),
+    )
+
+
+def _nearer(
+    flange: Array,
+    aligned: tuple[Array, Array],
+    circles: Start,
+    which: NDArray[np.int64],
+    points: Array,
+    *,
+    tool_unknown: bool,
+) -> tuple[Array, Array]:
+    """Base pose and tool targets from alignment or from circles: those with which the nominal robot misses less."""
+    pose, tool = aligned
+    if circles.base is not None:
+        pose = circles.base
+        tool = tools_of(flange, pose, tool, which, points) if tool_unknown else tool
+    if tool_unknown:
+        tool = tool.copy()
+        for t, place in circles.targets.items():
+            tool[t] = place
+
+    def miss(pose: Array, tool: Array) -> float:
+        there = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], tool[which])
+        return float(np.median(np.linalg.norm(points - there @ pose[:3, :3].T - pose[:3, 3], axis=1)))
+
+    return (pose, tool) if miss(pose, tool) < miss(*aligned) else aligned
+
+
+def _locate(
+    dataset: Dataset,
+    flange: Array,
+    targets: dict[str, Vector],
+    rows: NDArray[np.bool_],
+    *,
+    zero_unknown: bool,
+) -> dict[str, Array]:
+    """Base targets in the base frame of the nominal robot, mm, where the distances determine them."""
+    conditions = dataset.conditions
+    found = {}
+    for a in np.unique(conditions.anchor[rows]):
+        of = rows & (conditions.anchor == a)
+        tool = np.array([targets[conditions.target_names[t]] for t in conditions.target[of]])
+        points = flange[of, :3, 3] + np.einsum("nij,nj->ni", flange[of, :3, :3], tool)
+        place = base_target(points, dataset.lengths[of], zero_unknown=zero_unknown)
+        if place is not None:
+            found[conditions.anchor_names[a]] = place
+    return found
+
+
+def _aligned(here: dict[str, Array], header: Header) -> Array:
+    """(4, 4) base pose that brings base targets located in the robot's frame to where they are known to be.
+
+    Of one or two of them it is one pose of many; the fit then drops what they leave open.
+    """
+    known = [name for name in here if name in header.base_targets]
+    pose = np.eye(4)
+    if known:
+        nominal = np.array([here[name] for name in known])
+        goal = np.array([header.base_targets[name] for name in known])
+        pose[:3, :3], pose[:3, 3] = align(nominal, goal, np.ones(len(known)))
+    return pose
+
+
+def _uncertain(header: Header, names: Sequence[str]) -> dict[str, float | None]:
+    """Base targets that are parameters: unknown (None), or known with an uncertainty in mm."""
+    out: dict[str, float | None] = {}
+    for name in names:
+        if name not in header.base_targets:
+            out[name] = None
+        elif name in header.base_targets_u_mm:
+            out[name] = header.base_targets_u_mm[name]
+    return out
+
+
+def _between(
+    dataset: Dataset, targets: Mapping[str, Mapping[str, Vector]], measured_in: Sequence[Mapping[str, bool]]
+) -> tuple[Span, ...]:
+    """Distances between balls to which the arm is measured too: of others they say nothing."""
+    seen = dict(zip(targets, measured_in, strict=True)) | {"": dataset.conditions.anchor_names}
+    return tuple(
+        span
+        for span in dataset.spans
+        if span.series in seen and span.one in seen[span.series] and span.other in seen[span.series]
+    )
+
+
+def _declared(header: Header, *names: str) -> bool:
+    """Whether hold or priors speak of these: then the nominal value is kept, and no start takes its place."""
+    said = [re.sub(r"\[.*\]", "", name) for name in (*header.hold, *header.priors)]
+    return any(
+        one == name or one.startswith(f"{name}.") or one[:-1] == name for one in said for name in names
+    )
+
+
+def _refuse_unknown(dataset: Dataset) -> None:
+    """Nobody knows where a base is in a free world: it has no nominal value to be held or weighed at."""
+    header = dataset.header
+    free = [name for name in dataset.conditions.anchor_names if name not in header.base_targets]
+    unknown = ("base", *free, "base_targets") if free else ("base",)
+    if header.world == "nominal":
+        unknown = unknown[1:]
+    if _declared(header, *unknown):
+        raise DataError(
+            "speaks of a pose or a place that the header leaves free: there is no nominal value to keep it to.",
+            do='Set world = "nominal", give the position under [base_targets], or leave the name out.',
+            file=dataset.path.with_suffix(".toml"),
+            key="model.hold, model.priors",
+        )
+
+
+def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...]:
+    header = dataset.header
+    if not header.hold and not header.priors:
+        return effects
+    try:
+        return base_model.adapted(effects, header.hold, header.priors)
+    except KeyError as error:
+        names = ", ".join(p.name for e in effects for p in e.parameters)
+        raise DataError(
+            f"names {error.args[0]!r}, which the model does not have.",
+            do=f"Its parameters are: {names}.",
+            file=dataset.path.with_suffix(".toml"),
+            key="model.hold" if error.args[0] in header.hold else "model.priors",
+        ) from error
+
+
+def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Array]:
+    """The nominal robot in its place: base (and tool, where freed) fitted, nothing else. Returns model and estimate."""
+    placed = replace(model, effects=tuple(e for e in model.effects if e.label.partition("[")[0] in _OF_PLACE))
+    start = np.zeros(len(placed.parameters))
+    readings = readings_of(dataset, dataset.fit_rows, placed, start)
+    at = Linearisation(Design(placed, readings.conditions), readings.observed, start)
+    active, dropped = find_dependent(at)
+    for _ in range(2):
+        at = solve(at, active, dropped, weights=robust.huber(at.residual, readings.observed.freedom)).at
+    return placed, at.estimate

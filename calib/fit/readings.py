@@ -1,0 +1,108 @@
+"""The readings of a fit: conditions, whitened observations and their place in the data set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.data.noise import whitener
+from calib.fit.least_squares import jacobian
+from calib.model.model import Design, RobotModel
+from calib.model.observations import Observations
+
+
+@dataclass(frozen=True)
+class Readings:
+    """n readings; rows (n,) index into the data set."""
+
+    conditions: Conditions
+    observed: Observations
+    rows: NDArray[np.int64]
+
+    def take(self, keep: NDArray[np.bool_]) -> Readings:
+        """Some of the readings, by mask (n,)."""
+        return self if keep.all() else self.taken(np.flatnonzero(keep))
+
+    def taken(self, index: NDArray[np.int64]) -> Readings:
+        """Some of the readings, by index."""
+        return Readings(self.conditions.take(index), self.observed.take(index), self.rows[index])
+
+
+_AT_ONCE = 1200  # readings whose columns are in memory at a time
+
+
+def linearised(
+    model: RobotModel, readings: Readings, estimate: Array
+) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
+    """Residual and derivative of the prediction at an estimate (m,), some readings at a time: which they are (c,),
+    whitened residual (k, c), whitened columns (k c, m)."""
+    count = len(readings.rows)
+    for part in np.array_split(np.arange(count), max(-(-count // _AT_ONCE), 1)):
+        few = readings.taken(part)
+        design = Design(model, few.conditions)
+        frames = design.frames(estimate, design.slots)
+        yield part, few.observed.residual(frames), jacobian(design, few.observed, frames)
+
+
+def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Readings:
+    """Whitened readings of some rows (mask over the data set).
+
+    The instrument's covariance is taken where the point was measured; the repeatability of the joints enters through
+    the joint Jacobian of `model` at `estimate`, and ties point, orientation and distance of a reading together.
+    """
+    conditions = dataset.conditions.take(rows)
+    measured, blocks = [], []
+    noise = dataset.header.noise
+    pointed, turned, spanned = dataset.pointed[rows], dataset.turned[rows], dataset.spanned[rows]
+    points = rotations = lengths = None
+    n = len(conditions)
+    if pointed.any():
+        points = np.nan_to_num(dataset.points[rows]).T
+        measured += [pointed] * 3
+        blocks.append(noise.of_points(points.T, dataset.u_point[rows]))
+    if turned.any():
+        upright = np.where(turned[:, None], dataset.orientation[rows], (1.0, 0.0, 0.0, 0.0))
+        rotations = Rotation.from_quat(upright, scalar_first=True).as_matrix().transpose(1, 2, 0)
+        measured += [turned] * 3
+        variance = _given(dataset.u_rotation[rows], noise.rotation) ** 2
+        blocks.append(variance[:, None, None] * np.eye(3))
+    if spanned.any():
+        lengths = np.nan_to_num(dataset.lengths[rows])
+        measured.append(spanned)
+        blocks.append(_given(dataset.u_length[rows], noise.length_mm)[:, None, None] ** 2)
+    covariance = _block_diagonal(blocks, n)
+    mask = np.column_stack(measured)
+    k = mask.shape[1]
+    raw = Observations(
+        points, rotations, lengths, np.eye(k)[:, :, None] * np.ones(n), mask.sum(axis=1).astype(np.int64)
+    )
+    if noise.repeatability > 0.0:
+        joints = [f"theta{j}" for j in range(1, model.robot.joints + 1)]
+        frames = Design(model, conditions).frames(estimate, joints)
+        # The robot scatters about where it is, not about what was measured: the rotation vector there is zero.
+        there = raw if rotations is None else replace(raw, rotations=frames.rotation.transpose(1, 2, 0))
+        covariance = covariance + noise.of_joints(there.columns(frames, joints))
+    observed = Observations(points, rotations, lengths, whitener(covariance, mask), raw.freedom)
+    return Readings(conditions, observed, np.flatnonzero(rows))
+
+
+def _given(of_row: Array, declared: float) -> Array:
+    return np.where(np.isfinite(of_row), of_row, declared)
+
+
+def _block_diagonal(blocks: Iterable[Array], n: int) -> Array:
+    blocks = list(blocks)
+    size = sum(block.shape[1] for block in blocks)
+    covariance = np.zeros((n, size, size))
+    at = 0
+    for block in blocks:
+        covariance[:, at : at + block.shape[1], at : at + block.shape[1]] = block
+        at += block.shape[1]
+    return covariance

@@ -1,0 +1,95 @@
+"""Readings that do not belong: weights that keep them from steering the fit, and the test that rejects them.
+
+Distances are norms of whitened readings, each judged by the chi distribution of as many degrees of freedom as it
+has rows (a point 3, a pose 6, a length 1). The scale is the larger of what the median and what the 90 % quantile
+say, so that a tenth of the readings may be wrong, while a structure that moves many readings (a step, a drift)
+is not mistaken for a crowd of outliers. Source: Huber 1981; Beaton and Tukey 1974 (bisquare).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from calib.array import Array
+
+_HUBER = 0.95  # quantile of the noise within which a reading counts in full
+_BISQUARE = 2.5  # times that distance: where a reading stops counting
+_REJECT = 0.01  # chance that a clean set has a reading rejected
+
+Freedom = NDArray[np.int64]
+
+
+def distances(residual: Array) -> Array:
+    """(n,) norm of every whitened reading, from (k, n) residuals."""
+    return np.sqrt(np.sum(residual**2, axis=0))
+
+
+def noise_scale(residual: Array, freedom: Freedom) -> float:
+    """Robust ratio of the residuals (k, n) to the declared noise; freedom (n,) rows of every reading."""
+    return _scale(distances(residual), freedom)
+
+
+def _scale(distance: Array, freedom: Freedom) -> float:
+    largest = 0.0
+    for q in (0.5, 0.9):
+        ratio = distance / _chi(freedom, q)
+        place = round(q * (len(ratio) - 1))
+        largest = max(largest, float(np.partition(ratio, place)[place]))
+    return largest
+
+
+def _chi(freedom: Freedom, quantile: float) -> Array:
+    """(n,) quantile of the chi distribution of every reading."""
+    values = np.array([_quantile(rows, quantile) for rows in range(int(freedom.max()) + 1)])
+    return values[freedom]
+
+
+@cache
+def _quantile(rows: int, quantile: float) -> float:
+    return float(stats.chi(rows).ppf(quantile)) if rows else 1.0
+
+
+def huber(residual: Array, freedom: Freedom) -> Array:
+    """(n,) weights 1 within, k/d beyond."""
+    distance = distances(residual) / max(noise_scale(residual, freedom), 1e-300)
+    return np.minimum(1.0, _chi(freedom, _HUBER) / np.maximum(distance, 1e-300))
+
+
+def bisquare(residual: Array, freedom: Freedom) -> Array:
+    """(n,) weights that fall to zero at 2.5 times the distance within which 95 % of the noise lies."""
+    distance = distances(residual) / max(noise_scale(residual, freedom), 1e-300)
+    return np.maximum(1.0 - (distance / (_BISQUARE * _chi(freedom, _HUBER))) ** 2, 0.0) ** 2
+
+
+def threshold(residual: Array, freedom: Freedom) -> Array:
+    """(n,) distance beyond which, with 99 % confidence over all n readings, a reading does not belong."""
+    return _limits(freedom) * max(noise_scale(residual, freedom), 1.0)
+
+
+def _limits(freedom: Freedom) -> Array:
+    """(n,) distance that noise as declared exceeds at one of n readings in a hundredth of all clean sets."""
+    values = np.array([_limit(rows, _REJECT / len(freedom)) for rows in range(int(freedom.max()) + 1)])
+    return values[freedom]
+
+
+@cache
+def _limit(rows: int, chance: float) -> float:
+    return float(np.sqrt(stats.chi2.isf(chance, rows))) if rows else 0.0
+
+
+def outliers(residual: Array, freedom: Freedom) -> NDArray[np.bool_]:
+    """(n,) readings beyond the threshold."""
+    return distances(residual) > threshold(residual, freedom)
+
+
+def suspicious(distance: Array, freedom: Freedom) -> bool:
+    """Whether a plain fit may have been steered by readings that do not belong.
+
+    distance: (n,) standardised lengths of its residuals. A clean set that is suspected, one in a hundred, loses only
+    the time of a robust fit.
+    """
+    return bool(np.any(distance > _limits(freedom) * _scale(distance, freedom)))

@@ -1,0 +1,177 @@
+"""An effect: a label, an owner, linear parameters, and where each acts times what drives it.
+
+value of a slot = nominal + sum of weight x parameter x regressor, through the exact chain;
+a column of the Jacobian = sum of twist of the slot x weight x regressor, its derivative.
+Level-2 geometry, level-3 compliance and everything that the diagnosis finds are effects of different length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from calib.array import Array
+from calib.model import regressors
+from calib.model.regressors import Cosine, Regressor, Sine
+from calib.units import FACTORS, to_display, to_internal
+
+Owner = Literal["robot", "mounting", "instrument"]
+Group = Literal[
+    "base model", "transmission", "structure", "frames and tool", "instrument", "thermal", "procedure"
+]
+
+
+_CURVE = 6  # parameters of one unit above which they are the waves of one curve, not directions of one thing
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
+
+    A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
+    deviation); without one it is free. low, high: between which physics allows it, in that unit; None: no bound.
+    Bounds never hold a fit back: an estimate beyond them says that the effect is not what is there.
+    """
+
+    name: str
+    unit: str
+    size: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def short(self) -> str:
+        """Name without the label in front: 'gap' of 'backlash:j4.gap'."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """What physics allows, internal units; infinite where there is no bound."""
+        low = -math.inf if self.low is None else to_internal(self.low, self.unit)
+        high = math.inf if self.high is None else to_internal(self.high, self.unit)
+        return low, high
+
+
+@dataclass(frozen=True)
+class Term:
+    """One triple: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
+
+    parameter: str
+    slot: str
+    weight: float
+    regressor: Regressor
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What happens to the robot, its mounting or the instrument, linear in its parameters.
+
+    `shape` holds what was scanned or fixed (harmonic order, change point), by name, for the report.
+    """
+
+    label: str
+    group: Group
+    owner: Owner
+    meaning: str
+    parameters: tuple[Parameter, ...]
+    terms: tuple[Term, ...]
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def wave(self) -> tuple[int, frozenset[str]] | None:
+        """The joint whose angle drives a harmonic, and the slots on which it acts; None for other effects."""
+        joints = {t.regressor.joint for t in self.terms if isinstance(t.regressor, Cosine | Sine)}
+        if "order" not in self.shape or len(joints) != 1:
+            return None
+        return joints.pop(), frozenset(term.slot for term in self.terms)
+
+    def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
+        """Size of the effect, its standard error and unit: root sum of squares of the parameters of the first unit.
+
+        values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself; for a curve
+        of many waves, its root mean square over a turn.
+        """
+        unit = self.parameters[0].unit
+        same = [i for i, p in enumerate(self.parameters) if p.unit == unit]
+        v, c = values[same], covariance[np.ix_(same, same)]
+        if len(same) == 1:
+            return to_display(float(v[0]), unit), to_display(math.sqrt(float(c[0, 0])), unit), unit
+        if len(same) > _CURVE:
+            v, c = v / math.sqrt(2.0), c / 2.0
+        size = float(np.linalg.norm(v))
+        spread = math.sqrt(float(v @ c @ v)) / size if size > 0.0 else math.sqrt(float(np.trace(c)))
+        return to_display(size, unit), to_display(spread, unit), unit
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionary that `from_json` reads back."""
+        return {
+            "label": self.label,
+            "group": self.group,
+            "owner": self.owner,
+            "meaning": self.meaning,
+            "shape": dict(self.shape),
+            "parameters": [asdict(parameter) for parameter in self.parameters],
+            "terms": [
+                {
+                    "parameter": t.parameter,
+                    "slot": t.slot,
+                    "weight": t.weight,
+                    "regressor": regressors.to_json(t.regressor),
+                }
+                for t in self.terms
+            ],
+        }
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Effect:
+        """The effect that `to_json` wrote. Raises KeyError when a key or a kind of regressor is unknown."""
+        return cls(
+            label=table["label"],
+            group=table["group"],
+            owner=table["owner"],
+            meaning=table["meaning"],
+            shape=dict(table["shape"]),
+            parameters=tuple(
+                Parameter(p["name"], p["unit"], p["size"], p.get("low"), p.get("high"))
+                for p in table["parameters"]
+            ),
+            terms=tuple(
+                Term(t["parameter"], t["slot"], t["weight"], regressors.from_json(t["regressor"]))
+                for t in table["terms"]
+            ),
+        )
+
+
+Acts = tuple[str, Regressor] | tuple[str, Regressor, float]
+Bounds = tuple[float | None, float | None]
+Written = tuple[str, float | None, Sequence[Acts]] | tuple[str, float | None, Sequence[Acts], Bounds]
+
+
+def effect(
+    label: str,
+    group: Group,
+    owner: Owner,
+    meaning: str,
+    acts: Mapping[str, Written],
+    shape: Mapping[str, float] | None = None,
+) -> Effect:
+    """Write an effect down briefly.
+
+    acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...][, (lowest,
+    highest) that physics allows, in that unit]).
+    Parameters are kept in internal units whatever the unit they are shown in. Outside the base model their
+    names start with the label. Raises KeyError for a unit that `units.FACTORS` does not hold.
+    """
+    prefix = "" if group == "base model" else f"{label}."
+    parameters, terms = [], []
+    for name, (unit, size, places, *bounds) in acts.items():
+        if unit not in FACTORS:
+            raise KeyError(unit)
+        parameters.append(Parameter(prefix + name, unit, size, *(bounds[0] if bounds else ())))
+        for slot, regressor, *weight in places:
+            terms.append(Term(prefix + name, slot, float(weight[0]) if weight else 1.0, regressor))
+    return Effect(label, group, owner, meaning, tuple(parameters), tuple(terms), dict(shape or {}))

@@ -1,0 +1,146 @@
+"""The observations as whitened rows: residuals, and their derivative for a unit of a slot.
+
+A reading has up to seven rows: the tool point (3), the orientation of the tool frame as a rotation vector (3),
+and the distance from the tool target to a base target (1). One whitener a reading, lower triangular over all its
+rows, divides by the noise: whitening happens here and nowhere else. A row that a reading did not measure is zero in
+residual and column, and does not count in `freedom`.
+
+    point        measured - p
+    orientation  log(R_measured R') in the world, R the predicted orientation; its derivative for an angular
+                 velocity w is J_r(e)^-1 w, the inverse right Jacobian of SO(3) at the residual e
+    distance     measured - (|p - anchor| + zero); its derivative is u.v, u the unit vector from anchor to p
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.arm.kinematics import ANCHOR, FRAME, LENGTH_ZERO, Frames, cross
+from calib.array import Array
+
+_OF_FRAME = {motion.slot for motion in FRAME}
+
+
+@dataclass(frozen=True)
+class Observations:
+    """n readings. Quantities that no reading has are None; where only some have one, the others hold anything finite.
+
+    points (3, n) mm; rotations (3, 3, n); lengths (n,) mm; whiten (k, k, n); freedom (n,) measured rows.
+    """
+
+    points: Array | None
+    rotations: Array | None
+    lengths: Array | None
+    whiten: Array
+    freedom: NDArray[np.int64]
+
+    @property
+    def size(self) -> int:
+        """Number of rows with those that were not measured: k n."""
+        return self.whiten.shape[0] * self.whiten.shape[2]
+
+    @property
+    def count(self) -> int:
+        """Number of rows that were measured."""
+        return int(self.freedom.sum())
+
+    def take(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Observations:
+        """Some of the readings, by mask or index."""
+        return replace(
+            self,
+            points=None if self.points is None else self.points[:, keep],
+            rotations=None if self.rotations is None else self.rotations[:, :, keep],
+            lengths=None if self.lengths is None else self.lengths[keep],
+            whiten=np.ascontiguousarray(self.whiten[:, :, keep]),
+            freedom=self.freedom[keep],
+        )
+
+    def residual(self, frames: Frames) -> Array:
+        """(k, n) whitened: measured less predicted."""
+        parts = []
+        if self.points is not None:
+            parts.append(self.points - frames.p)
+        if self.rotations is not None:
+            parts.append(_turned(self.rotations, frames))
+        if self.lengths is not None:
+            distance = np.linalg.norm(frames.p - frames.anchor, axis=0)
+            parts.append((self.lengths - distance - frames.length_zero)[None])
+        return self._whitened(np.concatenate(parts))
+
+    def columns(self, frames: Frames, slots: Sequence[str]) -> Array:
+        """(S, k, n) whitened derivative of the prediction for a unit of every slot."""
+        velocity = frames.velocities(slots)
+        angular = velocity if self.rotations is None else frames.turnings(slots)
+        of_length = None
+        if self.lengths is not None:
+            of_length = np.einsum("an,san->sn", _direction(frames), velocity)
+            for i, slot in enumerate(slots):
+                if slot in ANCHOR and frames.world is not None:
+                    of_length[i] = -np.sum(_direction(frames) * frames.world[ANCHOR.index(slot)], axis=0)
+                elif slot == LENGTH_ZERO:
+                    of_length[i] = 1.0
+                elif slot in _OF_FRAME:
+                    of_length[i] = 0.0  # the instrument's frame carries the base targets too
+        return self._pushed(frames, velocity, angular, of_length)
+
+    def column(self, frames: Frames, slot: str) -> Array:
+        """(k, n): `columns` of one slot."""
+        return self.columns(frames, (slot,))[0]
+
+    def displaced(self, frames: Frames, velocity: Array) -> Array:
+        """(S, k, n) whitened change of the readings when the tool point moves by `velocity` (S, 3, n), mm."""
+        of_length = None if self.lengths is None else np.einsum("an,san->sn", _direction(frames), velocity)
+        return self._pushed(frames, velocity, np.zeros_like(velocity), of_length)
+
+    def _pushed(self, frames: Frames, velocity: Array, angular: Array, of_length: Array | None) -> Array:
+        parts = []
+        if self.points is not None:
+            parts.append(velocity)
+        if self.rotations is not None:
+            parts.append(_inverse_right_jacobian(_turned(self.rotations, frames), angular))
+        if of_length is not None:
+            parts.append(of_length[:, None])
+        return self._whitened(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1))
+
+    def _whitened(self, v: Array) -> Array:
+        """Lower-triangular product over (..., k, n), written out: einsum spends most of its time on the small axes."""
+        out = self.whiten.diagonal().T * v
+        for i, j in self._mixed:
+            out[..., i, :] += self.whiten[i, j] * v[..., j, :]
+        return out
+
+    @cached_property
+    def _mixed(self) -> list[tuple[int, int]]:
+        """Rows and columns below the diagonal that some reading has in its whitening."""
+        mixed = np.tril(np.any(self.whiten != 0.0, axis=2), -1)
+        return [(int(i), int(j)) for i, j in np.argwhere(mixed)]
+
+
+def _direction(frames: Frames) -> Array:
+    """(3, n) unit vectors from the anchors to the tool points."""
+    towards = frames.p - frames.anchor
+    return towards / np.maximum(np.linalg.norm(towards, axis=0), 1e-12)
+
+
+def _turned(rotations: Array, frames: Frames) -> Array:
+    """(3, n) rotation vectors of measured (3, 3, n) over predicted orientations, world, rad."""
+    difference = np.einsum("acn,nbc->nab", rotations, frames.rotation)
+    return Rotation.from_matrix(difference).as_rotvec().T
+
+
+def _inverse_right_jacobian(e: Array, w: Array) -> Array:
+    """(S, 3, n): J_r(e)^-1 w for rotation vectors e (3, n). Source: Sola et al. 2018, eq. 144."""
+    angle = np.linalg.norm(e, axis=0)
+    safe = np.maximum(angle, 1e-4)
+    factor = np.where(
+        angle > 1e-4, 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe)), 1.0 / 12.0
+    )
+    e = np.broadcast_to(e, w.shape)
+    once = cross(e, w)
+    return w + 0.5 * once + factor * cross(e, once)

@@ -1,0 +1,380 @@
+"""Regressors, which drive an effect: functions of the conditions, one value a reading.
+
+A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant). Its
+fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1. Where a picture of it
+has an axis of its own it says which (`drawn_over`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.model.axis import Axis
+from calib.units import DEG
+
+
+class Regressor(Protocol):
+    """Anything that gives one number a reading."""
+
+    def evaluate(self, conditions: Conditions) -> Array | float:
+        """(n,) values, or a float that holds for every reading."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """1 for every reading."""
+
+    def evaluate(self, conditions: Conditions) -> float:
+        """1.0"""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class InSeries:
+    """1 for the readings of one series (one set-up of base and instrument), 0 elsewhere."""
+
+    series: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        return (conditions.series == conditions.series_names.index(self.series)).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class OnTarget:
+    """1 for the readings of one tool target in one series, 0 elsewhere."""
+
+    series: str
+    target: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        of_target = conditions.target == conditions.target_names.index(self.target)
+        return of_target * InSeries(self.series).evaluate(conditions)
+
+
+@dataclass(frozen=True)
+class ToAnchor:
+    """1 for the distances to one base target, 0 elsewhere."""
+
+    anchor: str
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        if self.anchor not in conditions.anchor_names:
+            return np.zeros(len(conditions))
+        return (conditions.anchor == conditions.anchor_names.index(self.anchor)).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class JointAngle:
+    """theta of a joint, rad."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) rad."""
+        return conditions.joints[:, self.joint - 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The angle itself."""
+        return Axis(f"θ{self.joint}, deg", self.evaluate(conditions) / DEG)
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Gravity torque about a joint, N.mm."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.torque[:, self.joint - 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque itself."""
+        return Axis(f"gravity torque of joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class TorqueCubed:
+    """Third power of the gravity torque about a joint, (N.mm)^3."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) (N.mm)^3."""
+        return conditions.torque[:, self.joint - 1] ** 3
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque, of which it is a function."""
+        return Torque(self.joint).drawn_over(conditions)
+
+
+@dataclass(frozen=True)
+class TorqueSign:
+    """Sign of the gravity torque about a joint, smoothed as tanh(torque / width); width in N.mm."""
+
+    joint: int
+    width: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        return np.tanh(conditions.torque[:, self.joint - 1] / self.width)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque, of which it is a function."""
+        return Torque(self.joint).drawn_over(conditions)
+
+
+@dataclass(frozen=True)
+class LoadTorque:
+    """Torque about a joint of a load on the last link: mass_kg, and x, y, z its mass x centre in that link, kg mm."""
+
+    joint: int
+    mass_kg: float
+    x: float
+    y: float
+    z: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.unit_load[:, self.joint - 1] @ np.array([self.mass_kg, self.x, self.y, self.z])
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Gravity moment at a joint about one axis (0, 1, 2) of the frame just before it turns."""
+
+    joint: int
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.moment[:, self.joint - 1, self.axis]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The moment itself."""
+        return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class MomentBehind:
+    """Gravity moment at a joint about the x axis behind it, which has turned by theta + `zero` (rad) about z."""
+
+    joint: int
+    zero: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        theta, moment = conditions.joints[:, self.joint - 1] + self.zero, conditions.moment[:, self.joint - 1]
+        return np.cos(theta) * moment[:, 0] + np.sin(theta) * moment[:, 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The moment itself."""
+        return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class Overturning:
+    """Gravity moment of the whole arm about one axis (0, 1, 2) of the base."""
+
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.overturning[:, self.axis]
+
+
+@dataclass(frozen=True)
+class Beam:
+    """One coordinate (0, 1, 2) of the vector from the station to the target, world; station_mm: that of the station."""
+
+    axis: int
+    station_mm: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) mm."""
+        return conditions.point[:, self.axis] - self.station_mm
+
+
+@dataclass(frozen=True)
+class LastMove:
+    """The angle by which a joint turned in its last move, rad."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) rad."""
+        return conditions.joints[:, self.joint - 1] - conditions.previous[:, self.joint - 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The move itself."""
+        return Axis(f"last move of joint {self.joint}, deg", self.evaluate(conditions) / DEG)
+
+
+@dataclass(frozen=True)
+class Cosine:
+    """cos(order x theta of a joint); order in cycles a turn."""
+
+    joint: int
+    order: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,)"""
+        return np.cos(self.order * conditions.joints[:, self.joint - 1])
+
+
+@dataclass(frozen=True)
+class Sine:
+    """sin(order x theta of a joint); order in cycles a turn."""
+
+    joint: int
+    order: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,)"""
+        return np.sin(self.order * conditions.joints[:, self.joint - 1])
+
+
+@dataclass(frozen=True)
+class GearCurve:
+    """The curve of a gear as it was found, rad: amplitudes[n] = a - i b of a cos(n theta) + b sin(n theta)."""
+
+    joint: int
+    amplitudes: tuple[complex, ...]
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) rad."""
+        turn = np.exp(1j * conditions.joints[:, self.joint - 1])
+        total = np.zeros(len(turn), dtype=np.complex128)
+        for amplitude in reversed(self.amplitudes):  # Horner's rule
+            total = total * turn + amplitude
+        return np.real(total)
+
+
+@dataclass(frozen=True)
+class Side:
+    """Side from which a joint arrived: +1 from below, -1 from above."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) +1 or -1."""
+        return conditions.side[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
+class LoadedSide:
+    """Side from which a joint arrived times the size of the gravity torque about it, N.mm."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm, positive from below."""
+        at = self.joint - 1
+        return conditions.side[:, at] * np.abs(conditions.torque[:, at])
+
+
+@dataclass(frozen=True)
+class Time:
+    """Seconds since the start of the campaign."""
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) s."""
+        return conditions.time
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The time itself."""
+        return Axis("time, h", conditions.time / 3600.0)
+
+
+@dataclass(frozen=True)
+class WarmUp:
+    """1 - exp(-t / time_constant_s), t from the start of the campaign."""
+
+    time_constant_s: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from 0 to 1."""
+        return -np.expm1(-conditions.time / self.time_constant_s)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The time, of which it is a function."""
+        return Time().drawn_over(conditions)
+
+
+@dataclass(frozen=True)
+class StepAt:
+    """0 before the reading of rank `order`, 1 from it on."""
+
+    order: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) 0 or 1."""
+        return (conditions.order >= self.order).astype(np.float64)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The order of the readings."""
+        return Axis("reading, in order of time", conditions.order + 1.0)
+
+
+@dataclass(frozen=True)
+class Temperature:
+    """Air temperature above `reference_c`, K."""
+
+    reference_c: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) K."""
+        return conditions.temperature - self.reference_c
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The temperature itself."""
+        return Axis("air temperature, °C", conditions.temperature)
+
+
+KINDS = {
+    kind.__name__: kind
+    for kind in (
+        Constant,
+        InSeries,
+        OnTarget,
+        ToAnchor,
+        JointAngle,
+        Torque,
+        TorqueCubed,
+        TorqueSign,
+        LoadTorque,
+        Moment,
+        MomentBehind,
+        Overturning,
+        Beam,
+        LastMove,
+        Cosine,
+        Sine,
+        Side,
+        LoadedSide,
+        Time,
+        WarmUp,
+        StepAt,
+        Temperature,
+    )
+}
+
+
+def to_json(regressor: Regressor) -> dict[str, Any]:
+    """Plain dictionary of a regressor: its kind and its shape."""
+    return {"kind": type(regressor).__name__, **asdict(regressor)}  # type: ignore[call-overload]
+
+
+def from_json(table: dict[str, Any]) -> Regressor:
+    """The regressor that `to_json` wrote. Raises KeyError for a kind that this version does not know."""
+    shape = {key: value for key, value in table.items() if key != "kind"}
+    return KINDS[table["kind"]](**shape)

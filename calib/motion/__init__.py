@@ -1,0 +1,25 @@
+"""A robot that moves while it is measured: two streams of samples, their clocks, its standstills, the path's error."""
+
+from calib.motion.alignment import Aligned, align
+from calib.motion.path_error import Band, by_speed, split
+from calib.motion.poses import Origin, data_set
+from calib.motion.read import read_joints, read_points
+from calib.motion.still import SLOW_MM_S, Standstills, standstills
+from calib.motion.streams import JointStream, PointStream
+
+__all__ = [
+    "SLOW_MM_S",
+    "Aligned",
+    "Band",
+    "JointStream",
+    "Origin",
+    "PointStream",
+    "Standstills",
+    "align",
+    "by_speed",
+    "data_set",
+    "read_joints",
+    "read_points",
+    "split",
+    "standstills",
+]

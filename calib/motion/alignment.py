@@ -1,0 +1,252 @@
+"""The two clocks, the frame of the instrument and the geometry of the arm, found together from a moving robot.
+
+A wrong offset of the clocks displaces every point along its velocity; a wrong frame or geometry displaces it by where
+the arm is. One least-squares problem holds both (`calib.motion.solve`); speeds alone err by 4 to 61 ms and are its
+start. Its residuals say whether a clock was set while both were running.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.kinematics import forward
+from calib.arm.robot import Robot
+from calib.arm.start import base_and_tool
+from calib.array import Array
+from calib.errors import DataError
+from calib.motion.arm import Arm
+from calib.motion.clocks import Clocks, common_grain, correlated, speeds_of
+from calib.motion.jump import step_in
+from calib.motion.solve import Solve, weights
+from calib.motion.streams import JointStream, PointStream
+
+_FEWEST = 50
+_MOST_FITTED = 6000  # samples that take part in the fit; all are judged by it
+_LEAST_STEP_S, _SIGMA = 0.003, 6.0
+# Miss of the nominal arm in its best place, as a share of the extent, that is no error of an arm
+_FOREIGN = 0.05
+_FAST_CLOCK = 1e-3
+_SAME_OFFSET_S = 2.0  # that of windows and that of the whole may differ so far
+_ASTRAY_MM = 0.1  # a fit that misses by so much more than its start has not found its end
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Two streams on one clock.
+
+    used (n,): samples of the instrument that lie within the robot's stream, not in a gap of it. For those k:
+    time (k,) s of the robot's clock, joints (k, N) rad, point (k, 3) mm as measured, velocity (k, 3) mm/s of the tool
+    point by the fitted arm, error (k, 3) mm, measured less fitted, weight (k,) from 0, a gross error, to 1.
+    moving (k, 3) mm: measured less the fitted arm without its play: what is no matter of where the arm is.
+    nominal (k, 3) mm: error of the nominal arm in its best place. u_offset, u_rate, u_step: 1 sigma, s, 1, s.
+    start: the clocks by the speeds alone. tool: (3,) mm, in the flange frame.
+    """
+
+    clocks: Clocks
+    u_offset: float
+    u_rate: float
+    u_step: float
+    start: Clocks
+    used: NDArray[np.bool_]
+    time: Array
+    joints: Array
+    point: Array
+    velocity: Array
+    error: Array
+    moving: Array
+    nominal: Array
+    weight: Array
+    tool: Array
+    warnings: tuple[str, ...]
+
+    @property
+    def speed(self) -> Array:
+        """(k,) speed of the tool point, mm/s."""
+        return np.linalg.norm(self.velocity, axis=1)
+
+
+def align(
+    robot: Robot,
+    moved: JointStream,
+    tracked: PointStream,
+    tool: tuple[float, float, float],
+    *,
+    tool_known: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Aligned:
+    """Clock offset and rate, with the frame and the geometry of the arm.
+
+    tool: the measured point in the flange frame, mm, nominal. Raises DataError where the streams do not overlap, show
+    different motions, or nothing moves.
+    """
+    progress("comparing speeds")
+    start, rival = _start(robot, moved, tracked, np.array(tool))
+    start, rival = _by_place(robot, moved, tracked, np.array([tool]), start, rival)
+    joints, _, used = moved.at(start.robot_time(tracked.time))
+    if used.sum() < _FEWEST:
+        raise DataError(
+            f"overlaps with the {moved.name} in {int(used.sum())} samples only.",
+            do=f"Record both at the same time; {_FEWEST} samples or more are needed.",
+            file=tracked.name,
+        )
+    progress("fitting clocks, frame and geometry together")
+    fitted = np.flatnonzero(used)
+    fitted = fitted[:: -(-len(fitted) // _MOST_FITTED)]
+    pose, _ = _placed(robot, joints[fitted], np.array([tool]), tracked.points[fitted])
+    arm = Arm(robot, pose, np.array(tool), tool_known=tool_known)
+    solve = Solve(arm, moved, tracked.points[fitted], tracked.time[fitted])
+    clocks, estimate, other_jump = _solved(solve, start, progress)
+    placed = solve.placed_only(clocks)
+    everything = Solve(arm, moved, tracked.points, tracked.time)
+    samples, nominal = everything.at(clocks, estimate), everything.at(clocks, placed)
+    moving = everything.at(clocks, arm.without_play(estimate))
+    known = samples.known
+    _refuse_foreign(nominal.error[known], tracked, moved)
+    _refuse_lost(samples.error[known], nominal.error[known], tracked, moved)
+    u_offset, u_rate, u_step = solve.uncertainty(clocks, estimate)
+    return Aligned(
+        clocks=clocks,
+        u_offset=u_offset,
+        u_rate=u_rate,
+        u_step=u_step,
+        start=start,
+        used=known,
+        time=clocks.robot_time(tracked.time)[known],
+        joints=samples.joints[known],
+        point=tracked.points[known],
+        velocity=samples.velocity[known],
+        error=samples.error[known],
+        moving=moving.error[known],
+        nominal=nominal.error[known],
+        weight=weights(samples.error[known]),
+        tool=arm.tool(estimate),
+        warnings=tuple(_warnings(clocks, other_jump, rival)),
+    )
+
+
+def _start(
+    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array
+) -> tuple[Clocks, float | None]:
+    """The clocks by the speeds of the nominal tool point and of the measured one."""
+    grain = common_grain(moved, tracked)
+    every = max(1, int(0.5 * grain.step / moved.period))
+    flange = forward(robot, moved.joints[::every])
+    places = flange[:, :3, :3] @ tool + flange[:, :3, 3]
+    one = speeds_of(moved.time[::every], places, every * moved.period, grain, moved.name)
+    other = speeds_of(tracked.time, tracked.points, tracked.period, grain, tracked.name)
+    return correlated(one, other, moved.name, tracked.name)
+
+
+def _placed(robot: Robot, joints: Array, tool: Array, points: Array) -> tuple[Array, float]:
+    """The nominal arm in its place (4, 4), and by how much it misses half of the points, mm."""
+    flange, one = forward(robot, joints), np.zeros(len(joints), dtype=np.int64)
+    pose, _ = base_and_tool(flange, tool, one, points, tool_unknown=False)
+    there = (flange[:, :3, :3] @ tool[0] + flange[:, :3, 3]) @ pose[:3, :3].T + pose[:3, 3]
+    return pose, float(np.median(np.linalg.norm(points - there, axis=1)))
+
+
+def _by_place(
+    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, start: Clocks, rival: float | None
+) -> tuple[Clocks, float | None]:
+    """Of two offsets with speeds alike, choose the one with points alike; both where nothing distinguishes them."""
+    if rival is None or abs(rival - start.offset) < _SAME_OFFSET_S:
+        return start, None
+    other = replace(start, offset=rival, rate=0.0)
+    foreign = []
+    for clocks in (start, other):
+        joints, _, used = moved.at(clocks.robot_time(tracked.time))
+        miss = np.inf
+        if used.sum() >= _FEWEST:
+            miss = _placed(robot, joints[used], tool, tracked.points[used])[1]
+        foreign.append(miss > _FOREIGN * _extent(tracked))
+    if foreign[0] == foreign[1]:
+        return start, rival
+    return (other if foreign[0] else start), None
+
+
+def _solved(
+    solve: Solve, start: Clocks, progress: Callable[[str], None]
+) -> tuple[Clocks, Array, Clocks | None]:
+    """The fit; where a clock was set meanwhile, with that step, and then the clocks with the step that is left, if any.
+
+    What looked like a step but comes out too small to be one is none.
+    """
+    if np.isfinite(start.step_at) and (found := _with_step(solve, start)) is not None:
+        return *found, _jump(solve, *found)
+    clocks, estimate = solve.run(replace(start, step=0.0, step_at=np.inf))
+    if (jump := _jump(solve, clocks, estimate)) is None:
+        return clocks, estimate, None
+    progress(f"one clock seems to jump near {jump.step_at:.0f} s; fitting once more with the jump")
+    if (found := _with_step(solve, jump)) is None:
+        return clocks, estimate, None
+    return *found, _jump(solve, *found)
+
+
+def _with_step(solve: Solve, start: Clocks) -> tuple[Clocks, Array] | None:
+    """The fit with a step of the clocks; None where it comes out too small to be one."""
+    clocks, estimate = solve.run(solve.step_placed(*solve.run(start)))
+    sure = max(_LEAST_STEP_S, _SIGMA * solve.uncertainty(clocks, estimate)[2])
+    return (clocks, estimate) if abs(clocks.step) > sure else None
+
+
+def _jump(solve: Solve, clocks: Clocks, estimate: Array) -> Clocks | None:
+    """The clocks with a step that they do not have yet, or with another one than they have; None where none is seen."""
+    begins, offsets = solve.offsets(clocks, estimate)
+    if (step := step_in(offsets, _LEAST_STEP_S)) is None:
+        return None
+    at = float(begins[step.cut])
+    return replace(clocks, offset=clocks.offset + step.level, step=step.size, step_at=at)
+
+
+def _extent(tracked: PointStream) -> float:
+    """Extent of the points, wild ones apart, mm."""
+    low, high = np.quantile(tracked.points, (0.01, 0.99), axis=0)
+    return float(np.linalg.norm(high - low))
+
+
+def _refuse_foreign(nominal: Array, tracked: PointStream, moved: JointStream) -> None:
+    extent, miss = _extent(tracked), float(np.median(np.linalg.norm(nominal, axis=1)))
+    if miss > _FOREIGN * extent:
+        raise DataError(
+            f"is not the motion of the {moved.name}: at its best place the nominal robot misses half of the points by "
+            f"more than {miss:.0f} mm, and all of them lie within {extent:.0f} mm.",
+            do="Check robot, tool, order, signs and unit of the joints, and that both streams are of one recording and "
+            "overlap in time.",
+            file=tracked.name,
+        )
+
+
+def _refuse_lost(error: Array, nominal: Array, tracked: PointStream, moved: JointStream) -> None:
+    fitted, placed = (float(np.median(np.linalg.norm(each, axis=1))) for each in (error, nominal))
+    if fitted > placed + _ASTRAY_MM:
+        raise DataError(
+            f"and the {moved.name} do not fit together: where their speeds are most alike, the fit misses half of the "
+            f"points by more than {fitted:.2g} mm, the nominal arm in its place by {placed:.2g} mm.",
+            do="Check that the two overlap in time and are of one recording; if they are, record more waypoints with "
+            "faster moves between them.",
+            file=tracked.name,
+        )
+
+
+def _warnings(clocks: Clocks, jump: Clocks | None, rival: float | None) -> list[str]:
+    out = []
+    if jump is not None:
+        out.append(
+            f"At {jump.step_at:.1f} s of the tracker's clock the clocks step by another amount that is not in the fit. "
+            "Cut the recording there and align the parts."
+        )
+    if abs(clocks.rate) > _FAST_CLOCK:
+        out.append(
+            f"The clocks differ by {100.0 * clocks.rate:.2g} % in rate, more than any quartz: one stream's times may "
+            "be counted, not measured."
+        )
+    if rival is not None:
+        out.append(
+            f"The path repeats itself: an offset of {rival:.1f} s makes the speeds as alike as the one that was taken. "
+            "Say which by cutting one stream, or begin with a move that comes once."
+        )
+    return out

@@ -1,0 +1,160 @@
+"""The offset of two clocks from the speeds alone: the start of the alignment.
+
+The speed of the tool does not depend on where base and instrument are. The likeness of the two speeds finds the offset
+of the clocks to some hundredths of a second, that of windows their rate, and whether one of them was set while both
+were running; `calib.motion.alignment` does the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.array import Array
+from calib.errors import DataError
+from calib.motion.clock_set import LEAST_STEP_S, set_at_gap
+from calib.motion.jump import step_in
+from calib.motion.likeness import SURE, Speeds, likeness, peak
+from calib.motion.streams import JointStream, PointStream, covered
+
+_STEP_S = 0.02  # of the common time on which speeds are compared
+_MOST_STEPS = 300_000
+_OVER_S = 0.05  # to either side: a speed is the mean of a tenth of a second
+_WINDOW_S, _MOST_WINDOWS = 40.0, 20
+# Seconds by which the offset of a window may differ from that of the whole, as long as most windows agree
+_REACH_S = 2.0
+_LEAST_LIKENESS = 0.5
+_SAME = 0.01  # likenesses no farther apart are equal: of those the longest overlap is taken
+_LEAST_EXTENT_MM = 5.0
+_FEWEST_WINDOWS = 4
+# Rate at most: no clock, and hardly a count of samples, errs so much: windows that say so are of other moves
+_FASTEST = 0.01
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """robot's time = t + offset + rate (t - middle), for an instant t of the instrument's clock; all s, rate a ratio.
+
+    From the instant `step_at` on, `step` is added: one of the clocks was set while both were running.
+    """
+
+    offset: float
+    rate: float
+    middle: float
+    step: float = 0.0
+    step_at: float = math.inf
+
+    def robot_time(self, time: Array) -> Array:
+        """(k,) instants of the instrument on the robot's clock."""
+        return time + self.offset + self.rate * (time - self.middle) + self.step * (time >= self.step_at)
+
+
+@dataclass(frozen=True)
+class Grain:
+    """Step, s, of the instants at which two streams are compared, and over how long to either side a speed is taken."""
+
+    step: float
+    over: float
+
+
+def common_grain(*streams: JointStream | PointStream) -> Grain:
+    """The grain of both streams, coarser for recordings of hours: a speed over another time has another lag."""
+    longest = max(float(stream.time[-1] - stream.time[0]) for stream in streams)
+    return Grain(max(_STEP_S, longest / _MOST_STEPS), max(_OVER_S, *(stream.period for stream in streams)))
+
+
+def speeds_of(time: Array, places: Array, period: float, grain: Grain, name: str) -> Speeds:
+    """Speeds from places (n, 3) mm at times (n,) s. Raises DataError naming the stream where nothing moves."""
+    extent = float(np.linalg.norm(np.ptp(np.quantile(places, (0.01, 0.99), axis=0), axis=0)))
+    if extent < _LEAST_EXTENT_MM:
+        raise DataError(
+            f"nothing moves in it: all of it lies within {extent:.2g} mm.",
+            do="Record while the robot drives its path; streams of a robot at rest cannot be aligned.",
+            file=name,
+        )
+    grid, over = np.arange(time[0], time[-1], grain.step), grain.over
+    ends = [
+        np.column_stack([np.interp(grid + side, time, axis) for axis in places.T]) for side in (-over, over)
+    ]
+    seen = covered(time, period, grid)
+    return Speeds(
+        float(time[0]), grain.step, np.linalg.norm(ends[1] - ends[0], axis=1) / (2.0 * over) * seen, seen
+    )
+
+
+def correlated(
+    robot: Speeds, tracker: Speeds, robot_name: str, tracker_name: str
+) -> tuple[Clocks, float | None]:
+    """Offset, rate and any large step of the clocks; and another offset, s, at which the speeds are as alike, or None.
+
+    Raises DataError where no offset makes the speeds alike.
+    """
+    step, middle = robot.step, 0.5 * len(tracker.speed)
+    if (cut := set_at_gap(robot, tracker)) is not None:
+        return Clocks(cut.offset, 0.0, tracker.begin + middle * step, cut.step, cut.at), None
+    lags, alike, both = likeness(robot, tracker)
+    highest = float(alike.max())
+    good = np.flatnonzero(alike >= (highest - _SAME if highest > SURE else highest))
+    best = int(good[np.argmax(both[good])])
+    if alike[best] < _LEAST_LIKENESS:
+        raise DataError(
+            f"and the {robot_name} do not show one motion: at no offset of the clocks are their speeds alike (at best "
+            f"{100.0 * max(float(alike[best]), 0.0):.0f} %).",
+            do="Give two streams of one recording, which overlap in time, and the robot and tool that were measured.",
+            file=tracker_name,
+        )
+    far = good[np.abs(lags[good] - lags[best]) * step > _REACH_S]
+    begins = robot.begin - tracker.begin
+    rival = float(lags[far[0]] * step + begins) if len(far) else None
+    whole = int(lags[best])
+    places, windows = _windows(robot, tracker, whole, round(_REACH_S / step))
+    if len(windows) < 0.75 * _window_count(tracker):
+        places, windows = _windows(robot, tracker, whole, len(robot.speed) + len(tracker.speed))
+    clocks = Clocks(
+        offset=peak(alike, best, lags) * step + begins, rate=0.0, middle=tracker.begin + middle * step
+    )  # fmt: skip
+    if len(windows) < _FEWEST_WINDOWS:
+        return clocks, rival
+    jump = step_in(windows * step, LEAST_STEP_S)
+    first = None if jump is None else jump.cut
+    parts = [np.arange(len(windows))] if first is None else [np.arange(first), np.arange(first, len(windows))]
+    rate = float(np.median(np.concatenate([_slopes(places[part], windows[part]) for part in parts])))
+    if abs(rate) > _FASTEST:
+        return clocks, rival
+    levels = [float(np.median(windows[part] - rate * (places[part] - middle))) * step for part in parts]
+    if first is None:
+        return Clocks(levels[0] + begins, rate, clocks.middle), rival
+    at = tracker.begin + 0.5 * float(places[first - 1] + places[first]) * step
+    return Clocks(levels[0] + begins, rate, clocks.middle, levels[1] - levels[0], at), rival
+
+
+def _window_count(tracker: Speeds) -> int:
+    length = len(tracker.speed) * tracker.step
+    return int(np.clip(length / _WINDOW_S, _FEWEST_WINDOWS, _MOST_WINDOWS))
+
+
+def _windows(robot: Speeds, tracker: Speeds, whole: int, reach: int) -> tuple[Array, Array]:
+    """Middles (w,) of windows of the tracker's series and their lags (w,), steps, within `reach` of that of the whole;
+    windows that are like nothing there are left out."""
+    places, lags = [], []
+    for part in np.array_split(np.arange(len(tracker.speed)), _window_count(tracker)):
+        first = max(int(part[0]) + whole - reach, 0)
+        last = min(int(part[-1]) + whole + reach + 1, len(robot.speed))
+        if last - first < len(part) // 2:
+            continue
+        window = Speeds(0.0, robot.step, tracker.speed[part], tracker.seen[part])
+        stretch = Speeds(0.0, robot.step, robot.speed[first:last], robot.seen[first:last])
+        lag, alike, _ = likeness(stretch, window)
+        best = int(np.argmax(alike))
+        if alike[best] >= SURE:
+            places.append(float(part.mean()))
+            lags.append(peak(alike, best, lag) + first - int(part[0]))
+    return np.array(places), np.array(lags)
+
+
+def _slopes(places: Array, lags: Array) -> Array:
+    """Slopes of all pairs: their median (Theil and Sen) is not turned by a window in which nothing is alike."""
+    first, second = np.triu_indices(len(lags), 1)
+    return (lags[second] - lags[first]) / (places[second] - places[first])

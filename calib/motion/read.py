@@ -1,0 +1,141 @@
+"""Files of streams: a CSV with units in its column names, the columns of a foreign recording named by a map, or an
+export of points.
+
+Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a recording by RTDE (`timestamp`,
+`actual_q_0` .., rad) is known by its names.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from calib.arm.robot import Robot
+from calib.array import Array
+from calib.errors import DataError
+from calib.motion.column_map import DATE, LENGTHS, Column, parse_map
+from calib.motion.dates import seconds_of
+from calib.motion.point_export import read_export
+from calib.motion.streams import JointStream, PointStream
+from calib.text.columns import Columns
+from calib.units import DEG
+
+_MOST_RAD = 4.0 * np.pi + 1e-3  # joints of all robots turn less than twice about to either side
+_LARGE_DEG = 2.0 * np.pi + 1e-3
+_LARGEST = 1e10  # s, mm or rad: some 300 years of seconds
+_EXPORT = re.compile(r"\s*spatial-analyzer\s*\[\s*(\w+)\s*\]\s*")
+_NAME_THEM = "Name the columns of a foreign file by a map: time=Timestamp[ms], ..."
+
+
+def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str | None = None) -> JointStream:
+    """The robot's stream: joints as the controller shows them become model angles.
+
+    Raises DataError (file, line or column) for what is no stream.
+    """
+    table = Columns.read(path)
+    names = [f"j{k}" for k in range(1, robot.joints + 1)]
+    if columns is not None:
+        of = parse_map(columns, ["time", *names], "--robot-columns")
+    elif "actual_q_0" in table:
+        of = {name: Column(f"actual_q_{k}", "rad", 1.0) for k, name in enumerate(names)}
+        of["time"] = Column("timestamp", "s", 1.0)
+    else:
+        of = {name: Column(f"{name}_deg", "deg", DEG) for name in names}
+        of["time"] = Column("t_s", "s", 1.0)
+        if f"j{robot.joints + 1}_deg" in table:
+            raise DataError(
+                f"column 'j{robot.joints + 1}_deg' is there, but the robot {robot.name} has {robot.joints} joints.",
+                do="Give the robot that was recorded, or remove the column.",
+                file=path,
+                line=1,
+            )
+    time = _times(table, of["time"])
+    joints = np.column_stack([_numbers(table, of[name]) for name in names])
+    _refuse_other_unit(joints, of["j1"], path)
+    return JointStream(
+        time - time[0], robot.model_angles(joints, coupling), f"robot stream {path.name}", float(time[0])
+    )
+
+
+def read_points(path: Path, columns: str | None = None) -> PointStream:
+    """The instrument's stream. Rows whose `status` is not ok, or that hold no point, leave a gap.
+
+    columns: a map, or `spatial-analyzer[UNIT]` for an export of points with time stamps. Raises DataError (file, line
+    or column) for what is no stream.
+    """
+    if columns is not None and (match := _EXPORT.fullmatch(columns)):
+        return _exported(path, match[1])
+    table = Columns.read(path)
+    axes = ("x", "y", "z")
+    if columns is not None:
+        of = parse_map(columns, ["time", *axes], "--tracker-columns")
+    else:
+        of = {axis: Column(f"{axis}_mm", "mm", 1.0) for axis in axes}
+        of["time"] = Column("t_s", "s", 1.0)
+    time = _times(table, of["time"])
+    points = np.column_stack([_numbers(table, of[axis], empty=True) for axis in axes])
+    status = np.char.lower(table.text("status").astype(str))
+    seen = np.isin(status, ("", "ok")) & np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
+    if not seen.any():
+        raise DataError("has no point that was measured.", do="Check columns and status.", file=path)
+    return _points(time[seen], points[seen], path)
+
+
+def _exported(path: Path, unit: str) -> PointStream:
+    if unit not in LENGTHS:
+        raise DataError(f"gives the unit '{unit}'.", do=f"Use {', '.join(LENGTHS)}.", key="--tracker-columns")
+    export = read_export(path, LENGTHS[unit])
+    if export.time is None:
+        raise DataError(
+            "has points without time stamps, which cannot be aligned with a moving robot.",
+            do="Export the points again with their time stamps.",
+            file=path,
+        )
+    return _points(export.time, export.points, path)
+
+
+def _points(time: Array, points: Array, path: Path) -> PointStream:
+    return PointStream(time - time[0], points, f"tracker stream {path.name}", float(time[0]))
+
+
+def _times(table: Columns, column: Column) -> Array:
+    if column.unit != DATE:
+        return _numbers(table, column)
+    table.require(column.name, _NAME_THEM)
+    found = [seconds_of(str(cell)) for cell in table.text(column.name)]
+    for i, seconds in enumerate(found):
+        if seconds is None:
+            raise table.refuse(
+                i, column.name, "is no date", "Write YYYY-MM-DD HH:MM:SS.fff or MM/DD/YYYY HH:MM:SS.fff"
+            )
+    return np.array(found, dtype=np.float64)
+
+
+def _numbers(table: Columns, column: Column, *, empty: bool = False) -> Array:
+    table.require(column.name, _NAME_THEM)
+    numbers = table.numbers(column.name, required=not empty)
+    for i in np.flatnonzero(np.abs(np.nan_to_num(numbers)) > _LARGEST / column.factor)[:1]:
+        raise table.refuse(
+            int(i), column.name, f"is {numbers[i]:g}, which cannot be", "Check column and unit"
+        )
+    return numbers * column.factor
+
+
+def _refuse_other_unit(joints: Array, column: Column, path: Path) -> None:
+    largest = float(np.max(np.abs(joints)))
+    if column.unit == "rad" and largest > _MOST_RAD:
+        raise DataError(
+            f"holds angles up to {largest:.0f} where rad are declared: these can only be degrees.",
+            do="Declare [deg] in the map.",
+            file=path,
+            key=column.name,
+        )
+    if column.unit == "deg" and largest / DEG <= _LARGE_DEG:
+        raise DataError(
+            f"no joint angle exceeds {largest / DEG:.3f}: these can only be radians.",
+            do="Declare [rad] in a map, or convert them to degrees.",
+            file=path,
+            key=column.name,
+        )

@@ -1,0 +1,182 @@
+"""The least-squares problem of a moving robot: where its base and tool are, its geometry, and the clocks.
+
+    m_i = p(q(c(t_i)); x) + noise,      c(t) = t + offset + rate (t - middle) + step [t >= step_at]
+
+p the tool point of the arm with errors x of its terms (`calib.motion.arm`), q the joints of the robot's
+stream. Gauss-Newton; the column of the offset is the velocity of the point. Weights are bisquare by the length of the
+residual of the last round. Geometry has its usual sizes as priors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.motion.arm import NOISE_MM, Arm, ArmState
+from calib.motion.clocks import Clocks
+from calib.motion.streams import JointStream
+
+CLOCKS = 3  # columns of the clocks, the last ones: offset, rate, step
+_NO_STEP = 1.0  # weight, mm/s: holds the step at zero where none was seen, and is nothing beside one that was
+_ROUNDS = 12
+_PLACING_ROUNDS = 4
+_SETTLED_S = 1e-7
+_BLOCKS = 60
+_MOVING = 0.1  # of the usual motion of a block: one with less says nothing of the clocks
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The arm at n instants: measured less predicted (n, 3), velocity (n, 3), joints (n, N); known (n,): whether the
+    robot's stream has joints there, else error and velocity are zero."""
+
+    error: Array
+    velocity: Array
+    joints: Array
+    known: NDArray[np.bool_]
+    arm: ArmState
+
+
+class Solve:
+    """The problem for points (n, 3) that were measured at times (n,) of the instrument's clock."""
+
+    def __init__(self, arm: Arm, moved: JointStream, points: Array, time: Array) -> None:
+        self.arm, self._moved, self._points, self._time = arm, moved, points, time
+        self._prior = np.append(arm.prior, (0.0, 0.0, _NO_STEP))
+
+    def at(self, clocks: Clocks, estimate: Array) -> Samples:
+        """The samples with these clocks and errors (s,) of the arm's terms."""
+        time = clocks.robot_time(self._time)
+        joints, rates, known = self._moved.at(time)
+        arm = self.arm.at(joints, rates, self._moved.side_at(time), estimate)
+        seen = known[:, None]
+        return Samples((self._points - arm.point) * seen, arm.velocity * seen, joints, known, arm)
+
+    def run(self, clocks: Clocks) -> tuple[Clocks, Array]:
+        """The clocks and the errors of the terms (s,), from a start."""
+        estimate = np.zeros(len(self.arm.terms))
+        for _ in range(_ROUNDS):
+            samples = self.at(clocks, estimate)
+            columns = self._columns(samples, clocks)
+            normal, right = _normal(columns, samples.error, weights(samples.error), self._prior)
+            right[: len(estimate)] -= self.arm.prior**2 * estimate
+            change = solved(normal, right)
+            estimate = estimate + change[:-CLOCKS]
+            offset, rate, step = (float(x) for x in change[-CLOCKS:])
+            clocks = replace(
+                clocks, offset=clocks.offset + offset, rate=clocks.rate + rate, step=clocks.step + step
+            )
+            if max(abs(offset), abs(step), abs(rate) * float(np.ptp(self._time))) < _SETTLED_S:
+                break
+        return clocks, estimate
+
+    def offsets(self, clocks: Clocks, estimate: Array) -> tuple[Array, Array]:
+        """Instants (b,) at which blocks of the recording begin, and what every block alone adds to the offset, s.
+
+        Blocks touch each other through frame and geometry alone, so their offsets are eliminated one by one.
+        """
+        samples = self.at(clocks, estimate)
+        parts = blocks(len(self._time))
+        moving = np.array([float(np.sum(samples.velocity[part] ** 2)) for part in parts])
+        parts = [part for part, much in zip(parts, moving, strict=True) if much > _MOVING * np.median(moving)]
+        if not parts:
+            return np.empty(0), np.empty(0)
+        weight = weights(samples.error)
+        of_arm = self._of_arm(samples)
+        normal, right = _normal(of_arm, samples.error, weight, self.arm.prior)
+        right -= self.arm.prior**2 * estimate
+        heavy = samples.velocity * weight[:, None]
+        own = np.array([float(np.sum(heavy[part] * samples.velocity[part])) for part in parts])
+        # The fit may have followed one side of a step: of the other, only slow samples count, which is enough.
+        parts = [part for part, much in zip(parts, own, strict=True) if much > 0.0]
+        own = own[own > 0.0]
+        cross = np.array([np.einsum("nx,nxs->s", heavy[part], of_arm[part]) for part in parts])
+        score = np.array([float(np.sum(heavy[part] * samples.error[part])) for part in parts])
+        shared = solved(normal - cross.T @ (cross / own[:, None]), right - cross.T @ (score / own))
+        return np.array([self._time[part[0]] for part in parts]), (score - cross @ shared) / own
+
+    def step_placed(self, clocks: Clocks, estimate: Array) -> Clocks:
+        """The clocks with their step at the sample at which the errors before it and after it are least in all."""
+        without = self.at(replace(clocks, step_at=np.inf), estimate)
+        with_it = self.at(replace(clocks, step_at=-np.inf), estimate)
+        both = without.known & with_it.known
+        if not both.any():  # a step longer than the recording: it is where the stream has its gap
+            return clocks
+        before, after = (np.sum(samples.error**2, axis=1) for samples in (without, with_it))
+        ceiling = float(np.quantile(np.minimum(before, after), 0.99))  # a lost target must not decide
+        gain = (np.minimum(before, ceiling) - np.minimum(after, ceiling)) * both
+        return replace(clocks, step_at=float(self._time[int(np.argmin(np.cumsum(gain) - gain))]))
+
+    def uncertainty(self, clocks: Clocks, estimate: Array) -> tuple[float, float, float]:
+        """Standard errors of offset, rate and step, s, 1, s, from blocks of the recording left out in turn.
+
+        The robot's own error varies slowly along the path: the errors of a block may hang together as they like, only
+        blocks are taken for independent. Left out, a block cannot hide its error from its own fit. One step of
+        Gauss-Newton each. Source: Bell and McCaffrey 2002 (the jackknife of clusters).
+        """
+        samples = self.at(clocks, estimate)
+        columns, weight = self._columns(samples, clocks), weights(samples.error)
+        nothing = np.zeros_like(self._prior)
+        normal, _ = _normal(columns, samples.error, weight, self._prior)
+        changes = []
+        for part in blocks(len(weight)):
+            own, score = _normal(columns[part], samples.error[part], weight[part], nothing)
+            changes.append(solved(normal - own, score)[-CLOCKS:])
+        share = (len(changes) - 1) / len(changes)
+        held = solved(normal, np.diag(self._prior))[-CLOCKS:] * NOISE_MM
+        offset, rate, step = np.sqrt(
+            share * np.sum(np.square(changes), axis=0) + np.sum(np.square(held), axis=1)
+        )
+        return float(offset), float(rate), float(step)
+
+    def placed_only(self, clocks: Clocks) -> Array:
+        """(s,) errors of the terms where only base and tool may move: the nominal arm in its best place."""
+        keep = self.arm.placing
+        estimate = np.zeros(len(self.arm.terms))
+        for _ in range(_PLACING_ROUNDS):
+            samples = self.at(clocks, estimate)
+            columns = self._of_arm(samples)[:, :, keep]
+            normal, right = _normal(columns, samples.error, weights(samples.error), self.arm.prior[keep])
+            estimate[keep] += solved(normal, right - self.arm.prior[keep] ** 2 * estimate[keep])
+        return estimate
+
+    def _of_arm(self, samples: Samples) -> Array:
+        """(n, 3, s) derivatives of the predicted points by the arm's terms."""
+        return self.arm.columns(samples.arm) * samples.known[:, None, None]
+
+    def _columns(self, samples: Samples, clocks: Clocks) -> Array:
+        """(n, 3, s + 3) derivatives of the predicted points by terms and clocks."""
+        drives = np.column_stack(
+            [np.ones(len(self._time)), self._time - clocks.middle, self._time >= clocks.step_at]
+        )
+        of_arm = self._of_arm(samples)
+        return np.concatenate([of_arm, samples.velocity[:, :, None] * drives[:, None, :]], axis=2)
+
+
+def _normal(columns: Array, error: Array, weight: Array, prior: Array) -> tuple[Array, Array]:
+    """Normal matrix (s, s) of columns (n, 3, s), with their priors, and right side (s,), for weights (n,)."""
+    heavy = np.sqrt(weight)[:, None]
+    flat = (columns * heavy[:, :, None]).reshape(-1, columns.shape[2])
+    return flat.T @ flat + np.diag(prior**2), flat.T @ (error * heavy).ravel()
+
+
+def weights(error: Array) -> Array:
+    """(n,) bisquare weights by the length of the errors (n, 3)."""
+    size = np.linalg.norm(error, axis=1)
+    scale = float(np.median(size)) / 1.5382  # of one axis: the median length of three normal errors is 1.5382
+    return np.clip(1.0 - (size / (6.0 * max(scale, 1e-6))) ** 2, 0.0, None) ** 2
+
+
+def solved(normal: Array, right: Array) -> Array:
+    """normal^-1 right for a symmetric matrix (s, s); what nothing determines stays zero."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    inverse = np.linalg.pinv(normal * np.outer(scale, scale), 1e-13, hermitian=True)
+    return (scale * (inverse @ (right.T * scale).T).T).T
+
+
+def blocks(count: int) -> list[NDArray[np.int64]]:
+    """Indices of equal stretches of n samples."""
+    return [part for part in np.array_split(np.arange(count), _BLOCKS) if len(part)]

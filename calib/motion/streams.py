@@ -1,0 +1,149 @@
+"""Two streams of one motion: joints by the robot's clock, points by the instrument's.
+
+Both are refused by name where they cannot be what they say: times that repeat or go back, or that are no seconds.
+Samples that were lost leave a gap; nothing is interpolated across one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from calib.array import Array
+from calib.errors import DataError
+from calib.units import DEG
+
+GAP_PERIODS = 3.5
+"""Samples farther apart than so many periods of their stream have a gap between them."""
+FEWEST = 20
+_LONGEST_S = 48.0 * 3600.0
+_SHORTEST_PERIOD_S = 1e-4
+_STEP = 0.005 * DEG  # of a joint that has turned to one side; less may be noise
+_RATE_OVER_S = 0.02  # to either side: encoders count in steps, and a slope of two samples would show them
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A stretch between two samples, s of the stream's own clock, in which about `lost` samples are missing."""
+
+    begin: float
+    end: float
+    lost: int
+
+
+class _Clocked:
+    """What both streams have by their times (n,), s, increasing. Raises DataError for times that cannot be."""
+
+    time: Array
+    name: str
+
+    def __post_init__(self) -> None:
+        _refuse_times(self.time, self.name)
+
+    @cached_property
+    def period(self) -> float:
+        """Median time between two samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def gaps(self) -> list[Gap]:
+        """The places where samples are missing."""
+        step = np.diff(self.time)
+        return [
+            Gap(float(self.time[i]), float(self.time[i + 1]), round(float(step[i]) / self.period) - 1)
+            for i in np.flatnonzero(step >= GAP_PERIODS * self.period)
+        ]
+
+
+@dataclass(frozen=True)
+class JointStream(_Clocked):
+    """n samples of the robot: time (n,) s by its own clock, increasing; joints (n, N) model angles, rad.
+
+    zero: what the clock of the file showed at time 0, s.
+    """
+
+    time: Array
+    joints: Array
+    name: str = "robot stream"
+    zero: float = 0.0
+
+    @cached_property
+    def _curve(self) -> CubicHermiteSpline:
+        # Slopes of neighbours alone, so that a gap bends the curve at its edges and nowhere else.
+        return CubicHermiteSpline(self.time, self.joints, np.gradient(self.joints, self.time, axis=0), axis=0)
+
+    def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Joints (k, N) rad, their rates (k, N) rad/s and which (k,) are known, at instants (k,) of the robot's clock.
+
+        Not known is what lies outside the stream or in a gap; the joints there are those of its edge.
+        """
+        clipped = np.clip(time, self.time[0], self.time[-1])
+        reach = max(_RATE_OVER_S, self.period)
+        before = np.maximum(clipped - reach, self.time[0])
+        after = np.minimum(clipped + reach, self.time[-1])
+        rates = (self._curve(after) - self._curve(before)) / (after - before)[:, None]
+        return self._curve(clipped), rates, covered(self.time, self.period, time)
+
+    def side_at(self, time: Array) -> Array:
+        """(k, N) to which side every joint turns or last turned at instants (k,): +1, -1, or 0 before it first did."""
+        return self._sides[np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, None)]
+
+    @cached_property
+    def _sides(self) -> Array:
+        """(n, N) sides of all samples. A joint that trembles at the border of a step crosses it in one of two rows of
+        steps only, and turns back in neither."""
+        crossed = [np.diff(np.floor(self.joints / _STEP + shift), axis=0) for shift in (0.0, 0.5)]
+        one, other = (_last(np.vstack([np.zeros((1, steps.shape[1])), np.sign(steps)])) for steps in crossed)
+        return _last(np.where(one == other, one, 0.0))
+
+
+@dataclass(frozen=True)
+class PointStream(_Clocked):
+    """n samples of the instrument: time (n,) s by its own clock, increasing; points (n, 3) mm in its frame.
+
+    zero: what the clock of the file showed at time 0, s.
+    """
+
+    time: Array
+    points: Array
+    name: str = "tracker stream"
+    zero: float = 0.0
+
+
+def _last(values: Array) -> Array:
+    """(n, c) of every column the last value that is not zero, up to each row; 0 before the first."""
+    rows = np.where(values != 0.0, np.arange(len(values))[:, None], 0)
+    return np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
+
+
+def covered(time: Array, period: float, at: Array) -> NDArray[np.bool_]:
+    """(k,) whether instants (k,) lie between two samples at times (n,) that follow each other without a gap."""
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    near = time[after] - time[after - 1] < GAP_PERIODS * period
+    return (at >= time[0]) & (at <= time[-1]) & near
+
+
+def _refuse_times(time: Array, name: str) -> None:
+    if len(time) < FEWEST:
+        raise DataError(f"has {len(time)} samples.", do=f"Record {FEWEST} or more.", file=name)
+    step = np.diff(time)
+    if (step <= 0.0).any():
+        at = int(np.argmax(step <= 0.0))
+        same = "is given twice" if step[at] == 0.0 else f"is followed by {time[at + 1]:.6g} s"
+        raise DataError(
+            f"sample {at + 2}: the time {time[at]:.6g} s {same}; times must increase.",
+            do="Remove samples written twice; where the clock was set back, cut the recording and align the parts.",
+            file=name,
+        )
+    span, period = float(time[-1] - time[0]), float(np.median(step))
+    if span > _LONGEST_S or period < _SHORTEST_PERIOD_S:
+        raise DataError(
+            f"lasts {span:.3g} s with a sample every {period:.3g} s: its times are not in the unit they are given in, "
+            "or its clock was set meanwhile.",
+            do="Give the unit of the times in the map of the columns; cut the recording where the clock was set.",
+            file=name,
+        )

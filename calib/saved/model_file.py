@@ -1,0 +1,320 @@
+"""`MODEL.json`: an identified model on disk (`truepose-model/1`), complete enough to predict from.
+
+Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
+regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
+holds; the held-out error. A hash is no signature: it shows that a file was changed, not who wrote it. A fit that did
+not converge is refused: nobody should drive a robot with it. A regression that is based on the model is kept in the
+same file, under the same hash (`calib.saved.regression`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.arm.capsules import parse_capsules
+from calib.arm.robot import (
+    JointMatrix,
+    Load,
+    Robot,
+    built_in_robots,
+    load_robot,
+    parse_loads,
+    refuse_impossible,
+)
+from calib.array import Array
+from calib.compensate import Bounds, refuse_unlikely
+from calib.diagnose.diagnosis import Diagnosis
+from calib.errors import DataError
+from calib.fit.identification import Identification
+from calib.model.effect import Effect
+from calib.model.model import RobotModel
+from calib.model.stated import StatedConditions
+from calib.regression.regression import Regression
+from calib.saved.model_checks import (
+    content_hash,
+    covariance_of,
+    estimate_of,
+    numbers_of,
+    refuse_changed,
+    refuse_effects,
+    refuse_other_table,
+    rigid,
+    robot_hash,
+)
+from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
+from calib.text.files import replace_file
+from calib.text.json_text import read_json
+from calib.text.toml_table import FARTHEST_MM, Vector
+from calib.units import FACTORS, to_display
+
+FORMAT = "truepose-model/1"
+_SIDES = ("from below", "from above", "both sides")
+_MOST_GRAVITY, _HOTTEST_C = 10.0, 1000.0
+
+
+@dataclass(frozen=True)
+class SavedModel:
+    """A model read back: predict with `Design(model, conditions).predict(estimate)`, and where the file holds a
+    regression with `regression.predict(model, estimate, conditions)` within its region."""
+
+    model: RobotModel
+    estimate: Array
+    covariance: Array
+    loads: tuple[Load, ...]
+    gravity: Vector
+    coupling: str
+    data_sha256: str
+    holds_for: dict[str, Any]
+    held_out_rms_mm: float | None = None
+    notes: tuple[str, ...] = ()  # what whoever uses it must know
+    regression: Regression | None = None
+
+    @property
+    def usual(self) -> StatedConditions:
+        """The conditions that the readings were made in."""
+        air = self.holds_for.get("temperature_c")
+        return StatedConditions(
+            temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
+        )
+
+
+def save_model(
+    path: Path,
+    identification: Identification,
+    diagnosis: Diagnosis | None = None,
+    regression: Regression | None = None,
+) -> None:
+    """Write a model, with the regression that is based on it. Raises DataError for a fit that did not converge."""
+    if not identification.converged:
+        raise DataError(
+            "the fit did not converge: it is not saved as a model.", do="Look at its warnings.", file=path
+        )
+    document = model_document(identification, diagnosis, regression)
+    replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def model_document(
+    identification: Identification, diagnosis: Diagnosis | None = None, regression: Regression | None = None
+) -> dict[str, Any]:
+    """A model as its file has it, with its `content_sha256`."""
+    model = identification.model
+    conditions = identification.readings.conditions
+    errors = identification.standard_errors
+    one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
+    temperature = conditions.temperature[np.isfinite(conditions.temperature)]
+    judged = None if diagnosis is None else diagnosis.error_after
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "robot": model.robot.name,
+        "robot_table": asdict(model.robot),
+        "robot_sha256": robot_hash(model.robot),
+        "loads": [asdict(load) for load in identification.header.loads],
+        "gravity_base": list(identification.header.gravity),
+        "joint_coupling": identification.header.coupling,
+        "groups": [e.label for e in model.effects if e.group == "base model"],
+        "parameters": [
+            {
+                "name": parameter.name,
+                "value": to_display(float(identification.estimate[i]), parameter.unit),
+                "std": to_display(float(errors[i]), parameter.unit),
+                "unit": parameter.unit,
+                "nominal": _nominal(model, parameter.name),
+                "owner": owner,
+            }
+            for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
+        ],
+        "effects": [effect.to_json() for effect in model.effects],
+        "covariance_internal_units": _triangle(identification.covariance),
+        "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
+        "tool_targets_mm": {
+            series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
+        },
+        "tool_turns": {name: np.asarray(turn).tolist() for name, turn in model.turns.items()},
+        "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
+        "station_mm": list(model.station),
+        "data_sha256": identification.data_sha256,
+        "holds_for": {
+            "approach": [
+                ("both sides" if not one else "from below" if side[0] > 0 else "from above")
+                for one, side in zip(one_sided, conditions.side.T, strict=True)
+            ],
+            "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
+        },
+        "held_out": None
+        if judged is None or diagnosis is None
+        else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
+        "noise_scale": identification.noise_scale,
+    }
+    if regression is not None:
+        document["regression"] = document_of(regression)
+    document["content_sha256"] = content_hash(document)
+    return document
+
+
+def _triangle(covariance: Array) -> list[list[float]]:
+    """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
+    return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
+
+
+def _nominal(model: RobotModel, name: str) -> float | None:
+    """Nominal DH number of a geometric parameter in its unit; None for parameters that have none."""
+    for kind, values, unit in (
+        ("alpha", model.robot.alpha, "deg"),
+        ("theta", model.robot.theta, "deg"),
+        ("a", model.robot.a, "mm"),
+        ("d", model.robot.d, "mm"),
+    ):
+        if name.startswith(kind) and name[len(kind) :].isdigit():
+            return values[int(name[len(kind) :]) - 1] / FACTORS[unit]
+    return 0.0 if name.startswith("beta") else None
+
+
+def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None) -> SavedModel:
+    """Read a model, and refuse one that is not what was written, or corrects beyond `bounds` (default `Bounds()`).
+
+    Its robot must be that of `robot_file`, or the built-in one of its name; of a robot of the user's own without its
+    file the table in the model is believed, and `notes` says so. Raises DataError naming file and key.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
+    notes = refuse_changed(document, path)
+    try:
+        saved = _saved(document, path)
+    except (TypeError, AttributeError, ValueError, IndexError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(
+            f"is damaged ({error}).", do="Write the model again with this version.", file=path
+        ) from error
+    except KeyError as error:
+        raise DataError(
+            "key is missing, or names what this version does not know.",
+            do="Write the model again with this version.",
+            file=path,
+            key=str(error.args[0]),
+        ) from error
+    robot = saved.model.robot
+    if robot_file is not None or robot.name in built_in_robots():
+        reference = load_robot(robot.name if robot_file is None else str(robot_file.absolute()))
+        refuse_other_table(robot, reference, path)
+        # Its girth is that of today's robot file; models of older versions have none.
+        robot = replace(robot, capsules=reference.capsules)
+        saved = replace(saved, model=replace(saved.model, robot=robot))
+    else:
+        notes += (
+            f"The table and limits of '{robot.name}' are those of {path.name}; --robot FILE checks them.",
+        )
+    bounds = bounds or Bounds()
+    refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
+    if saved.regression is not None:
+        refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
+    return replace(saved, notes=notes)
+
+
+def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
+    """The model of a document. Raises DataError, or what a document of another form makes of itself."""
+    robot = _robot(document["robot_table"], path)
+    if document["robot"] != robot.name or document.get("robot_sha256", robot_hash(robot)) != robot_hash(
+        robot
+    ):
+        raise DataError(
+            f"is {document['robot']!r}, which is not the robot of robot_table.",
+            do="Use the model of this robot as it was written.",
+            file=path,
+            key="robot",
+        )
+
+    def points(table: Mapping[str, Any], key: str) -> dict[str, Vector]:
+        return {
+            name: _vector(numbers_of(v, (3,), f"{key}.{name}", path, FARTHEST_MM))
+            for name, v in table.items()
+        }
+
+    model = RobotModel(
+        robot=robot,
+        effects=tuple(Effect.from_json(entry) for entry in document["effects"]),
+        targets={
+            series: points(own, f"tool_targets_mm.{series}")
+            for series, own in document["tool_targets_mm"].items()
+        },
+        placements={
+            name: rigid(pose, 4, f"placements.{name}", path) for name, pose in document["placements"].items()
+        },
+        station=_vector(numbers_of(document["station_mm"], (3,), "station_mm", path, FARTHEST_MM)),
+        turns={
+            name: rigid(turn, 3, f"tool_turns.{name}", path)
+            for name, turn in document.get("tool_turns", {}).items()
+        },
+        anchors=points(document.get("base_targets_mm", {}), "base_targets_mm"),
+    )
+    if not model.targets:
+        raise DataError("names no series.", do="Write the model again.", file=path, key="tool_targets_mm")
+    refuse_effects(model, path)
+    coupling, data, holds = document["joint_coupling"], document["data_sha256"], document["holds_for"]
+    if coupling != "none" and coupling not in robot.joint_matrices:
+        raise DataError(
+            f"is {coupling!r}.", do="Use a joint matrix of the robot.", file=path, key="joint_coupling"
+        )
+    if not isinstance(data, str):
+        raise DataError(f"is {data!r}.", do="Write the model again.", file=path, key="data_sha256")
+    return SavedModel(
+        model,
+        estimate_of(document["parameters"], model, path),
+        covariance_of(document["covariance_internal_units"], len(model.parameters), path),
+        loads=parse_loads(document["loads"], robot.joints, path),
+        gravity=_vector(numbers_of(document["gravity_base"], (3,), "gravity_base", path, _MOST_GRAVITY)),
+        coupling=coupling,
+        data_sha256=data,
+        holds_for=_holds_for(holds, robot, path),
+        held_out_rms_mm=_held_out_rms(document.get("held_out")),
+        regression=regression_of(document["regression"], robot, path) if "regression" in document else None,
+    )
+
+
+def _robot(table: dict[str, Any], path: Path) -> Robot:
+    """The nominal robot as it was when the model was fitted, whatever has become of its file since."""
+    matrices = {
+        name: JointMatrix(tuple(tuple(row) for row in entry["matrix"]), tuple(entry["offset"]))
+        for name, entry in table["joint_matrices"].items()
+    }
+    plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    counts = {len(plain[key]) for key in ("alpha", "a", "theta", "d", "lower", "upper")}
+    if len(counts) != 1 or plain["convention"] not in ("mdh", "dh"):
+        raise DataError("is no robot.", do="Write the model again.", file=path, key="robot_table")
+    joints = counts.pop()
+    loads = parse_loads(table["loads"], joints, path)
+    capsules = parse_capsules(table.get("capsules", []), joints, path)
+    robot = Robot(**{**plain, "loads": loads, "joint_matrices": matrices, "capsules": capsules})
+    refuse_impossible(robot, path)
+    return robot
+
+
+def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
+    approach, air = table.get("approach"), table.get("temperature_c")
+    if approach is not None and (len(approach) != robot.joints or not set(approach) <= set(_SIDES)):
+        raise DataError(
+            f"is {approach!r}.",
+            do=f"Give one of {', '.join(_SIDES)} a joint.",
+            file=path,
+            key="holds_for.approach",
+        )
+    if air is not None:
+        numbers_of(air, (), "holds_for.temperature_c", path, _HOTTEST_C)
+    return table
+
+
+def _held_out_rms(table: Any) -> float | None:
+    rms = None if table is None else table["error_mm"]["rms"]
+    return float(rms) if isinstance(rms, int | float) else None
+
+
+def _vector(numbers: Array) -> Vector:
+    x, y, z = (float(value) for value in numbers)
+    return x, y, z

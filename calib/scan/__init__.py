@@ -1,0 +1,10 @@
+"""The scan: what each candidate, and each place of a family of candidates, would explain beside a fitted model."""
+
+from calib.scan.fixed import Candidate
+from calib.scan.harmonics import Harmonics
+from calib.scan.scores import Family, Score, Scores
+from calib.scan.shapes import Shapes
+from calib.scan.space import Space
+from calib.scan.steps import Steps
+
+__all__ = ["Candidate", "Family", "Harmonics", "Score", "Scores", "Shapes", "Space", "Steps"]

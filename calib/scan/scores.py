@@ -1,0 +1,252 @@
+"""Scores of everything the library offers, projected on what the model does not explain.
+
+For a candidate with columns X (rows, p): A = X'PX, b = X'r, and the fall of the residual sum of squares that it
+would bring is b' A^-1 b. Scanned families never form their columns: the sums that make up A and b are
+
+    harmonics   sums over readings of u exp(i H theta), for all orders H at once by a Fourier transform;
+    steps       sums over the readings from a rank on: one cumulative sum.
+
+Other shapes, such as time constants, are scanned at few places and by their columns. A place at which physics forbids
+the estimate A^-1 b (`calib.scan.physics`) scores nothing.
+Adding or removing a direction q (unit vector) from the model updates A and b by what q shares with X.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.model.effect import Effect
+from calib.scan.evidence import evidence_of
+from calib.scan.physics import impossible
+from calib.scan.space import Space
+from calib.units import to_internal
+
+ABSORBED = 1e-6  # share of a column's square below which the model absorbs it
+
+
+class FamilyScores(Protocol):
+    """Scores of one family at the places of its scan."""
+
+    @property
+    def label(self) -> str:
+        """Label of the family."""
+        ...
+
+    @property
+    def raw(self) -> Array:
+        """(places, p): squares of the columns before projection."""
+        ...
+
+    @property
+    def bounds(self) -> Array | None:
+        """(p, 2) what physics allows; None where nothing is bounded, or the estimate is not looked at."""
+        ...
+
+    @property
+    def twins(self) -> bool:
+        """Whether its columns may hold all that another effect does."""
+        ...
+
+    @property
+    def rivals(self) -> NDArray[np.bool_]:
+        """(places,) the places that are rivals of their own, beside the best, where they fit nearly as well."""
+        ...
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(places, p, c): X'v for c row vectors (rows, c)."""
+        ...
+
+    def gram(self, space: Space) -> Array:
+        """(places, p, p): X'X."""
+        ...
+
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The best place, given the gain (places,) at each."""
+        ...
+
+    def alike(self, place: int) -> int:
+        """How many places are as likely as this one."""
+        ...
+
+    def place_of(self, effect: Effect) -> int:
+        """The place nearest to an effect of this family."""
+        ...
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        ...
+
+
+class Family(Protocol):
+    """What the library offers: one effect, or many that differ by what is scanned."""
+
+    @property
+    def label(self) -> str:
+        """Label of its effect, or that with which the labels of its effects begin."""
+        ...
+
+    def scores(self, space: Space) -> FamilyScores:
+        """Its scores in a space."""
+        ...
+
+    def made(self, effect: Effect) -> bool:
+        """Whether an effect is one of this family."""
+        ...
+
+    @classmethod
+    def refine(cls, space: Space, own: Sequence[tuple[Self, Effect]]) -> list[Effect]:
+        """Effects of the model, each beside the family that made it, off the places of the scan to where they fit."""
+        ...
+
+
+@dataclass(frozen=True)
+class Score:
+    """One candidate at one place of its scan: fall of the residual sum of squares, columns that count, evidence."""
+
+    label: str
+    effect: Effect
+    gain: float
+    freedom: int
+    multiplicity: int
+    evidence: float
+
+
+class Scores:
+    """A and b of every offer, kept up to date while directions enter or leave the model."""
+
+    def __init__(self, offered: Sequence[Family], space: Space) -> None:
+        self.space = space
+        self.rss, self.freedom = space.rss, space.freedom
+        self.families = [family.scores(space) for family in offered]
+        self.a = [family.gram(space) for family in self.families]
+        residual = space.residual.reshape(-1, 1)
+        self.b = [family.shared(space, residual)[:, :, 0] for family in self.families]
+        # What the next step of the fit itself would take is no candidate's gain, however little the fit left of it.
+        ahead = space.basis.T @ space.held
+        for family, a, b in zip(self.families, self.a, self.b, strict=True):
+            shared = family.shared(space, space.basis_of_readings)
+            a -= shared @ shared.transpose(0, 2, 1)
+            b -= shared @ ahead
+
+    def copy(self) -> Scores:
+        """An independent copy of the state."""
+        twin = object.__new__(Scores)
+        twin.space, twin.families = self.space, self.families
+        twin.rss, twin.freedom = self.rss, self.freedom
+        twin.a, twin.b = [a.copy() for a in self.a], [b.copy() for b in self.b]
+        return twin
+
+    def move(self, directions: Array, coefficients: Array, *, enters: bool) -> None:
+        """Orthonormal directions (rows, p) enter or leave the model, with the coefficients (p,) of the data on them."""
+        sign = -1.0 if enters else 1.0
+        for i, family in enumerate(self.families):
+            shared = family.shared(self.space, directions)
+            self.a[i] = self.a[i] + sign * shared @ shared.transpose(0, 2, 1)
+            self.b[i] = self.b[i] + sign * shared @ coefficients
+        self.rss += sign * float(coefficients @ coefficients)
+        self.freedom += int(sign) * len(coefficients)
+
+    def gains(self, index: int) -> tuple[Array, Array]:
+        """(places,) gain and number of columns that count, of one family; none where physics forbids the estimate."""
+        a, b, family = self.a[index], self.b[index], self.families[index]
+        gain, freedom = gain_of(a, b, family.raw)
+        if family.bounds is not None:
+            values, variance = estimate_of(a, b, family.raw)
+            allowed = ~impossible(family.bounds, values, np.sqrt(variance * self.noise))
+            gain, freedom = np.where(allowed, gain, 0.0), np.where(allowed, freedom, 0)
+        return gain, freedom
+
+    @property
+    def noise(self) -> float:
+        """Variance of the whitened residual, at least that declared."""
+        return max(self.rss / max(self.freedom, 1), 1.0)
+
+    def multiplicity(self, index: int, place: int) -> int:
+        """Number of tries that a place counts for: all families x the places of its scan that are as likely as it."""
+        return len(self.families) * self.families[index].alike(place)
+
+    def multiplicity_of(self, effect: Effect) -> int:
+        """Number of tries that an effect of the model counts for."""
+        for index, family in enumerate(self.families):
+            if effect.label == family.label or effect.label.startswith(family.label + ":"):
+                return self.multiplicity(index, family.place_of(effect))
+        return len(self.families)
+
+    def best_of(self, index: int) -> Score:
+        """The best place of one family."""
+        gain, freedom = self.gains(index)
+        place = self.families[index].choose(gain, self)
+        return self.at(index, place, float(gain[place]), int(freedom[place]))
+
+    def at(self, index: int, place: int, gain: float, freedom: int) -> Score:
+        """The score of one place of one family."""
+        family = self.families[index]
+        effect = family.effect(place)
+        size = usual_sizes(effect)
+        information = self.a[index][place] * np.outer(size, size) / self.noise
+        volume = float(np.linalg.slogdet(np.eye(len(size)) + information)[1])
+        tries = self.multiplicity(index, place)
+        evidence = evidence_of(gain, volume, self.rss, self.space.rows, tries)
+        return Score(family.label, effect, gain, freedom, tries, evidence)
+
+    def own(self, effect: Effect, gain: float) -> float:
+        """Evidence of an effect that these scores do not hold, `gain` being what it alone explains.
+
+        Its covariance for unit noise is (A + s^2 S^-2)^-1, so the volume is -log det(S^-1 C S^-1 s^2).
+        """
+        positions = self.space.fitted.model.positions(effect)
+        live = [k for k, i in enumerate(positions) if self.space.covariance[i, i] > 0.0]
+        size = usual_sizes(effect)[live]
+        at = [positions[k] for k in live]
+        held = self.space.covariance[np.ix_(at, at)] / np.outer(size, size) * self.noise
+        volume = max(-float(np.linalg.slogdet(held)[1]), 0.0)
+        return evidence_of(gain, volume, self.rss, self.space.rows, self.multiplicity_of(effect))
+
+
+def usual_sizes(effect: Effect) -> Array:
+    """(p,) expected sizes of an effect's parameters, internal units; those without one count as 1 of their unit."""
+    return np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in effect.parameters])
+
+
+def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """b'A^-1 b for a stack (c, p, p), (c, p); columns are scaled by their raw squares (c, p).
+
+    Directions of which less than a millionth is left after projection do not count: the model absorbs them.
+    Returns gains (c,) and the number of directions that count (c,).
+    """
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    a, b = a * scale[:, :, None] * scale[:, None, :], b * scale
+    if a.shape[1] == 2:
+        return _gain_of_two(a, b)
+    values, vectors = np.linalg.eigh(a)
+    along = np.einsum("cij,ci->cj", vectors, b)
+    counts = values > ABSORBED
+    return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)
+
+
+def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """A^-1 b (c, p) and its variance for unit noise (c, p), of the directions that `gain_of` counts; else 0."""
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
+    inverse = np.where(values > ABSORBED, 1.0 / np.maximum(values, ABSORBED), 0.0)
+    along = np.einsum("cij,ci->cj", vectors, b * scale)
+    estimate = np.einsum("cij,cj->ci", vectors, inverse * along)
+    return estimate * scale, np.einsum("cij,cj->ci", vectors**2, inverse) * scale**2
+
+
+def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
+    """The same for two columns, written out: harmonics are by far the most numerous."""
+    middle, half = 0.5 * (a[:, 0, 0] + a[:, 1, 1]), 0.5 * (a[:, 0, 0] - a[:, 1, 1])
+    radius = np.hypot(half, a[:, 0, 1])
+    angle = 0.5 * np.arctan2(a[:, 0, 1], half)
+    c, s = np.cos(angle), np.sin(angle)
+    values = np.stack([middle + radius, middle - radius])
+    along = np.stack([c * b[:, 0] + s * b[:, 1], c * b[:, 1] - s * b[:, 0]])
+    counts = values > ABSORBED
+    return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=0), counts.sum(axis=0)

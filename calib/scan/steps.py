@@ -1,0 +1,106 @@
+"""Steps at a reading: scanned at evenly spread change points by one cumulative sum, refined to the reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.array import Array
+from calib.model.effect import Effect
+from calib.scan.scores import FamilyScores, Scores
+from calib.scan.space import Space
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A family of candidates: several slots step together at one reading, one of the ranks of `every`.
+
+    scanned: about how many of them are scanned, evenly spread; the others come into question when one is refined.
+    """
+
+    label: str
+    slots: tuple[str, ...]
+    every: Array
+    at: Callable[[float], Effect]
+    scanned: int = 250
+
+    @property
+    def ranks(self) -> Array:
+        """Those that are scanned."""
+        return self.every[:: max(1, len(self.every) // self.scanned)]
+
+    def scores(self, space: Space) -> FamilyScores:
+        """Its scores in a space."""
+        return StepScores(self, space)
+
+    def made(self, effect: Effect) -> bool:
+        """Whether an effect is one of this family."""
+        return effect.label == self.label
+
+    @classmethod
+    def refine(cls, space: Space, own: Sequence[tuple[Steps, Effect]]) -> list[Effect]:
+        """The effects with every change point moved to the reading that explains most, near where it was."""
+        return [family._moved(space, effect) for family, effect in own]
+
+    def _moved(self, space: Space, effect: Effect) -> Effect:
+        here = int(np.searchsorted(self.every, effect.shape["rank"]))
+        reach = max(3, 2 * len(self.every) // self.scanned)
+        near = self.every[max(0, here - reach) : here + reach + 1]
+        scores = Scores([replace(self, every=near, scanned=len(near))], space)
+        scores.move(*space.own_direction(effect), enters=False)
+        return scores.best_of(0).effect
+
+
+class StepScores:
+    """Scores of a family of steps over its change points."""
+
+    bounds = None
+    twins = True
+
+    def __init__(self, family: Steps, space: Space) -> None:
+        self.label = family.label
+        self.family = family
+        self.order = np.argsort(space.fitted.readings.conditions.order)
+        ranks = space.fitted.readings.conditions.order[self.order]
+        self.first = np.searchsorted(ranks, family.ranks)
+        self.slot_columns = [space.slot(slot) for slot in family.slots]
+        self.raw = np.stack(
+            [self._from_here(np.sum(g**2, axis=0)[:, None])[:, 0] for g in self.slot_columns], axis=1
+        )
+        self.rivals = np.zeros(len(family.ranks), dtype=bool)
+
+    def _from_here(self, values: Array) -> Array:
+        """(ranks, c): sums of (n, c) values over the readings from every rank on."""
+        tail = np.cumsum(values[self.order[::-1]], axis=0)[::-1]
+        return tail[self.first]
+
+    def shared(self, space: Space, vectors: Array) -> Array:
+        """(ranks, slots, c): X'v."""
+        return np.stack([self._from_here(space.by_reading(g, vectors)) for g in self.slot_columns], axis=1)
+
+    def gram(self, space: Space) -> Array:
+        """(ranks, slots, slots): X'X."""
+        p = len(self.slot_columns)
+        gram = np.empty((len(self.first), p, p))
+        for i, g in enumerate(self.slot_columns):
+            for j, h in enumerate(self.slot_columns[: i + 1]):
+                gram[:, i, j] = gram[:, j, i] = self._from_here(np.sum(g * h, axis=0)[:, None])[:, 0]
+        return gram
+
+    def choose(self, gain: Array, scores: Scores) -> int:
+        """The best change point."""
+        return int(np.argmax(gain))
+
+    def alike(self, place: int) -> int:
+        """Any change point is as likely as any other."""
+        return len(self.family.ranks)
+
+    def place_of(self, effect: Effect) -> int:
+        """The place nearest to the change point of an effect of this family."""
+        return int(np.argmin(np.abs(self.family.ranks - effect.shape["rank"])))
+
+    def effect(self, place: int) -> Effect:
+        """The effect at a place of the scan."""
+        return self.family.at(float(self.family.ranks[place]))

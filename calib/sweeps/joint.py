@@ -1,0 +1,157 @@
+"""Single joints: tangential error over its angle, lost motion between its two directions, and its axis.
+
+While joint k alone turns, a target runs on a circle. The tangential error of a reading is the angle at which the target
+lies on that circle less the commanded one; its mean over both directions, over the range, is the error range of the
+joint, and what the readings of the way up have more than those of the way down is its reversal value: positive where
+the joint comes to rest beyond its target, negative where it stops short. Both hold what the arm adds beside its gear:
+gravity winds up the joints before it too. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15; ISO 230-2 (reversal value).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.errors import DataError
+from calib.fit.circle_points import FEWEST, LEAST_RANGE, Sweep, find_sweeps
+from calib.fit.identification import Identification
+from calib.model.model import Design
+from calib.sweeps.circle import Circle, fit_circle
+from calib.units import DEG
+
+_SAME = 1e-3 * DEG  # commanded angles of one place
+
+
+@dataclass(frozen=True)
+class AxisDifference:
+    """The distance of the axis of a circle from the same axis of an identified arm.
+
+    angle: rad between the directions; distance: mm from the centre of the circle to the identified axis;
+    u_angle, u_distance: standard uncertainties of the circle's part alone.
+    """
+
+    angle: float
+    u_angle: float
+    distance: float
+    u_distance: float
+
+
+@dataclass(frozen=True)
+class JointSweep:
+    """One sweep of n readings at p places.
+
+    angle, tangential: (n,) rad; radial: (n,) mm outside the circle; upwards: (n,); joint: 1-based; places: (p,)
+    rad, the commanded angles, ascending; error: (p,) rad, the tangential error there without the reversal; reversal:
+    rad, up less down, with its standard uncertainty u_reversal; None where no place, or only one, was reached in both
+    directions.
+    """
+
+    joint: int
+    series: str
+    target: str
+    radius: float
+    angle: Array
+    tangential: Array
+    radial: Array
+    upwards: NDArray[np.bool_]
+    places: Array
+    error: Array
+    reversal: float | None
+    u_reversal: float | None
+    axis: AxisDifference | None
+
+    @property
+    def error_range(self) -> float:
+        """Largest less smallest error of a place, rad."""
+        return float(np.ptp(self.error))
+
+
+def analyse(dataset: Dataset, identified: Identification | None = None) -> tuple[JointSweep, ...]:
+    """Every sweep of the calibration readings, by joint. Raises DataError where there is none.
+
+    identified: an arm with which the axes are compared; its base is that of the same data set.
+    """
+    sweeps = [_of_one_pattern(dataset, sweep) for sweep in find_sweeps(dataset)]
+    sweeps.sort(key=lambda sweep: (sweep.series, sweep.joint, sweep.target))
+    if not sweeps:
+        raise DataError(
+            f"holds no sweep: {FEWEST} readings of one target in which one joint alone turns, over "
+            f"{LEAST_RANGE / DEG:.0f} deg.",
+            do='Measure one with `kind = "sweep"` in a campaign.',
+            file=dataset.name,
+        )
+    return tuple(_analysed(dataset, sweep, identified) for sweep in sweeps)
+
+
+def _of_one_pattern(dataset: Dataset, sweep: Sweep) -> Sweep:
+    """The readings in which all other joints came from the sides that most of them share: their backlash rests."""
+    others = np.delete(dataset.conditions.side[sweep.rows], sweep.joint - 1, axis=1)
+    _, pattern, count = np.unique(others, axis=0, return_inverse=True, return_counts=True)
+    return replace(sweep, rows=sweep.rows[pattern.reshape(-1) == int(np.argmax(count))])
+
+
+def _analysed(dataset: Dataset, sweep: Sweep, identified: Identification | None) -> JointSweep:
+    conditions = dataset.conditions
+    angle = conditions.joints[sweep.rows, sweep.joint - 1]
+    upwards = conditions.side[sweep.rows, sweep.joint - 1] > 0
+    circle = fit_circle(dataset.points[sweep.rows], angle, upwards)
+    seen, radial = circle.place(dataset.points[sweep.rows])
+    tangential = np.angle(np.exp(1j * (seen - angle)))
+    tangential = np.angle(np.exp(1j * (tangential - np.angle(np.exp(1j * tangential).sum()))))
+    number, places = _places(angle)
+    gaps = _mean(tangential, number, upwards) - _mean(tangential, number, ~upwards)
+    gaps = gaps[np.isfinite(gaps)]
+    reversal = float(gaps.mean()) if len(gaps) else None
+    without = tangential - 0.5 * (reversal or 0.0) * np.where(upwards, 1.0, -1.0)
+    error = _mean(without, number, np.ones(len(angle), dtype=bool))
+    return JointSweep(
+        joint=sweep.joint,
+        series=conditions.series_names[sweep.series],
+        target=conditions.target_names[sweep.target],
+        radius=circle.radius,
+        angle=angle,
+        tangential=tangential,
+        radial=radial,
+        upwards=upwards,
+        places=places,
+        error=error,
+        reversal=reversal,
+        u_reversal=float(gaps.std(ddof=1) / np.sqrt(len(gaps))) if len(gaps) > 1 else None,
+        axis=None if identified is None else _difference(dataset, sweep, circle, identified),
+    )
+
+
+def _places(angle: Array) -> tuple[NDArray[np.int64], Array]:
+    """Number of the place of every commanded angle (n,), and the angle of each place (p,), ascending."""
+    rounded, number = np.unique(np.round(angle / _SAME).astype(np.int64), return_inverse=True)
+    return number.reshape(-1).astype(np.int64), _SAME * rounded.astype(np.float64)
+
+
+def _mean(values: Array, number: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
+    """(p,) mean of the values (n,) of some rows at every place; NaN where none of them is."""
+    places = int(number.max()) + 1
+    count = np.bincount(number[rows], minlength=places)
+    total = np.bincount(number[rows], weights=values[rows], minlength=places)
+    return np.divide(total, count, out=np.full(places, np.nan), where=count > 0)
+
+
+def _difference(dataset: Dataset, sweep: Sweep, circle: Circle, identified: Identification) -> AxisDifference:
+    """The identified axis, averaged over the sweep: where gravity bends the arm it moves a little."""
+    slot = f"theta{sweep.joint}"
+    design = Design(identified.model, dataset.conditions.take(sweep.rows))
+    frames = design.frames(identified.estimate, record=[slot])
+    direction, point = frames.axis[slot].mean(axis=1), frames.origin[slot].mean(axis=1)
+    direction = direction / np.linalg.norm(direction)
+    across = np.cross(direction, circle.centre - point)
+    return AxisDifference(
+        angle=float(
+            np.arctan2(np.linalg.norm(np.cross(direction, circle.direction)), direction @ circle.direction)
+        ),
+        u_angle=circle.u_direction,
+        distance=float(np.linalg.norm(across)),
+        u_distance=circle.u_centre,
+    )

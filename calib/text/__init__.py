@@ -1,0 +1,26 @@
+"""Text and tables from files and requests: read within bounds, refused in sentences, written whole or not at all."""
+
+from calib.text.columns import Columns
+from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
+from calib.text.files import replace_file
+from calib.text.json_text import parse_json, read_json
+from calib.text.text_file import decoded, read_bytes, read_text
+from calib.text.toml_table import TomlTable, Vector
+from calib.text.toml_text import parse_toml, read_toml
+
+__all__ = [
+    "LONGEST_LINE",
+    "MOST_COLUMNS",
+    "Columns",
+    "TomlTable",
+    "Vector",
+    "decoded",
+    "parse_json",
+    "parse_toml",
+    "read_bytes",
+    "read_json",
+    "read_text",
+    "read_toml",
+    "replace_file",
+    "rows_of",
+]

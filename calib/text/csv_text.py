@@ -1,0 +1,55 @@
+"""CSV as this program takes it: rows with their line numbers, lines and columns bounded."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from calib.errors import DataError
+
+LONGEST_LINE = 100_000
+MOST_COLUMNS = 1_000
+"""A robot of six joints with everything that can be measured has 60."""
+
+
+def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int, list[str]]]:
+    """Line number, from 1, and cells of every row. Raises DataError (file, line) for what is no table."""
+    reader = csv.reader(_lines(text, file), delimiter=delimiter)
+    out = []
+    try:
+        for row in reader:
+            if len(row) > MOST_COLUMNS:
+                raise DataError(
+                    f"has {len(row)} columns; at most {MOST_COLUMNS} are taken.",
+                    do="Leave out columns that nobody reads.",
+                    file=file,
+                    line=reader.line_num,
+                )
+            out.append((reader.line_num, row))
+    except csv.Error as error:
+        raise DataError(
+            f"cannot be read ({error}).", do="Mend that line.", file=file, line=reader.line_num
+        ) from error
+    return out
+
+
+def refuse_twice(names: Sequence[str], file: Path | str) -> None:
+    """Raise DataError when a column of the header row is there twice."""
+    name, count = Counter(name for name in names if name).most_common(1)[0] if any(names) else ("", 0)
+    if count > 1:
+        raise DataError(f"column '{name}' is there twice.", do="Keep one.", file=file, line=1)
+
+
+def _lines(text: str, file: Path | str) -> Iterator[str]:
+    for number, line in enumerate(io.StringIO(text, newline="\n"), start=1):
+        if len(line) > LONGEST_LINE:
+            raise DataError(
+                f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
+                do="Mend that line.",
+                file=file,
+                line=number,
+            )
+        yield line

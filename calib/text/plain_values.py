@@ -1,0 +1,42 @@
+"""Values that JSON and TOML have and arithmetic cannot hold: integers of hundreds of digits, NaN, endless nesting."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from calib.errors import DataError
+
+DEEPEST = 32
+"""Tables and lists within one another; our own files have six."""
+LARGEST_INTEGER = 2**63
+"""As TOML: more is no count of anything, and no float holds it."""
+
+
+def refuse_unusual(value: Any, file: Path | str | None = None) -> None:
+    """Raise DataError naming the key of a value that is nested too deeply, too large an integer, or not finite."""
+    waiting: list[tuple[str, Any, int]] = [("", value, 0)]
+    while waiting:  # not by recursion, which deep nesting would exhaust
+        key, each, depth = waiting.pop()
+        # The three are distinguished by their exact kinds, which is quick: a model file holds some 10,000 numbers.
+        if isinstance(each, dict):
+            waiting += [
+                (f"{key}.{name}" if key else str(name), item, depth + 1) for name, item in each.items()
+            ]
+        elif isinstance(each, list):
+            waiting += [(key, item, depth + 1) for item in each]
+        elif isinstance(each, int) and abs(each) >= LARGEST_INTEGER:
+            raise DataError(
+                "has an integer of more than 64 bits.", do="Correct it.", file=file, key=key or None
+            )
+        elif isinstance(each, float) and not math.isfinite(each):
+            do = "Give a finite number, or leave it out."
+            raise DataError(f"is {each}.", do=do, file=file, key=key or None)
+        if depth > DEEPEST:
+            raise too_deep(file)
+
+
+def too_deep(file: Path | str | None) -> DataError:
+    """The refusal of brackets within brackets."""
+    return DataError(f"is nested more than {DEEPEST} deep.", do="Correct its brackets.", file=file)

@@ -1,0 +1,138 @@
+"""A table of a TOML file whose getters say what they need: a value that is not that is refused by file and key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from calib.errors import DataError
+
+FARTHEST_MM = 1e8
+"""No coordinate is larger: squares of what is would drown all others."""
+
+Vector = tuple[float, float, float]
+
+
+class TomlTable:
+    """The values of one table, the file they come from, and the key of the table in it. Getters raise DataError."""
+
+    def __init__(self, values: Mapping[str, Any], file: Path | str, prefix: str = "") -> None:
+        self.values, self.file, self.prefix = values, file, prefix
+
+    def refuse(self, key: str, what: str, do: str) -> DataError:
+        """The error to raise. what: a sentence about the value; do: one on what it should be."""
+        return DataError(what, do=do, file=self.file, key=self.prefix + key)
+
+    def _given(self, key: str, default: object) -> Any:
+        value = self.values.get(key, default)
+        if value is None:
+            raise self.refuse(key, "is missing.", "Add it; the unit of a number is in the key's name.")
+        return value
+
+    def only(self, known: Iterable[str]) -> None:
+        """Refuse keys that nobody reads: a mistyped limit must not pass for a limit."""
+        allowed = sorted(known)
+        for key in self.values:
+            if key not in allowed:
+                raise self.refuse(key, "is not known here.", f"There are {', '.join(allowed)}.")
+
+    def table(self, key: str) -> TomlTable:
+        """A table below this one; absent: empty."""
+        value = self.values.get(key, {})
+        if not isinstance(value, Mapping):
+            raise self.refuse(key, f"is {value!r}.", f"Make it a table, [{self.prefix}{key}].")
+        return TomlTable(value, self.file, f"{self.prefix}{key}.")
+
+    def tables(self, key: str) -> list[TomlTable]:
+        """An array of tables; absent: none."""
+        value = self.values.get(key, [])
+        if not isinstance(value, Sequence) or not all(isinstance(each, Mapping) for each in value):
+            raise self.refuse(key, f"is {value!r}.", f"Write [[{key}]] tables.")
+        return [TomlTable(each, self.file, f"{self.prefix}{key}[{i}].") for i, each in enumerate(value)]
+
+    def text(self, key: str, default: str | None = None, allowed: Sequence[str] | None = None) -> str:
+        """Text, one of `allowed`; it may be empty where the default is."""
+        value = self._given(key, default)
+        if not isinstance(value, str) or not (value or default == "") or value not in (allowed or (value,)):
+            wanted = "text" if allowed is None else " or ".join(repr(a) for a in allowed)
+            raise self.refuse(key, f"is {value!r}.", f"Use {wanted}.")
+        return value
+
+    def flag(self, key: str, default: bool = False) -> bool:
+        value = self.values.get(key, default)
+        if not isinstance(value, bool):
+            raise self.refuse(key, f"is {value!r}.", "Use true or false.")
+        return value
+
+    def number(
+        self, key: str, default: float | None = None, *, low: float = -math.inf, high: float = math.inf
+    ) -> float:
+        value = self._given(key, default)
+        if not _is_number(value) or not low <= value <= high:
+            raise self.refuse(key, f"is {value!r}.", f"Give a number{_range(low, high)}.")
+        return float(value)
+
+    def whole(self, key: str, default: int | None = None, *, low: int = 0, high: int = 1_000_000) -> int:
+        value = self._given(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise self.refuse(key, f"is {value!r}.", f"Give a whole number{_range(low, high)}.")
+        return value
+
+    def vector(self, key: str, default: Vector | None = None) -> Vector:
+        """Three numbers, a place in mm or a direction."""
+        value = self.values.get(key, default)
+        if not _are_numbers(value, 3):
+            raise self.refuse(key, f"is {value!r}.", "Give three numbers, [x, y, z].")
+        x, y, z = value  # type: ignore[misc]
+        if max(abs(x), abs(y), abs(z)) > FARTHEST_MM:
+            raise self.refuse(key, f"is {value!r}: farther than anything on earth.", "Give it in mm.")
+        return float(x), float(y), float(z)
+
+    def vectors(self, key: str) -> dict[str, Vector]:
+        """Named points, `{ T1 = [x, y, z], ... }`; absent: none."""
+        table = self.table(key)
+        return {name: table.vector(name) for name in table.values}
+
+    def rows(self, key: str, width: int, default: Sequence[Sequence[float]] = ()) -> list[tuple[float, ...]]:
+        """A list of rows of `width` numbers."""
+        value = self.values.get(key, default)
+        if not isinstance(value, Sequence) or not all(_are_numbers(row, width) for row in value):
+            raise self.refuse(key, f"is {value!r}.", f"Give a list of rows of {width} numbers.")
+        return [tuple(float(x) for x in row) for row in value]
+
+    def numbers(self, key: str) -> tuple[float, ...] | None:
+        """A list of numbers, not empty; absent: None."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, list | tuple) or not value or not _are_numbers(value, len(value)):
+            raise self.refuse(key, f"is {value!r}.", "Give a list of numbers.")
+        return tuple(float(x) for x in value)
+
+    def names(self, key: str) -> tuple[str, ...] | None:
+        """A list of names, each once, not empty; absent: None."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        good = isinstance(value, list | tuple) and all(isinstance(name, str) and name for name in value)
+        if not good or not value or len(set(value)) != len(value):
+            raise self.refuse(key, f"is {value!r}.", f"List names of {key}, each once.")
+        return tuple(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _are_numbers(value: object, count: int) -> bool:
+    return isinstance(value, list | tuple) and len(value) == count and all(_is_number(x) for x in value)
+
+
+def _range(low: float, high: float) -> str:
+    if math.isfinite(low) and math.isfinite(high):
+        return f" from {low:g} to {high:g}"
+    if math.isfinite(low):
+        return f", {low:g} or above" if low else ", zero or above"
+    return f", {high:g} or below" if math.isfinite(high) else ""

@@ -1,0 +1,336 @@
+"""ABB IRC5 through RAPID sockets: the open_abb text dialect, and our superset of it.
+
+open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
+`<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and
+cannot be stopped: `can_stop` is False. Its answers carry no number, so every question is followed by a ping: whatever
+a late or doubled answer left on the wire then meets the wrong code and closes the link. A damaged target moves the
+robot, and only the read-back shows it: `weakness` says so.
+
+`robot_side/CALSRV.mod` is our own program, detected by asking 200 (`drivers.abb.calsrv`): replies end with ` #` LF,
+echo a sequence number, give five decimals; a target is shown back before it moves the robot; a second task on the next
+port (5001) answers while the robot moves or is in an emergency stop, and stops it. Nothing here was tried on a
+controller yet.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+from drivers.abb.calsrv import CalSrv
+from drivers.abb.conversation import DECIMALS, AbbConversation, AbbDeadlines
+from drivers.caps import Caps
+from drivers.errors import (
+    CannotStop,
+    ConfigError,
+    LinkError,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    ProtectiveStop,
+    ProtocolError,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.link import TcpLink, WireSink, parse_url
+from drivers.read_back import apart_deg, is_there
+
+_LOG = logging.getLogger(__name__)
+_JOINTS = 6
+_STOCK_DECIMALS = 2
+_WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
+_IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
+_MOST_LOOKS = 3  # beyond the first
+_STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([rb"-?\d{1,3}\.\d{2}"] * _JOINTS) + rb"))")
+_WEAKNESS = (
+    "open_abb moves on a request at once and has no checksum: a target that is damaged on its way moves the robot "
+    f"there, and is seen only afterwards, from {10.0**-_STOCK_DECIMALS:g} deg on"
+)
+
+
+class AbbArm:
+    """One ABB robot. Verbs block; `stop` and `status` use the background connection where there is one.
+
+    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    """
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "abb",
+        speed_mm_s: float = 500.0,
+        speed_deg_s: float = 20.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        hold_deg: float = 0.002,
+        watchdog_s: float = 2.0,
+        deadlines: AbbDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=_JOINTS, widest_deg=_WIDEST_DEG, device=name)
+        address = parse_url(url)
+        background = address.options.get("background", str(address.port + 1))
+        if not background.isdecimal():
+            raise ConfigError(f"background={background!r} in {url!r} is not a port", device=name)
+        self.name = name
+        self._deadlines = deadlines or AbbDeadlines()
+        self._caps = caps
+        self._hold_deg = hold_deg
+        self._watchdog_ms = round(watchdog_s * 1000)
+        behind = replace(address, port=int(background))
+        self._main = AbbConversation(TcpLink(address, name, wire=wire, clock=clock), self._deadlines)
+        self._back = AbbConversation(
+            TcpLink(behind, f"{name}-background", wire=wire, clock=clock), self._deadlines
+        )
+        self._calsrv = CalSrv(self._main, self._back, name)
+        self._superset = False
+        self._armed = False
+        self._stopped = threading.Event()
+        self._where: tuple[float, ...] | None = None
+        self._clock = clock
+        self._next_look = 0.0
+        self._warned = False
+
+    @property
+    def deadlines(self) -> AbbDeadlines:
+        """The named waits; may be replaced between questions."""
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: AbbDeadlines) -> None:
+        self._deadlines = self._main.deadlines = self._back.deadlines = deadlines
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    @property
+    def can_stop(self) -> bool:
+        """True only after CALSRV was found; a stock open_abb cannot be stopped by network."""
+        return self._superset
+
+    @property
+    def weakness(self) -> str:
+        """What this dialect cannot see; empty for CALSRV. Valid once connected."""
+        return "" if self._superset else _WEAKNESS
+
+    @property
+    def dialect(self) -> str:
+        """`calsrv` or `open_abb`, as found by the last connect."""
+        return "calsrv" if self._superset else "open_abb"
+
+    def connect(self) -> None:
+        """Open, ping, probe for CALSRV, read the joints. Nothing moves. Raises LinkError."""
+        first, self._warned = not self._warned, True
+        if first:
+            _LOG.warning("%s: this ABB driver is unverified on hardware", self.name)
+        with self._main.lock:
+            self.disconnect()
+            try:
+                self._open_main()
+                self._superset = self._main.probe()
+                if self._superset:
+                    with self._back.lock:
+                        self._back.link.open(connect_s=self.deadlines.connect_s)
+                        if not self._back.probe():
+                            raise ProtocolError(
+                                "CALBACK does not run on the background port", device=self.name
+                            )
+                self._where = self.position().joints_deg
+            except BaseException:
+                self.disconnect()
+                raise
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self.name, self.weakness)
+
+    def disconnect(self) -> None:
+        """Close both connections and disarm; never raises."""
+        self._armed = False
+        self._where = None
+        self._main.link.close()
+        self._back.link.close()
+
+    def _open_main(self) -> None:
+        try:
+            self._main.link.open(connect_s=self.deadlines.connect_s)
+            self._main.ping()
+        except LinkError:
+            self._main.link.open(connect_s=self.deadlines.connect_s)
+            try:
+                self._main.ping(again=True)
+            except LinkTimeout as error:
+                self._look_behind_silence()
+                error.what_to_do = (
+                    "Check that the RAPID program runs, which an emergency stop ends, and that no other program is "
+                    "connected to the robot."
+                )
+                raise
+
+    def _look_behind_silence(self) -> None:
+        """T_ROB1 is silent; the background task, if there is one, may know of an emergency stop."""
+        with self._back.lock, suppress(LinkError):
+            self._back.link.open(connect_s=self.deadlines.ping_s)
+            if self._back.probe():
+                self._calsrv.raise_if_unfit(self._calsrv.status(), "connect")
+
+    def identify(self) -> Identity:
+        """Serial number, RobotWare and type. Raises LinkError, CommandRefused."""
+        found = self._main.ask(98, (), _IDENTITY, quiet_s=self.deadlines.quiet_s)
+        serial, firmware, model = (part.decode("latin-1").strip() for part in found.groups())
+        return Identity("ABB", model, serial, firmware, self.dialect)
+
+    # -- arming -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Check the controller, set speed, stop points and watchdog; allow motion.
+
+        Raises LinkError, SafetyStop, WrongMode.
+        """
+        with self._main.lock:
+            if self._superset:
+                self._calsrv.raise_if_unfit(self.status(), "arm")
+                self._calsrv.set_conditions(self._watchdog_ms, self._caps.speeds)
+            else:
+                self._main.ask(8, self._caps.speeds)
+                self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
+            self._where = self.position().joints_deg
+            self._stopped.clear()
+            self._armed = True
+
+    def disarm(self) -> None:
+        """Allow no more motion until armed again; never raises."""
+        self._armed = False
+
+    # -- motion -------------------------------------------------------------------------------------------
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go to these joint angles, wait until the robot is at rest, read back.
+
+        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown), SafetyStop, WrongMode,
+        MotionStopped, NotReached.
+        """
+        target = tuple(float(q) for q in joints_deg)
+        self._caps.check(target)
+        with self._main.lock:
+            if not self._armed:
+                raise NotArmed("motion without arming", device=self.name, command="move_to")
+            seconds = self._move_seconds(target)
+            self._next_look = self._clock() + 2 * self._main.link.poll_s
+            try:
+                if self._superset:
+                    proof = self._calsrv.show(target)
+                    if self._stopped.is_set():
+                        raise MotionStopped("stopped before it began", device=self.name, command="move_to")
+                    self._calsrv.go(proof, seconds, self._look)
+                else:
+                    self._stock_move(target, seconds)
+                reached = self._settled(target)
+            except BaseException:
+                self._armed = False  # wherever the robot is now, somebody has to look first
+                raise
+            self._where = reached.joints_deg
+        return reached
+
+    def _stock_move(self, target: tuple[float, ...], seconds: float) -> None:
+        """A stopped task never answers, nor in an emergency stop; the log distinguishes it from a dead link."""
+        try:
+            self._main.ask(2, target, deadline="move_s", seconds=seconds)
+        except LinkTimeout as error:
+            joints = None
+            with self._back.lock, suppress(LinkError):
+                self._back.link.open(connect_s=self.deadlines.ping_s)
+                joints = self._back.log_joints()
+            self._back.link.close()
+            if joints is None or apart_deg(joints, target) < 0.1:
+                raise
+            raise ProtectiveStop(
+                "controller lives, its program stopped on the way (emergency stop, supervision, limit)",
+                device=self.name,
+                command="move_to",
+            ) from error
+
+    def position(self) -> JointReading:
+        """Joint angles as the controller reads them back now. Raises LinkError.
+
+        Asked until two answers agree, for neither dialect has a checksum; of a robot that moves the last one.
+        """
+        reading = self._read_back()
+        for _ in range(_MOST_LOOKS):
+            before, reading = reading, self._read_back()
+            if reading.joints_deg == before.joints_deg:
+                break
+        return reading
+
+    def _read_back(self) -> JointReading:
+        if not self._superset:
+            found = self._main.ask(4, (), _STOCK_JOINTS)
+            return JointReading(
+                self._joints(found[1].split(b" "), found[0]), 10.0**-_STOCK_DECIMALS, found[0]
+            )
+        joints, raw = self._calsrv.joints()
+        return JointReading(joints, 10.0**-DECIMALS, raw)
+
+    def stop(self) -> None:
+        """Halt the robot now and disarm. From any thread. Raises CannotStop (stock dialect), LinkError."""
+        self._armed = False
+        self._stopped.set()
+        if not self._superset:
+            raise CannotStop("stock open_abb has no stop", device=self.name, command="stop")
+        self._calsrv.stop()
+
+    def status(self) -> RobotStatus:
+        """State of the controller; in the stock dialect only that it answers. Raises LinkError."""
+        if not self._superset:
+            self._main.ping()
+            return RobotStatus("unknown", None, None, None)
+        return self._calsrv.status()
+
+    # -- checks -------------------------------------------------------------------------------------------
+
+    def _settled(self, target: tuple[float, ...]) -> JointReading:
+        """The reading of a robot that is at the target. Raises NotReached, MotionStopped, LinkError."""
+        end = self._clock() + self.deadlines.settle_s
+        while not is_there(reached := self.position(), target, self._hold_deg):
+            if self._clock() >= end:
+                off = apart_deg(reached.joints_deg, target)
+                raise NotReached(
+                    f"is {off:.3f} deg from where it was sent",
+                    device=self.name,
+                    command="move_to",
+                    raw=reached.raw,
+                )
+            if self._stopped.wait(self.deadlines.gap_s):
+                raise MotionStopped("stopped, or asked to stop", device=self.name, command="move_to")
+        return reached
+
+    def _move_seconds(self, target: tuple[float, ...]) -> float:
+        where = self._where or (0.0,) * _JOINTS
+        far = max(abs(a - b) for a, b in zip(target, where, strict=True))
+        return self.deadlines.move_factor * far / self._caps.speeds[1] + self.deadlines.move_margin_s
+
+    def _look(self) -> None:
+        """Feed the watchdog while a move is pending, and see what T_ROB1 cannot report any more."""
+        if self._clock() < self._next_look:
+            return
+        self._next_look = self._clock() + 2 * self._main.link.poll_s
+        if self._stopped.is_set():  # the stop may have overtaken the move: say it again
+            self.stop()
+        else:
+            self._calsrv.raise_if_unfit(self.status(), "move_to")
+
+    def _joints(self, fields: Sequence[bytes], raw: bytes) -> tuple[float, ...]:
+        joints = tuple(float(field) for field in fields)
+        if not all(math.isfinite(q) and abs(q) < _WIDEST_DEG for q in joints):
+            raise self._damaged("joint angle out of range", "position", raw)
+        return joints
+
+    def _damaged(self, message: str, command: str, raw: bytes) -> ProtocolError:
+        self.disconnect()
+        return ProtocolError(message, device=self.name, command=command, raw=raw)

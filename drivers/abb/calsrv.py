@@ -1,0 +1,172 @@
+"""CALSRV, our own program on an ABB controller (`drivers/abb/robot_side`): numbered questions, and a move in two steps.
+
+    201 <seq> j1..j6 #          201 1 <seq> j1..j6 #       the target as the controller understood it; nothing moves
+    209 <seq> <sum> #           209 1 <seq> #              go, answered when the robot is there
+    208 <seq> <ms> <v_tcp> <v_ori> #                       watchdog and speeds, shown back in the same form
+
+The robot moves when the sum that comes with `go` is that of the request 201 as it arrived there. So a target that was
+damaged on its way moves nothing: this side sees it in the answer, the other side by the sum.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+
+from drivers.abb.conversation import DECIMALS, AbbConversation, Numbered
+from drivers.errors import (
+    AcquisitionError,
+    CommandRefused,
+    EmergencyStop,
+    EnableLost,
+    JointLimit,
+    LinkError,
+    MotionStopped,
+    ProtectiveStop,
+    ProtocolError,
+    WrongMode,
+)
+from drivers.interfaces import RobotStatus
+from drivers.read_back import apart_deg
+
+JOINTS = 6
+SET, JOINTS_NOW, STATE, STOP, CONDITIONS, GO = 201, 202, 205, 207, 208, 209
+_ECHO_DEG = 2e-5  # a RAPID num has single precision: 1.5e-5 at 180 deg
+_JOINT = re.compile(rb"-?\d{1,3}\.\d{%d}" % DECIMALS)
+_MODES = {1: "auto", 2: "manual", 3: "manual"}
+_REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
+    1: (CommandRefused, "bad parameters"),
+    2: (JointLimit, "out of range"),
+    3: (ProtectiveStop, "motion stopped by the controller"),
+    4: (WrongMode, "not in automatic mode, or motors off"),
+    5: (MotionStopped, "motion interrupted"),
+    6: (ProtocolError, "the target that arrived there is not the one that was sent"),
+    9: (CommandRefused, "unknown code"),
+}
+
+
+def sum_of(request: bytes) -> int:
+    """Fletcher's sum of a request, modulo 251 so that it fits a RAPID num: any one byte that is wrong changes it."""
+    low = high = 0
+    for byte in request:
+        low = (low + byte) % 251
+        high = (high + low) % 251
+    return 256 * high + low
+
+
+class CalSrv:
+    """Both connections of a controller that runs CALSRV: `main` moves, `back` answers meanwhile."""
+
+    def __init__(self, main: AbbConversation, back: AbbConversation, name: str) -> None:
+        self._main = main
+        self._back = back
+        self._name = name
+
+    def set_conditions(self, watchdog_ms: int, speed: Sequence[float]) -> None:
+        """Watchdog (ms) and speeds (mm/s, deg/s) of all moves from now on. Raises LinkError."""
+        wanted = (watchdog_ms, *(round(value, 1) for value in speed))
+        answer = self._ask(self._main, CONDITIONS, wanted)
+        self._compare(CONDITIONS, self._numbers(CONDITIONS, answer), wanted, 1e-3, answer.raw)
+
+    def show(self, target: Sequence[float]) -> int:
+        """Show the target to the controller, and compare what it understood: the sum that lets it go there.
+
+        Nothing moves. Raises LinkError, JointLimit, CommandRefused.
+        """
+        answer = self._ask(self._main, SET, tuple(float(q) for q in target))
+        self._compare(SET, self.joints_of(SET, answer), target, _ECHO_DEG, answer.raw)
+        return sum_of(answer.request)
+
+    def go(self, proof: int, seconds: float, meanwhile: Callable[[], None]) -> None:
+        """Go to the target that was shown; back when the robot is there. Raises LinkError, and refusals."""
+        self._ask(self._main, GO, (proof,), "move_s", seconds, meanwhile)
+
+    def joints(self) -> tuple[tuple[float, ...], bytes]:
+        """Joint angles (deg) as read back now, and the reply. Raises LinkError."""
+        answer = self._ask(self._main, JOINTS_NOW)
+        return self.joints_of(JOINTS_NOW, answer), answer.raw
+
+    def stop(self) -> None:
+        """Halt the robot. Raises LinkError."""
+        with self._back.lock:
+            stop_s = self._back.deadlines.stop_s
+            try:
+                self._ask(self._back, STOP, (), "stop_s", stop_s)
+            except LinkError:  # a stop is worth a second try on a fresh connection
+                self._back.link.open(connect_s=stop_s)
+                self._ask(self._back, STOP, (), "stop_s", stop_s)
+
+    def status(self) -> RobotStatus:
+        """State of the controller, from the background task. Raises LinkError."""
+        answer = self._ask(self._back, STATE, (), "stop_s", self._back.deadlines.stop_s)
+        fields, raw = answer.fields, answer.raw
+        if len(fields) != 6 or not all(re.fullmatch(rb"\d{1,5}", field) for field in fields):
+            raise self._damaged("not six whole numbers", STATE, raw)
+        mode, run, motors, estop, moving, number = (int(field) for field in fields)
+        if mode > 3 or run > 9 or max(motors, estop, moving) > 1:
+            raise self._damaged("state out of range", STATE, raw)
+        return RobotStatus(
+            _MODES.get(mode, "unknown"), bool(motors), bool(estop), bool(moving), number or None, raw
+        )
+
+    def raise_if_unfit(self, status: RobotStatus, command: str) -> None:
+        """Raises EmergencyStop, WrongMode, and in a move EnableLost."""
+        if status.emergency_stop:
+            raise EmergencyStop("emergency stop pressed", device=self._name, command=command, raw=status.raw)
+        if status.mode != "auto":
+            raise WrongMode(
+                f"controller in mode {status.mode}", device=self._name, command=command, raw=status.raw
+            )
+        if not status.motors_on:
+            kind = EnableLost if command == "move_to" else WrongMode
+            raise kind("motors off", device=self._name, command=command, raw=status.raw)
+
+    # -- answers ------------------------------------------------------------------------------------------
+
+    def joints_of(self, code: int, answer: Numbered) -> tuple[float, ...]:
+        """The six joint angles of an answer (deg). Raises ProtocolError."""
+        if len(answer.fields) != JOINTS or not all(_JOINT.fullmatch(each) for each in answer.fields):
+            raise self._damaged("not six joints of five decimals", code, answer.raw)
+        return tuple(float(field) for field in answer.fields)
+
+    def _numbers(self, code: int, answer: Numbered) -> tuple[float, ...]:
+        if not all(re.fullmatch(rb"\d{1,7}(\.\d+)?", field) for field in answer.fields):
+            raise self._damaged("not numbers", code, answer.raw)
+        return tuple(float(field) for field in answer.fields)
+
+    def _compare(
+        self, code: int, shown: Sequence[float], wanted: Sequence[float], within: float, raw: bytes
+    ) -> None:
+        if len(shown) != len(wanted) or apart_deg(shown, wanted) > within:
+            raise self._damaged("the controller understood another request; nothing moved", code, raw)
+
+    def _damaged(self, message: str, code: int, raw: bytes) -> ProtocolError:
+        self._main.link.close()
+        self._back.link.close()
+        return ProtocolError(message, device=self._name, command=str(code), raw=raw)
+
+    def _ask(
+        self,
+        talk: AbbConversation,
+        code: int,
+        values: Sequence[float] = (),
+        deadline: str = "reply_s",
+        seconds: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> Numbered:
+        """A numbered question; a refusal is raised as what it means."""
+        answer = talk.ask_numbered(code, values, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        if answer.errno:
+            raise self._refusal(answer, code)
+        return answer
+
+    def _refusal(self, answer: Numbered, code: int) -> AcquisitionError:
+        if answer.errno == 3:  # T_ROB1 only knows that it was stopped; the background task may know why
+            try:
+                self.raise_if_unfit(self.status(), "move_to")
+            except (EmergencyStop, EnableLost, WrongMode) as error:
+                return error
+        kind, text = _REFUSALS.get(answer.errno, (CommandRefused, f"error {answer.errno}"))
+        if kind is ProtocolError:
+            return self._damaged(text, code, answer.raw)
+        return kind(text, device=self._name, command=str(code), raw=answer.raw)

@@ -1,0 +1,288 @@
+"""ABB IRC5 that runs ROS-Industrial's abb_driver: `simple_message`, TCP 11000 for motion and 11002 for states.
+
+The state port is two above that of the address, or `tcp://192.168.125.1:11000?state=12002`. Packets are in
+`drivers.abb.simple_packets`, the states in `drivers.abb.simple_stream`. What follows from the protocol:
+
+- A trajectory is acknowledged when it was received, never when it was carried out. A move has ended when two states
+  in a row say that the robot does not move and agree with each other and with the target.
+- A point nearer than 0.1 deg is skipped when it is the first of its trajectory. So each has two: where the robot
+  is, and the target. External axes are ordered to stay where they are.
+- Angles are float32 radians: 1.4e-5 deg at 180 deg, in what is sent and in what is read. Speed is sent as a duration.
+- The second of two clients is accepted and never heard, and what it sent is carried out when the first goes. So no
+  point is sent on a connection before a stop was answered on it, which moves nothing and is sent by `connect`.
+- The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
+  is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
+- Nothing has a checksum: one state alone is never believed, and a point that is damaged on its way moves the robot,
+  which only the read-back shows. `weakness` says so.
+
+Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+from drivers.abb.simple_motion import MotionServer, patiently
+from drivers.abb.simple_packets import END, JOINTS, START, AbbState, raise_if_unfit
+from drivers.abb.simple_stream import AbbSimpleDeadlines, StateStream
+from drivers.caps import Caps
+from drivers.errors import (
+    Busy,
+    ConfigError,
+    LinkLost,
+    LinkTimeout,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.link import WireSink, parse_url
+from drivers.read_back import apart_deg, is_there
+
+_LOG = logging.getLogger(__name__)
+_WIDEST_DEG = 1000.0
+_RAMP_S = 0.5  # added to every duration: the caps hold while the robot speeds up and slows down
+_AGREE_DEG, _AGREE_M = 0.002, 1e-4  # two states of a robot at rest and of its external axes
+_WEAKNESS = (
+    "simple_message has no checksum and moves on a trajectory at once: a point that is damaged on its way moves the "
+    "robot there, and is seen only afterwards, from 0.002 deg on"
+)
+_SILENT = "Check that all three ROS programs run on the controller and that no other program is connected to the robot."
+
+
+class AbbSimpleArm:
+    """One ABB robot under abb_driver. Verbs block; `stop` and `status` may be called from any thread.
+
+    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    """
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "abb-simple",
+        speed_mm_s: float = 500.0,
+        speed_deg_s: float = 20.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        hold_deg: float = 0.002,
+        deadlines: AbbSimpleDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
+        address = parse_url(url)
+        state = address.options.get("state", str(address.port + 2))
+        if not state.isdecimal() or not 0 < int(state) < 65536:
+            raise ConfigError(f"state={state!r} in {url!r} is not a port", device=name)
+        self.name = name
+        self._deadlines = deadlines or AbbSimpleDeadlines()
+        self._caps = caps
+        self._hold_deg = hold_deg
+        self._clock = clock
+        self._motion = MotionServer(address, name, self._deadlines, wire, clock)
+        behind = replace(address, port=int(state))
+        self._stream = StateStream(behind, f"{name}-state", self._deadlines, wire, clock)
+        self._lock = threading.RLock()
+        self._armed = False
+        self._warned = False
+
+    @property
+    def deadlines(self) -> AbbSimpleDeadlines:
+        """The named waits; may be replaced between questions."""
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: AbbSimpleDeadlines) -> None:
+        self._deadlines = self._stream.deadlines = self._motion.deadlines = deadlines
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    @property
+    def can_stop(self) -> bool:
+        """The motion server reads a stop while another task moves the robot."""
+        return True
+
+    @property
+    def weakness(self) -> str:
+        """What this protocol cannot see."""
+        return _WEAKNESS
+
+    def connect(self) -> None:
+        """Open both ports, see a state, have a stop answered. Nothing moves. Raises LinkError.
+
+        A robot that another client controls ends in LinkTimeout: it accepts and does not answer.
+        """
+        if not self._warned:
+            self._warned = True
+            _LOG.warning(
+                "%s: this ABB driver is unverified on hardware; no watchdog guards a move", self.name
+            )
+            _LOG.warning("%s: %s", self.name, self.weakness)
+        with self._lock:
+            self.disconnect()
+            try:
+                patiently(self._stream.open, self.deadlines.takeover_s, self._clock)
+                self._motion.open()
+                self.position()
+            except LinkTimeout as error:
+                self.disconnect()
+                error.what_to_do = _SILENT
+                raise
+            except BaseException:
+                self.disconnect()
+                raise
+
+    def disconnect(self) -> None:
+        """Close both connections and disarm; never raises."""
+        self._armed = False
+        self._motion.close()
+        self._stream.close()
+
+    def identify(self) -> Identity:
+        """simple_message does not say which robot this is; that it has joints is all that is known."""
+        self.position()
+        return Identity("ABB", "", "", "", "simple_message")
+
+    # -- arming -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Check the controller; allow motion.
+
+        Raises LinkError, SafetyStop, WrongMode, NotReady (the motion program does not run), Busy (it moves).
+        """
+        with self._lock:
+            raise_if_unfit(self._standing("arm"), self.name, "arm")
+            if not self._motion.is_open:
+                raise LinkLost("not connected", device=self.name, command="arm")
+            self._motion.stopped.clear()
+            self._armed = True
+
+    def disarm(self) -> None:
+        """Allow no more motion until armed again; never raises."""
+        self._armed = False
+
+    # -- motion -------------------------------------------------------------------------------------------
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go to these joint angles, wait until the robot is at rest, read back.
+
+        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown: the robot is ordered to stop),
+        SafetyStop, WrongMode, MotionStopped, NotReached, Busy (another program moves the robot).
+        """
+        target = tuple(float(q) for q in joints_deg)
+        self._caps.check(target)
+        with self._lock, ExitStack() as undo:
+            if not self._armed:
+                raise NotArmed("motion without arming", device=self.name, command="move_to")
+            undo.callback(self.disarm)  # wherever the robot is now, somebody has to look first
+            here = self._standing("move_to")
+            raise_if_unfit(here, self.name, "move_to")
+            seconds = self._duration(here, target)
+            self._motion.say(START, here.joints_rad, here.external, seconds, "move_to")
+            undo.callback(self._motion.halt_if_possible)
+            goal_rad = [math.radians(q) for q in target]
+            self._motion.say(END, goal_rad, here.external, seconds, "move_to")
+            reached = self._arrival(here, target, seconds)
+            undo.pop_all()
+        return _reading(reached)
+
+    def _arrival(self, here: AbbState, target: Sequence[float], seconds: float) -> AbbState:
+        """The state of a robot that is at the target, confirmed by the state before.
+
+        Of a move shorter than what a servo may be off the states before it look like its end: it is given its time.
+        """
+        begin = self._clock()
+        credible = begin + seconds if is_there(_reading(here), target, self._hold_deg) else begin
+        end = begin + self.deadlines.move_factor * seconds + self.deadlines.move_margin_s
+        rest_since = math.inf
+        number, before = self._stream.following(self._stream.count, "move_to")
+        while True:
+            number, now = self._stream.following(number, "move_to")
+            if self._motion.stopped.is_set():
+                raise MotionStopped("stopped on its way", device=self.name, command="move_to", raw=now.raw)
+            off = apart_deg(now.joints_deg, target)
+            if now.flags == before.flags:
+                raise_if_unfit(now, self.name, "move_to")
+                if _stand(before, now):
+                    rest_since = min(rest_since, self._clock())
+                    if is_there(_reading(now), target, self._hold_deg) and self._clock() >= credible:
+                        return now
+                else:
+                    rest_since = math.inf
+            before = now
+            rested = self._clock() - max(rest_since, credible)
+            if rested > self.deadlines.still_s or self._clock() > end:
+                limit = "still_s" if rested > self.deadlines.still_s else "move_s"
+                raise NotReached(
+                    f"{off:.3f} deg from where it was sent, given up after {limit}",
+                    device=self.name,
+                    command="move_to",
+                    raw=now.raw,
+                )
+
+    def position(self) -> JointReading:
+        """Where the robot is: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        return _reading(self._standing("position"))
+
+    def _standing(self, command: str) -> AbbState:
+        return self._confirmed(command, _stand)
+
+    def _confirmed(self, command: str, good: Callable[[AbbState, AbbState], bool]) -> AbbState:
+        """The next state that agrees with the one before it. Raises LinkError, Busy."""
+        end = self._clock() + self.deadlines.settle_s
+        number, before = self._stream.following(self._stream.count, command)
+        while True:
+            number, now = self._stream.following(number, command)
+            if now.flags == before.flags and good(before, now):
+                return now
+            if self._clock() >= end:
+                raise Busy("the robot goes on moving", device=self.name, command=command, raw=now.raw)
+            before = now
+
+    def stop(self) -> None:
+        """Halt the robot now and disarm. From any thread. Raises LinkError."""
+        self._armed = False
+        self._motion.stopped.set()
+        self._motion.halt()
+
+    def status(self) -> RobotStatus:
+        """AbbState of the controller. Raises LinkError."""
+        now = self._confirmed("status", lambda before, now: True)
+        flags = now.flags
+        return RobotStatus(
+            flags.mode,
+            flags.motors_on,
+            flags.emergency_stop,
+            flags.moving,
+            flags.error_code if flags.in_error else None,
+            now.raw,
+        )
+
+    # -- checks -------------------------------------------------------------------------------------------
+
+    def _duration(self, here: AbbState, target: Sequence[float]) -> float:
+        """Seconds that keep both caps: no joint faster than one, the tool nowhere faster than the other."""
+        turns = [abs(a - b) for a, b in zip(here.joints_deg, target, strict=True)]
+        return self._caps.seconds(turns) + _RAMP_S
+
+
+def _stand(before: AbbState, now: AbbState) -> bool:
+    """Whether two states in a row are those of a robot that does not move."""
+    external = zip(before.external, now.external, strict=True)
+    return (
+        now.flags.moving is False
+        and apart_deg(before.joints_deg, now.joints_deg) <= _AGREE_DEG
+        and all(math.isclose(a, b, rel_tol=1e-6, abs_tol=_AGREE_M) for a, b in external)
+    )
+
+
+def _reading(state: AbbState) -> JointReading:
+    return JointReading(state.joints_deg, state.resolution_deg, state.raw)

@@ -1,0 +1,116 @@
+"""The motion server of abb_driver (TCP 11000): one point and its reply at a time, and a stop that gets through.
+
+A second client is accepted and not heard, and what it sent is carried out when the first one goes. So a connection
+counts as open when a stop was answered on it; a stop moves nothing and clears what an earlier client left behind.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from drivers.abb.simple_packets import ANSWER_SIZE, END, JOINTS, STOP, encode_point, parse_reply
+from drivers.abb.simple_stream import AbbSimpleDeadlines
+from drivers.errors import CommandRefused, LinkError, LinkLost, MotionStopped, ProtocolError
+from drivers.link import Address, TcpLink, WireSink
+
+_TAKEOVER_PAUSE_S = 0.05
+_NOWHERE = (0.0,) * JOINTS, (0.0,) * 4, 0.0  # a stop carries no point
+
+
+def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], float]) -> None:
+    """Open, again for so long: a server starts afresh when it sees that its client (us, a moment ago) is gone."""
+    end = clock() + takeover_s
+    while True:
+        try:
+            return open_()
+        except LinkLost:
+            if clock() >= end:
+                raise
+            time.sleep(_TAKEOVER_PAUSE_S)
+
+
+class MotionServer:
+    """Points go one at a time, from any thread. `stopped`: somebody said stop since the arming."""
+
+    def __init__(
+        self,
+        address: Address,
+        device: str,
+        deadlines: AbbSimpleDeadlines,
+        wire: WireSink | None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.deadlines = deadlines
+        self.stopped = threading.Event()
+        self._device = device
+        self._clock = clock
+        self._link = TcpLink(address, device, wire=wire, clock=clock)
+        self._saying = threading.RLock()  # one point and its reply: a stop has to wait for no more
+
+    @property
+    def is_open(self) -> bool:
+        return self._link.is_open
+
+    def open(self, command: str = "connect") -> None:
+        """Connect and have a stop answered. Raises LinkError."""
+        stopping = command == "stop"
+        connect_s = self.deadlines.stop_s if stopping else self.deadlines.connect_s
+
+        def once() -> None:
+            self._link.open(connect_s=connect_s)
+            self.say(STOP, *_NOWHERE, command)
+
+        with self._saying:
+            patiently(once, self.deadlines.takeover_s, self._clock)
+
+    def close(self) -> None:
+        """Close; never raises."""
+        self._link.close()
+
+    def halt(self) -> None:
+        """Say stop, on a fresh connection if this one is lost. Raises LinkError."""
+        with self._saying:
+            try:
+                self.say(STOP, *_NOWHERE, "stop")
+            except LinkError:
+                self.open("stop")
+
+    def halt_if_possible(self) -> None:
+        """Halt after a move that did not end well: its connection, if it was lost, stays closed."""
+        with self._saying, suppress(LinkError):
+            was_open = self.is_open
+            self.halt()
+            if not was_open:
+                self.close()
+
+    def say(
+        self,
+        sequence: int,
+        joints_rad: Sequence[float],
+        external: Sequence[float],
+        duration_s: float,
+        command: str,
+    ) -> None:
+        """One point and its reply.
+
+        Raises LinkError, CommandRefused, MotionStopped (the last point of a trajectory after a stop: not sent).
+        """
+        limits = self.deadlines
+        name, seconds = ("stop_s", limits.stop_s) if command == "stop" else ("reply_s", limits.reply_s)
+        with self._saying:
+            if sequence == END and self.stopped.is_set():
+                raise MotionStopped("stopped before it began", device=self._device, command=command)
+            with self._link.question(command):
+                data = encode_point(sequence, joints_rad, external, duration_s)
+                self._link.send(data, command=command, send_s=limits.send_s)
+                raw = self._link.read_exactly(ANSWER_SIZE, command=command, deadline=name, seconds=seconds)
+                try:
+                    taken = parse_reply(raw)
+                except ProtocolError as error:
+                    error.device, error.command = self._device, command
+                    raise
+        if not taken:
+            raise CommandRefused("controller answered FAILURE", device=self._device, command=command, raw=raw)

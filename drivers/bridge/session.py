@@ -1,0 +1,272 @@
+"""A conversation with one MBP/1 bridge: greeting, heartbeat, questions, stop. Shared by the drivers of bridges.
+
+The session knows what is the same for trackers, cameras and ballbars: that the bridge must be of the right
+kind, that it drops a client silent for 30 s, that a stop may come from any thread in the middle of a question,
+and that an answer which arrives whole and says the impossible ends the connection.
+
+The clock of a device only orders its readings and events; it may be set, step back and forth, or begin anew. A reading
+stamped before the last one of this connection is refused, once: its stamp is what the next one is compared with. A
+stamp that came before is refused always, also on a new connection: it is the same reading again. An event that comes
+between the acknowledgement and the answer voids the reading whatever its stamp says.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+from drivers.bridge import mbp
+from drivers.deadlines import InstrumentDeadlines
+from drivers.errors import (
+    AcquisitionError,
+    Busy,
+    EmergencyStop,
+    LinkError,
+    MotionStopped,
+    NotArmed,
+    NotReady,
+    ProtocolError,
+)
+from drivers.interfaces import Identity, InstrumentStatus
+from drivers.link import Address, WireSink, parse_url
+from drivers.serial_link import SerialLink
+
+_LOG = logging.getLogger(__name__)
+_IMPOSSIBLE = (
+    "That cannot be a measurement: look at the instrument's own program, connect again and repeat it."
+)
+_ELSEWHERE = {
+    "proto": "Update the bridge or this program: they speak different versions of MBP.",
+    "kind": "Check that the address belongs to the bridge of this instrument.",
+}
+_WEAKNESS = (
+    "the bridge sends no checksums (no crc=1 in its greeting): an answer of which one digit is damaged on its way is "
+    "taken for measured"
+)
+_STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
+
+
+class MbpSession:
+    """One client of one bridge of `kind`. Questions block; `stop` may be called from any thread."""
+
+    def __init__(
+        self,
+        url: str,
+        name: str,
+        kind: str,
+        limits: Callable[[], InstrumentDeadlines],
+        *,
+        heartbeat_s: float | None,
+        wire: WireSink | None,
+        clock: Callable[[], float],
+        serial: bool = False,
+    ) -> None:
+        """`serial`: a URL that is not tcp:// is that of a serial line. Raises ConfigError for what is no address."""
+        line = (
+            SerialLink(url, name, wire=wire, clock=clock) if serial and not url.startswith("tcp://") else None
+        )
+        address = parse_url(url) if line is None else Address(url, 0)
+        self.client = mbp.MbpClient(address, name, limits().send_s, wire, clock, serial=line)
+        self.armed = False
+        self._name = name
+        self._kind = kind
+        self._limits = limits  # asked anew every time: the driver's deadlines may be changed meanwhile
+        self._heartbeat_s = heartbeat_s
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._stopping = threading.Event()
+        self._hello: mbp.Message | None = None
+        self._quit = threading.Event()
+        self._heart: threading.Thread | None = None
+        self._warned = False
+        self._stamps: set[float] = set()  # of all readings
+        self._last_t_s = -math.inf  # of this connection
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Open and greet; nothing moves. Raises LinkError, ProtocolError (another device), Busy."""
+        first, self._warned = not self._warned, True
+        if first:
+            _LOG.warning("%s: this driver is UNVERIFIED ON HARDWARE: check its first readings", self._name)
+        self.disconnect()
+        with self._lock:
+            hello = self._greet()
+            for key, wanted in {"proto": "1", "kind": self._kind}.items():
+                if hello.fields.get(key) != wanted:
+                    self.client.link.close()
+                    raise ProtocolError(
+                        f"{key} is {hello.fields.get(key)}, needed {wanted}",
+                        device=self._name,
+                        command="HELLO",
+                        raw=hello.raw,
+                        what_to_do=_ELSEWHERE[key],
+                    )
+            self._hello = hello
+            self._last_t_s = -math.inf
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self._name, self.weakness)
+        if self._heartbeat_s is not None:
+            self._quit = threading.Event()
+            self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
+            self._heart.start()
+
+    def _greet(self) -> mbp.Message:
+        """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""
+        limits = self._limits()
+        end = self._clock() + limits.takeover_s
+        while True:
+            try:
+                return self.client.open(connect_s=limits.connect_s, reply_s=limits.reply_s)
+            except Busy:
+                self.client.link.close()
+                if self._clock() >= end:
+                    raise
+                threading.Event().wait(limits.takeover_s / 20)
+
+    def disconnect(self) -> None:
+        """Close and disarm; never raises."""
+        self._quit.set()
+        self.armed = False
+        self._hello = None
+        self.client.link.close()
+        heart, self._heart = self._heart, None
+        if heart is not None:
+            heart.join()
+
+    def _beat(self, quit_: threading.Event) -> None:
+        """Prompts and moves can take longer than the 30 s after which a bridge drops a silent client."""
+        while not quit_.wait(self._heartbeat_s):
+            with self._lock:
+                if quit_.is_set() or not self.client.link.is_open:
+                    return
+                try:
+                    self.client.ask("PING", {}, "reply_s", self._limits().reply_s)
+                except AcquisitionError as error:  # if it broke the link, the next question shows it
+                    _LOG.warning("%s", error)
+                    return
+
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return "" if self.client.checksums else _WEAKNESS
+
+    def identify(self) -> Identity:
+        """What the bridge said in its greeting. Raises LinkError when not connected."""
+        with self._lock:
+            if self._hello is None:
+                self.ask("PING", {})  # raises "not connected"
+                raise ProtocolError("no greeting", device=self._name, command="identify")
+            said = self._hello.fields.get
+            simulated = {"0": False, "1": True}.get(said("sim", ""))
+            names = (said("vendor", ""), said("model", ""), said("serial", ""), said("fw", ""))
+            return Identity(*names, "mbp1", simulated)
+
+    # -- questions ----------------------------------------------------------------------------------------
+
+    def ask(
+        self,
+        command: str,
+        fields: Mapping[str, object],
+        deadline: str = "reply_s",
+        seconds: float | None = None,
+    ) -> mbp.Message:
+        """The OK answer. Raises LinkError (disarms), MotionStopped after `stop`, the bridge's own errors."""
+        with self._lock:
+            try:
+                return self.client.ask(
+                    command, fields, deadline, self._limits().reply_s if seconds is None else seconds
+                )
+            except NotReady as error:
+                if self._stopping.is_set():
+                    raise MotionStopped(
+                        "stopped", device=self._name, command=command, raw=error.raw
+                    ) from error
+                raise
+            except LinkError:
+                self.armed = False
+                raise
+
+    @contextmanager
+    def measuring(self, command: str) -> Iterator[None]:
+        """A whole measurement, events counted from its beginning. Raises NotArmed."""
+        with self._lock:
+            if not self.armed:
+                raise NotArmed("measurement without arming", device=self._name, command=command)
+            self.client.events.clear()
+            yield
+
+    @contextmanager
+    def understood(self) -> Iterator[None]:
+        """Content that is impossible raises ProtocolError: nothing more is believed on this connection."""
+        try:
+            yield
+        except ProtocolError as error:
+            error.device, error.what_to_do = self._name, _IMPOSSIBLE
+            self.armed = False
+            self.client.link.close()
+            raise
+
+    def void_if_told(self, kinds: Mapping[str, type[AcquisitionError]], since_s: float, raw: bytes) -> None:
+        """Raise the error of the first event of `kinds` that came during the last question, or happened at or after
+        `since_s` (device clock)."""
+        acked = self.client.acked
+        for i, event in enumerate(self.client.events):
+            kind = kinds.get(event.event)
+            during = acked is not None and i >= acked
+            if kind is not None and (during or mbp.number(event, "t") >= since_s):
+                raise kind(f"{event.event} during the reading", device=self._name, command="MEASURE", raw=raw)
+
+    def advanced(self, t_s: float) -> bool:
+        """Whether a reading stamped `t_s` (device clock) can be a new one; the next is compared with it."""
+        new = t_s > self._last_t_s and t_s not in self._stamps
+        self._stamps.add(t_s)
+        self._last_t_s = t_s
+        return new
+
+    # -- arming and stopping ------------------------------------------------------------------------------
+
+    @contextmanager
+    def arming(self) -> Iterator[None]:
+        """Initialise what is off, insist on READY, do what else is needed, then armed.
+
+        Raises NotReady, EmergencyStop.
+        """
+        with self._lock:
+            if self.status().state == "OFF":
+                self.ask("INIT", {}, "init_s", self._limits().init_s)
+            state = self.status().state
+            if state == "ESTOP":
+                raise EmergencyStop("instrument is in an emergency stop", device=self._name, command="arm")
+            if state != "READY":
+                raise NotReady(f"instrument is {state}", device=self._name, command="arm")
+            yield
+            self._stopping.clear()
+            self.armed = True
+
+    def stop(self) -> None:
+        """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""
+        self.armed = False
+        self._stopping.set()
+        if self._lock.acquire(blocking=False):
+            try:
+                self.client.ask("ABORT", {}, "reply_s", self._limits().reply_s)
+            finally:
+                self._lock.release()
+        else:
+            self.client.shout("ABORT")  # the pending question then ends with an error
+
+    def status(self) -> InstrumentStatus:
+        """State and weather. Raises LinkError, SafetyStop."""
+        reply = self.ask("STATUS", {})
+        with self.understood():
+            state = reply.fields.get("state", "")
+            if state not in _STATES:
+                raise ProtocolError(f"unknown state {state!r}", raw=reply.raw)
+            weather = {
+                key: mbp.number(reply, key) if key in reply.fields else None for key in ("T", "P", "H")
+            }
+            return InstrumentStatus(state, weather["T"], weather["P"], weather["H"], reply.raw)

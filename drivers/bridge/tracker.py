@@ -1,0 +1,134 @@
+"""The common part of trackers behind an MBP/1 bridge: weather, pointing, and when an answer is taken as a point.
+
+A reading is refused when it is not exactly what was asked for: other number of samples, status other than
+accurate, too old, a device clock that did not advance (`drivers.bridge.session` says what happens when it steps),
+scattered, a point at the origin (what a failed vendor call returns), polar and Cartesian coordinates that disagree, or
+the beam lost within the averaging time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from drivers.bridge import mbp
+from drivers.bridge.session import MbpSession
+from drivers.errors import (
+    AcquisitionError,
+    BeamBroken,
+    ConfigError,
+    NoisyMeasurement,
+    NotReady,
+    ProtocolError,
+    TargetNotSeen,
+)
+from drivers.interfaces import InstrumentStatus, PointReading
+
+FARTHEST_MM = 100_000.0  # beyond the range of any tracker
+_POLAR_AGREES_MM = 0.05
+_VOID: Mapping[str, type[AcquisitionError]] = {"BEAM_BROKEN": BeamBroken, "TARGET_LOST": TargetNotSeen}
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The question; `lasted_s` is the averaging time."""
+
+    target: str
+    samples: int
+    lasted_s: float
+    age_limit_s: float
+    scatter_limit_mm: float
+
+
+def check_question(target: str, samples: int, device: str) -> None:
+    """Check a question before it is sent. Raises ConfigError for a name that is no word, or less than one sample."""
+    if not (target.isidentifier() and target.isascii()):
+        raise ConfigError(f"target name {target!r} is not a word", device=device, command="measure")
+    if samples < 1:
+        raise ConfigError(f"samples = {samples} must be at least 1", device=device, command="measure")
+
+
+def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> tuple[float, float, float]:
+    """Air (degC), pressure (hPa) and humidity (%) as the tracker knows them.
+
+    Raises NotReady where it has no station, ProtocolError for what no weather is.
+    """
+    reply = session.ask("WEATHER", fields)
+    with session.understood():
+        return (
+            mbp.number(reply, "T", -20.0, 60.0),
+            mbp.number(reply, "P", 500.0, 1200.0),
+            mbp.number(reply, "H", 0.0, 100.0),
+        )
+
+
+def status_of(session: MbpSession) -> InstrumentStatus:
+    """State and weather: that of STATUS, or where it has none that of WEATHER. Raises LinkError, SafetyStop."""
+    status = session.status()
+    if None not in (status.t_air_c, status.pressure_hpa, status.humidity_percent):
+        return status
+    try:
+        t_air_c, pressure_hpa, humidity_percent = ask_weather(session, {})
+    except NotReady:  # no station, or not yet
+        return status
+    return replace(status, t_air_c=t_air_c, pressure_hpa=pressure_hpa, humidity_percent=humidity_percent)
+
+
+def point_at(
+    session: MbpSession, near_mm: Sequence[float], seconds: float, device: str, **fields: object
+) -> None:
+    """Send the beam there (tracker's frame) and have the nearest SMR found. Raises ConfigError for no place."""
+    x, y, z = (float(value) for value in near_mm)
+    if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
+        raise ConfigError(f"cannot point at {near_mm}", device=device, command="POINT")
+    session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1, **fields}, "point_s", seconds)
+
+
+def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str) -> PointReading:
+    """The reading, in the tracker's own frame. Raises ProtocolError, BeamBroken, TargetNotSeen, NoisyMeasurement."""
+
+    def value(key: str, low: float = -FARTHEST_MM, high: float = FARTHEST_MM) -> float:
+        return mbp.number(reply, key, low, high)
+
+    x, y, z = value("x"), value("y"), value("z")
+    std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
+    t_s, age_s = value("t", -1e12, 1e12), value("age", -1e12, 1e12)
+    advanced, far = session.advanced(t_s), math.hypot(x, y, z)
+    for impossible, why in (
+        (
+            reply.fields.get("target", asked.target) != asked.target,
+            f"reading of {reply.fields.get('target')}",
+        ),
+        (far < 1.0, "point at the origin of the tracker"),
+        (
+            "r" in reply.fields and abs(value("r", 0.0) - far) > _POLAR_AGREES_MM,
+            "polar and Cartesian disagree",
+        ),
+    ):
+        if impossible:
+            raise ProtocolError(f"{why}, asked for {asked.target}", command="MEASURE", raw=reply.raw)
+    session.void_if_told(_VOID, t_s - asked.lasted_s, reply.raw)
+    for bad, why in (
+        (value("n", 0, 1e9) != asked.samples, f"not of {asked.samples} samples"),
+        (value("status", 0, 9) != 0, "marked inaccurate"),
+        (not 0.0 <= age_s <= asked.age_limit_s, f"{age_s:g} s old"),
+        (not advanced, "from a device clock that did not advance"),
+        (max(std) > asked.scatter_limit_mm, f"scattered by {max(std):g} mm"),
+    ):
+        if bad:
+            raise NoisyMeasurement(f"reading {why}", device=device, command="MEASURE", raw=reply.raw)
+    return PointReading(
+        target=asked.target,
+        xyz_mm=(x, y, z),
+        std_mm=std,
+        samples=asked.samples,
+        t_s=t_s,
+        age_s=age_s,
+        t_air_c=value("temp", -40.0, 80.0) if "temp" in reply.fields else None,
+        pressure_hpa=value("P", 300.0, 1300.0) if "P" in reply.fields else None,
+        humidity_percent=value("H", 0.0, 100.0) if "H" in reply.fields else None,
+        mode=reply.fields.get("mode", ""),
+        face=reply.fields.get("face", ""),
+        raw=reply.raw,
+    )

@@ -1,0 +1,63 @@
+"""Caps of a robot by its cell file: how fast, how far. Every target is held against it before anything is sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from drivers.errors import ConfigError, JointLimit
+
+# Longest arm of a small robot from a joint axis to the tool, mm, rounded up.
+_LEVER_MM = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
+
+
+class Caps:
+    """The speeds of one arm (mm/s at the tool, deg/s of a joint) and the limits of its joints.
+
+    `speeds`: both, in this order. `limits_deg`: a pair a joint, or None for `widest_deg` to either side of zero.
+    """
+
+    def __init__(
+        self,
+        speed_mm_s: float,
+        speed_deg_s: float,
+        limits_deg: Sequence[Sequence[float]] | None,
+        *,
+        joints: int,
+        widest_deg: float,
+        device: str,
+    ) -> None:
+        """Raises ConfigError for a speed that is not positive, and unless there is a pair for every joint."""
+        if not (speed_mm_s > 0 and speed_deg_s > 0):
+            raise ConfigError(
+                f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=device
+            )
+        if limits_deg is not None and len(limits_deg) != joints:
+            raise ConfigError(f"limits_deg needs {joints} pairs, not {len(limits_deg)}", device=device)
+        self.speeds = (speed_mm_s, speed_deg_s)
+        self._pairs = [(-widest_deg, widest_deg)] * joints if limits_deg is None else limits_deg
+        self._device = device
+
+    def check(self, target_deg: Sequence[float]) -> None:
+        """Raises JointLimit naming the first joint that may not go there; NaN may not."""
+        if len(target_deg) != len(self._pairs):
+            raise JointLimit(
+                f"{len(target_deg)} joints given, {len(self._pairs)} needed",
+                device=self._device,
+                command="move_to",
+            )
+        for i, (q, (low, high)) in enumerate(zip(target_deg, self._pairs, strict=True), start=1):
+            if not low <= q <= high:
+                raise JointLimit(
+                    f"joint {i} to {q:g} deg, allowed {low:g} to {high:g}",
+                    device=self._device,
+                    command="move_to",
+                )
+
+    def seconds(self, turns_deg: Sequence[float]) -> float:
+        """Seconds for joints to turn by so much (deg, six, not negative) at both caps.
+
+        No joint is faster than one; the tool is nowhere faster than the sum of turn x lever over the time, the other.
+        """
+        path_mm = sum(math.radians(dq) * lever for dq, lever in zip(turns_deg, _LEVER_MM, strict=True))
+        return max(max(turns_deg) / self.speeds[1], path_mm / self.speeds[0])

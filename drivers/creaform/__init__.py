@@ -1,0 +1,1 @@
+"""Creaform cameras, behind a bridge (`drivers.creaform.ctrack`)."""

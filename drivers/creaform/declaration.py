@@ -1,0 +1,32 @@
+"""The driver of Creaform's C-Track declared. Not run against hardware yet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drivers.bridge.details import battery_of, clock_of
+from drivers.creaform.ctrack import LEAST_ON_REFERENCE, REFERENCE, CTrack
+from drivers.declaration import InstrumentDriver
+from drivers.details import Details
+from drivers.interfaces import InstrumentStatus
+
+
+def _details(device: CTrack, status: InstrumentStatus) -> Details:
+    """Its battery and the bodies that it knows (MODELS)."""
+    reply = device.session.ask("MODELS", {})
+    names, totals = (reply.fields.get(key, "").split(",") for key in ("names", "totals"))
+    bodies = {name: int(total) for name, total in zip(names, totals, strict=False) if total.isdecimal()}
+    return replace(battery_of(device, status), bodies=bodies, reference=(REFERENCE, LEAST_ON_REFERENCE))
+
+
+DRIVERS = (
+    InstrumentDriver(
+        name="ctrack",
+        maker="Creaform",
+        instrument="ctrack",
+        make=CTrack,
+        cone_deg=15.0,  # flat reflectors seen by cameras
+        details=_details,
+        clock_s=clock_of,
+    ),
+)

@@ -1,0 +1,84 @@
+"""The declaration of a driver about itself, so that no other part of the program has to know it by its name.
+
+Each maker's folder has one file `declaration.py` with the declarations of its drivers; `drivers.registry` lists them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.details import Details
+from drivers.interfaces import InstrumentStatus, LengthMeter, PointMeter, RobotArm, RobotStatus
+
+SMR_CONE_DEG = 30.0
+"""A corner cube in its ball (SMR) returns the beam up to this angle from its normal."""
+
+
+def _nothing_more(device: Any, status: RobotStatus | InstrumentStatus) -> Details:
+    return Details()
+
+
+def _no_clock(device: Any) -> float | None:
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A number, mm, that the cell file has for one driver, from 1 to 5000. `needed`: the file must have it."""
+
+    key: str
+    needed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotDriver:
+    """A driver of robots: one protocol or dialect. `make` takes URL, speeds and limits of the cell, and a wire log.
+
+    takes_reach: `make` takes `reach_mm` as well, and keeps the speed of the path with it.
+    details: what a connected robot says of itself beyond the status that it has just answered; raises LinkError.
+    clock_s: the controller's own clock, None where the protocol does not say; raises LinkError.
+    streams: its joints can be recorded while it moves (`drivers.interfaces.Streams`).
+    """
+
+    name: str
+    make: Callable[..., RobotArm]
+    takes_reach: bool = False
+    streams: bool = False
+    details: Callable[[Any, RobotStatus], Details] = _nothing_more
+    clock_s: Callable[[Any], float | None] = _no_clock
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentDriver:
+    """A driver of instruments of one maker. `make` takes the URL, `options` of the cell file, and a wire log.
+
+    instrument: its name in data sets. cone_deg: the largest angle between a target's normal and the direction to the
+    instrument. stroke_mm: of a ballbar, to either side; None for an instrument that measures points. finds_by_name:
+    it finds a target by its name, before the world is known. needs_weather: its wavelength depends on the air.
+    body_mm, extensions_mm: of a ballbar without extension bars, and of these.
+    untold: what its protocol does not say, and a person has to look at. details, clock_s, streams: as for a
+    `RobotDriver`.
+    """
+
+    name: str
+    maker: str
+    instrument: str
+    make: Callable[..., PointMeter | LengthMeter]
+    options: tuple[Option, ...] = ()
+    cone_deg: float = SMR_CONE_DEG
+    stroke_mm: float | None = None
+    body_mm: float = 0.0
+    extensions_mm: tuple[float, ...] = ()
+    finds_by_name: bool = True
+    needs_weather: bool = False
+    streams: bool = False
+    untold: tuple[str, ...] = ()
+    details: Callable[[Any, InstrumentStatus], Details] = _nothing_more
+    clock_s: Callable[[Any], float | None] = _no_clock
+
+    @property
+    def measures_lengths(self) -> bool:
+        """A ballbar: distances to balls on the base instead of points."""
+        return self.stroke_mm is not None

@@ -1,0 +1,28 @@
+"""The kinematic numbers that a controller calculates with, as it says them itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Row = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DhNumbers:
+    """Standard DH numbers, `Rz(theta) Tz(d) Tx(a) Rx(alpha)`, of six links; deg and mm."""
+
+    alpha_deg: Row
+    a_mm: Row
+    theta_deg: Row
+    d_mm: Row
+
+    def minus(self, other: DhNumbers) -> DhNumbers:
+        """The differences, number by number."""
+        names = ("alpha_deg", "a_mm", "theta_deg", "d_mm")
+        rows = ((getattr(self, name), getattr(other, name)) for name in names)
+        return DhNumbers(*(tuple(p - q for p, q in zip(mine, its, strict=True)) for mine, its in rows))
+
+    def links(self) -> list[dict[str, float]]:
+        """One table per link, with the keys of a robot file's `[[link]]`."""
+        names = ("alpha_deg", "a_mm", "theta_deg", "d_mm")
+        return [{name: getattr(self, name)[i] for name in names} for i in range(6)]

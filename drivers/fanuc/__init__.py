@@ -1,0 +1,1 @@
+"""Fanuc R-30iA and later: MAPPDK text or Modbus registers (`drivers.fanuc.arm`)."""

@@ -1,0 +1,272 @@
+"""MAPPDK text dialect of a Fanuc (torayeff/fanucpy, KAREL server on TCP 18735, the same again on 18736).
+
+Request: one line, LF. Answer: `0:<data>` or `1:<error>` without end mark (`drivers.fanuc.mappdk_link`). The server
+greets with `0:success`. A stock move begins on one request, is answered after the robot's motion program, which ends in
+CNT, and cannot be stopped; meanwhile the second port goes on answering. A target that is damaged on its way moves the
+robot, and only the read-back shows it: `weakness` says so.
+
+Our own server (`robot_side`: CALSRV.kl, CALLOG.kl) answers numbered questions with a sum, detected by asking
+`calname`: state, stop, watchdog, and a move in two steps that ends FINE and says why it ended elsewhere:
+
+    calset:NNNN:VVVV:<six joints>     0:c=NNNN,v=VVVV,j=...,k=SSS;   the target as understood there; nothing moves
+    calgo:NNNN:SSS                    0:c=NNNN,r=R,k=SSS;            the sum of that request lets the robot go
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from drivers.errors import (
+    AcquisitionError,
+    CommandRefused,
+    ConfigError,
+    LinkError,
+    MotionStopped,
+    ProtectiveStop,
+    ProtocolError,
+)
+from drivers.fanuc.controller import (
+    JOINTS,
+    UNFIT,
+    VERSION,
+    WIDEST_DEG,
+    FanucDeadlines,
+    Looker,
+    Move,
+    ended,
+    other_version,
+    raise_if_unfit,
+)
+from drivers.fanuc.mappdk_link import (
+    BEAT,
+    DONE,
+    ENDED,
+    MOVED,
+    NAME,
+    SEEN,
+    SHOWN,
+    STATE,
+    Form,
+    MappdkLink,
+    sealed,
+    sum_of,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.link import Address, TcpLink, WireSink
+from drivers.read_back import apart_deg
+
+_WATCHDOG_MS = 2000
+_MOVED_DEG = 0.01  # between two looks; less is rest
+_ECHO_DEG = 4e-5  # a KAREL REAL has single precision: 3e-5 at 360 deg
+_WEAKNESS = (
+    "a stock MAPPDK server moves on a request at once and has no checksum: a target that is damaged on its way moves "
+    "the robot there, and is seen only afterwards, from 0.003 deg on"
+)
+
+
+class MappdkController:
+    """Both connections of a controller: the first moves, the second looks."""
+
+    def __init__(
+        self,
+        address: Address,
+        name: str,
+        deadlines: FanucDeadlines,
+        *,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        second = address.options.get("logger", str(address.port + 1))
+        if not second.isdecimal():
+            raise ConfigError(f"logger={second!r} is not a port", device=name)
+        self.name = name
+        self._clock = clock
+        self._main = MappdkLink(TcpLink(address, name, wire=wire, clock=clock), deadlines)
+        behind = replace(address, port=int(second))
+        self._logger = MappdkLink(TcpLink(behind, f"{name}-logger", wire=wire, clock=clock), deadlines)
+        self._numbers = itertools.cycle(range(1, 10000))
+        self._ours: Identity | None = None  # of our own server; None: a stock one
+
+    @property
+    def deadlines(self) -> FanucDeadlines:
+        return self._main.deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: FanucDeadlines) -> None:
+        self._main.deadlines = self._logger.deadlines = deadlines
+
+    @property
+    def can_stop(self) -> bool:
+        return self._ours is not None
+
+    @property
+    def dialect(self) -> str:
+        return "mappdk" if self._ours is None else "mappdk-cal"
+
+    @property
+    def weakness(self) -> str:
+        return _WEAKNESS if self._ours is None else ""
+
+    def open(self) -> None:
+        """Both connections; is it our server? Raises LinkError."""
+        self._ours = None
+        self._main.open()
+        self._logger.open()
+        try:
+            found = self._numbered(self._logger, self._request(b"calname"), NAME)
+        except CommandRefused:
+            return
+        if int(found[2]) != VERSION:
+            raise other_version("CALLOG", int(found[2]), self.name)
+        model, version = (part.decode("latin-1").strip() for part in found.groups()[2:4])
+        self._ours = Identity("Fanuc", model, "", version, "mappdk-cal")
+
+    def close(self) -> None:
+        self._main.link.close()
+        self._logger.link.close()
+
+    def identity(self) -> Identity:
+        """A stock server cannot say which robot it is; that it answers is all that is known."""
+        self.joints()
+        return self._ours or Identity("Fanuc", "", "", "", "mappdk")
+
+    def prepare(self) -> None:
+        """Our server gets its watchdog; a stock one has nothing to prepare."""
+        if self._ours is not None:
+            found = self._numbered(self._logger, self._request(b"calbeat", b"%05d" % _WATCHDOG_MS), BEAT)
+            self._compare((int(found[2]),), (_WATCHDOG_MS,), found[0])
+
+    def joints(self) -> JointReading:
+        return self._joints(self._main)
+
+    def _joints(self, talk: MappdkLink) -> JointReading:
+        found = talk.ask(b"curjpos", SEEN)
+        joints = tuple(float(field) for field in found.groups()[:JOINTS])
+        if not all(math.isfinite(q) and abs(q) < WIDEST_DEG for q in joints):
+            talk.link.close()
+            raise ProtocolError(
+                "joint angle out of range", device=talk.link.device, command="curjpos", raw=found[0]
+            )
+        return JointReading(joints, 1e-3, found[0])
+
+    def move(self, move: Move) -> None:
+        """A stock server moves at once, CNT 0: as near to a stop point as it comes."""
+        joints = b":".join(b"%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
+        look = Looker(self._look_for(move), self._clock)
+        if self._ours is not None:
+            self._confirmed_move(move, joints, look)
+        else:
+            request = b"movej:%04d:0100:000:0:%d:%s" % (move.percent, JOINTS, joints)
+            self._main.ask(request, MOVED, deadline="move_s", seconds=move.seconds, meanwhile=look)
+
+    def _confirmed_move(self, move: Move, joints: bytes, look: Callable[[], None]) -> None:
+        request = self._request(b"calset", b"%04d:%s" % (move.percent, joints))
+        found = self._numbered(self._main, request, SHOWN)
+        shown = [float(field) for field in found.groups()[1 : 2 + JOINTS]]
+        self._compare(shown, (move.percent, *move.target), found[0])
+        if move.stopped.is_set():
+            raise MotionStopped("stopped before it began", device=self.name, command="move_to")
+        go = self._request(b"calgo", b"%03d" % sum_of(request))
+        found = self._numbered(self._main, go, ENDED, deadline="move_s", seconds=move.seconds, meanwhile=look)
+        status = int(found[2])
+        if status == UNFIT:  # our motion program knows that it cannot move; the state knows why
+            raise_if_unfit(self.status(), self.name, "move_to")
+        if status:
+            raise self._failed(status, found[0])
+
+    def _failed(self, status: int, raw: bytes) -> AcquisitionError:
+        kind, text = ended(status)
+        todo = "Clear the alarm on the pendant, start the robot's programs again, then confirm."
+        return kind(
+            text, device=self.name, command="move_to", raw=raw, what_to_do=todo if status == UNFIT else None
+        )
+
+    def _compare(self, shown: Sequence[float], wanted: Sequence[float], raw: bytes) -> None:
+        if apart_deg(shown, wanted) > _ECHO_DEG:
+            self.close()
+            raise ProtocolError(
+                "the controller understood another request; nothing moved",
+                device=self.name,
+                command="calset",
+                raw=raw,
+            )
+
+    def _look_for(self, move: Move) -> Callable[[], None]:
+        """What is looked at while the answer to a move is outstanding.
+
+        Our server reports its state. Of a stock one only the joints are seen: a robot that rests in mid-move was
+        stopped, by an emergency stop, the supervision or a person, and the answer will not come.
+        """
+        since, last = self._clock(), None
+
+        def at_state() -> None:
+            if move.stopped.is_set():  # the stop may have overtaken the move: say it again
+                self.halt()
+            else:
+                raise_if_unfit(self.status(), self.name, "move_to")
+
+        def at_joints() -> None:
+            nonlocal since, last
+            now = self._joints(self._logger).joints_deg
+            if last is None or apart_deg(now, last) > _MOVED_DEG:
+                since, last = self._clock(), now
+            away = apart_deg(now, move.target)
+            if away > _MOVED_DEG and self._clock() - since > self.deadlines.still_s:
+                raise ProtectiveStop(
+                    f"is {away:.3f} deg from its target for still_s = {self.deadlines.still_s:g} s "
+                    "(emergency stop, supervision, hold)",
+                    device=self.name,
+                    command="move_to",
+                )
+
+        return at_joints if self._ours is None else at_state
+
+    def halt(self) -> None:
+        """Raises LinkError."""
+        try:
+            self._numbered(self._logger, self._request(b"calstop"), DONE)
+        except LinkError:  # a stop is worth a second try on a fresh connection
+            self._logger.open()
+            self._numbered(self._logger, self._request(b"calstop"), DONE)
+
+    def status(self) -> RobotStatus:
+        """Stock: only that the second port answers. Raises LinkError."""
+        if self._ours is None:
+            raw = self._joints(self._logger).raw
+            return RobotStatus("unknown", None, None, None, raw=raw)
+        found = self._numbered(self._logger, self._request(b"calstat"), STATE)
+        auto, power, stop, moving, number = (int(field) for field in found.groups()[1:6])
+        mode = "auto" if auto else "manual"
+        return RobotStatus(mode, bool(power), bool(stop), bool(moving), number or None, found[0])
+
+    def _request(self, what: bytes, *rest: bytes) -> bytes:
+        """A question of our server, with the next number."""
+        return b":".join((what, b"%04d" % next(self._numbers), *rest))
+
+    def _numbered(
+        self,
+        talk: MappdkLink,
+        request: bytes,
+        form: Form,
+        *,
+        deadline: str = "reply_s",
+        seconds: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> re.Match[bytes]:
+        """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
+        found = talk.ask(request, form, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        what, number, *_ = request.split(b":")
+        if found[1] != number or not sealed(found[0]):
+            talk.link.close()
+            raise ProtocolError(
+                f"answer does not carry number {number.decode()}, or a wrong sum",
+                device=talk.link.device,
+                command=what.decode(),
+                raw=found[0],
+            )
+        return found

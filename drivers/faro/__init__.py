@@ -1,0 +1,1 @@
+"""FARO trackers, behind a bridge (`drivers.faro.ion`)."""

@@ -1,0 +1,40 @@
+"""The drivers of Leica trackers declared: behind a bridge, and over emScon packets. Not run against hardware yet."""
+
+from __future__ import annotations
+
+from drivers.bridge.details import battery_of, clock_of
+from drivers.declaration import InstrumentDriver, Option
+from drivers.details import Details
+from drivers.interfaces import InstrumentStatus
+from drivers.leica.at960 import LeicaTracker
+from drivers.leica.emscon import EmsconTracker
+
+
+def _emscon_details(device: EmsconTracker, status: InstrumentStatus) -> Details:
+    return Details(weather_station=device.has_weather_station())
+
+
+DRIVERS = (
+    InstrumentDriver(
+        name="leica",
+        maker="Leica",
+        instrument="leica",
+        make=LeicaTracker,
+        options=(Option("reflector_mm"),),
+        needs_weather=True,
+        streams=True,
+        untold=("which SMR is seated",),
+        details=battery_of,
+        clock_s=clock_of,
+    ),
+    InstrumentDriver(
+        name="emscon",
+        maker="Leica",
+        instrument="emscon",
+        make=EmsconTracker,
+        finds_by_name=False,
+        needs_weather=True,
+        untold=("which SMR is seated",),
+        details=_emscon_details,
+    ),
+)

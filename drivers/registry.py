@@ -1,0 +1,63 @@
+"""The drivers that there are, one line a maker: a new one is its folder and its line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+from drivers.abb import declaration as abb
+from drivers.creaform import declaration as creaform
+from drivers.declaration import InstrumentDriver, RobotDriver
+from drivers.errors import ConfigError
+from drivers.fanuc import declaration as fanuc
+from drivers.faro import declaration as faro
+from drivers.interfaces import LengthMeter, PointMeter, RobotArm
+from drivers.leica import declaration as leica
+from drivers.renishaw import declaration as renishaw
+from drivers.ur import declaration as ur
+
+_D = TypeVar("_D", RobotDriver, InstrumentDriver)
+_T = TypeVar("_T")
+
+
+def _by_name(makers: Iterable[Iterable[_D]]) -> dict[str, _D]:
+    return {driver.name: driver for drivers in makers for driver in drivers}
+
+
+ROBOTS: Mapping[str, RobotDriver] = _by_name([abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS])
+INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
+    [creaform.DRIVERS, faro.DRIVERS, leica.DRIVERS, renishaw.DRIVERS]
+)
+
+
+def robot_driver(name: str) -> RobotDriver:
+    """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
+    return _known("robot", ROBOTS, name)
+
+
+def instrument_driver(name: str) -> InstrumentDriver:
+    """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
+    return _known("instrument", INSTRUMENTS, name)
+
+
+def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
+    """A robot by the name of its driver, not yet connected. Raises ConfigError."""
+    return _make("robot", driver, robot_driver(driver).make, url, options)
+
+
+def open_instrument(driver: str, url: str, **options: Any) -> PointMeter | LengthMeter:
+    """An instrument by the name of its driver, not yet connected. Raises ConfigError."""
+    return _make("instrument", driver, instrument_driver(driver).make, url, options)
+
+
+def _known(kind: str, table: Mapping[str, _D], name: str) -> _D:
+    if name not in table:
+        raise ConfigError(f"{kind} driver {name!r} unknown; there are {', '.join(sorted(table))}")
+    return table[name]
+
+
+def _make(kind: str, name: str, make: Callable[..., _T], url: str, options: Mapping[str, Any]) -> _T:
+    try:
+        return make(url, **options)
+    except TypeError as error:
+        raise ConfigError(f"{kind} driver {name!r}: {error}") from error

@@ -1,0 +1,256 @@
+"""Renishaw QC20-W ballbar behind an MBP/1 bridge, over TCP (5703) or a serial line (any pyserial URL).
+
+The bar's Bluetooth payload is not public; the bridge reads it beside the maker's software. The sensor shows
+the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke of +-1.0 mm:
+
+    length = L0 (1 + alpha (T - 20 degC)) + scale (d - zero)
+
+L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
+the calibrator by `zero()`, kept in every reading and never applied behind anybody's back. A reading is refused
+when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or when the radio link broke
+within its time. mm, s, degC.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from drivers.bridge import mbp
+from drivers.bridge.session import MbpSession
+from drivers.deadlines import InstrumentDeadlines
+from drivers.errors import (
+    AcquisitionError,
+    ConfigError,
+    NoisyMeasurement,
+    NotReady,
+    OutOfRange,
+    ProtocolError,
+)
+from drivers.interfaces import Identity, InstrumentStatus, LengthReading
+from drivers.link import WireSink
+
+STROKE_MM = 1.0
+_LONGEST_MM = 5000.0
+REFERENCE_C = 20.0
+ZERO_LIMIT_MM = 0.2
+_MOUNT = "Mount the ballbar with the right extension bar and both balls seated, then repeat the measurement."
+_VOID: Mapping[str, type[AcquisitionError]] = {
+    "OVERRANGE": OutOfRange,
+    "LINK_DOWN": NoisyMeasurement,  # samples are missing from the average
+}
+
+
+@dataclass(frozen=True, slots=True)
+class BarCalibration:
+    """The certificate of a bar: length (mm, at 20 degC), scale, standard uncertainty (mm), alpha (1/K)."""
+
+    length_mm: float
+    scale: float
+    u_mm: float
+    expansion_per_k: float
+    date: str
+    certificate: str
+    serial: str
+
+
+class Qc20w:
+    """One ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        nominal_mm: float,
+        name: str = "qc20w",
+        rate_hz: float = 100.0,
+        age_limit_s: float = 1.0,
+        scatter_limit_mm: float = 0.002,
+        heartbeat_s: float | None = 4.0,
+        deadlines: InstrumentDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not 0.0 < nominal_mm < _LONGEST_MM or not rate_hz > 0.0:
+            raise ConfigError(f"nominal_mm {nominal_mm} and rate_hz {rate_hz} must be positive", device=name)
+        self.name = name
+        self.zero_mm = 0.0
+        self.calibration: BarCalibration | None = None
+        self._nominal_mm = nominal_mm
+        self._rate_hz = rate_hz
+        self._age_limit_s = age_limit_s
+        self._scatter_limit_mm = scatter_limit_mm
+        self.deadlines = deadlines or InstrumentDeadlines()
+        self.session = MbpSession(
+            url,
+            name,
+            "BALLBAR",
+            lambda: self.deadlines,
+            heartbeat_s=heartbeat_s,
+            wire=wire,
+            clock=clock,
+            serial=True,
+        )
+
+    def connect(self) -> None:
+        """Open and greet. Raises LinkError, ProtocolError, Busy."""
+        self.session.connect()
+
+    def disconnect(self) -> None:
+        """Close and disarm; never raises."""
+        self.session.disconnect()
+
+    @property
+    def weakness(self) -> str:
+        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        return self.session.weakness
+
+    def identify(self) -> Identity:
+        """What the bridge said in its greeting. Raises LinkError."""
+        return self.session.identify()
+
+    def arm(self) -> None:
+        """Check the state and read the calibration. Raises LinkError, NotReady (another bar), SafetyStop."""
+        with self.session.arming():
+            reply = self.session.ask("CAL", {"nominal": self._nominal_mm})
+            with self.session.understood():
+                self.calibration = _calibration(reply)
+            if abs(self.calibration.length_mm - self._nominal_mm) > STROKE_MM:
+                raise NotReady(
+                    f"the bar is calibrated to {self.calibration.length_mm:g} mm, "
+                    f"{self._nominal_mm:g} mm are needed now",
+                    device=self.name,
+                    command="CAL",
+                    raw=reply.raw,
+                    what_to_do=_MOUNT,
+                )
+
+    def disarm(self) -> None:
+        """Allow no more measurements until armed again; never raises."""
+        self.session.armed = False
+
+    def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading:
+        """Length between ball `target` on the tool and ball `base_target`, averaged over `samples` values.
+
+        Raises NotArmed, LinkError, OutOfRange, NoisyMeasurement, MotionStopped, NotReady, SafetyStop.
+        """
+        for ball in (target, base_target):
+            if not (ball.isidentifier() and ball.isascii()):
+                raise ConfigError(f"ball name {ball!r} is not a word", device=self.name, command="measure")
+        if samples < 1:
+            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+        seconds = samples / self._rate_hz + self.deadlines.measure_margin_s
+        fields = {
+            "n": samples,
+            "rate": self._rate_hz,
+            "timeout": seconds,
+            "base": base_target,
+            "target": target,
+        }
+        with self.session.measuring("READ"):
+            try:
+                reply = self.session.ask("READ", fields, "measure_s", seconds)
+            except OutOfRange as error:
+                error.what_to_do = _MOUNT
+                raise
+            with self.session.understood():
+                return self._reading(reply, target, base_target, samples)
+
+    def zero(self) -> float:
+        """Reads the sensor in its calibrator and takes that as `zero_mm` of later readings; returns it.
+
+        Raises NotArmed, LinkError, OutOfRange (the bar is not in its calibrator, or badly seated), NotReady.
+        """
+        with self.session.measuring("ZERO"):
+            reply = self.session.ask("ZERO", {}, "point_s", self.deadlines.point_s)
+            with self.session.understood():
+                zero = mbp.number(reply, "offset", -STROKE_MM, STROKE_MM)
+            if abs(zero) > ZERO_LIMIT_MM:
+                raise OutOfRange(
+                    f"a zero of {zero:+.3f} mm; a bar well seated in its calibrator shows {ZERO_LIMIT_MM:g} mm at most",
+                    device=self.name,
+                    command="ZERO",
+                    raw=reply.raw,
+                    what_to_do="Seat both balls of the bar in the calibrator of its length, then repeat.",
+                )
+            self.zero_mm = zero
+            return self.zero_mm
+
+    def build(self, nominal_mm: float) -> None:
+        """A person has built it to another length; the old zero is not its own. Armed anew it is held against CAL.
+
+        Raises ConfigError for a length that no bar has.
+        """
+        if not 0.0 < nominal_mm < _LONGEST_MM:
+            raise ConfigError(f"a ballbar of {nominal_mm:g} mm cannot be", device=self.name, command="build")
+        self._nominal_mm, self.zero_mm = nominal_mm, 0.0
+        self.session.armed = False
+
+    def stop(self) -> None:
+        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        self.session.stop()
+
+    def status(self) -> InstrumentStatus:
+        """State of the bar. Raises LinkError, SafetyStop."""
+        return self.session.status()
+
+    def _reading(self, reply: mbp.Message, target: str, base_target: str, samples: int) -> LengthReading:
+        def value(key: str, low: float, high: float) -> float:
+            return mbp.number(reply, key, low, high)
+
+        for key, asked in (("target", target), ("base", base_target)):
+            if reply.fields.get(key, asked) != asked:
+                raise ProtocolError(f"length of {reply.fields[key]}, asked for {asked}", raw=reply.raw)
+        d, sd = value("d", -100.0, 100.0), value("sd", 0.0, 100.0)
+        t_s, age_s, temp = value("t", -1e12, 1e12), value("age", -1e12, 1e12), value("temp", -40.0, 80.0)
+        advanced = self.session.advanced(t_s)
+        self.session.void_if_told(_VOID, t_s - samples / self._rate_hz, reply.raw)
+        if value("over", -1, 1) != 0 or abs(d) > STROKE_MM:
+            raise OutOfRange(
+                f"deviation of {d:+.4f} mm, the stroke is +-{STROKE_MM:g} mm",
+                device=self.name,
+                command="READ",
+                raw=reply.raw,
+                what_to_do=_MOUNT,
+            )
+        for bad, why in (
+            (value("n", 0, 1e9) != samples, f"not of {samples} values"),
+            (not 0.0 <= age_s <= self._age_limit_s, f"{age_s:g} s old"),
+            (not advanced, "from a device clock that did not advance"),
+            (sd > self._scatter_limit_mm, f"scattered by {sd:g} mm"),
+        ):
+            if bad:
+                raise NoisyMeasurement(f"length {why}", device=self.name, command="READ", raw=reply.raw)
+        bar = self.calibration
+        assert bar is not None  # armed
+        warm = 1.0 + bar.expansion_per_k * (temp - REFERENCE_C)
+        return LengthReading(
+            target=target,
+            base_target=base_target,
+            length_mm=bar.length_mm * warm + bar.scale * (d - self.zero_mm),
+            std_mm=sd,
+            deviation_mm=d,
+            zero_mm=self.zero_mm,
+            samples=samples,
+            t_s=t_s,
+            age_s=age_s,
+            t_air_c=temp,
+            battery_percent=value("batt", 0.0, 100.0) if "batt" in reply.fields else None,
+            raw=reply.raw,
+        )
+
+
+def _calibration(reply: mbp.Message) -> BarCalibration:
+    said = reply.fields.get
+    return BarCalibration(
+        mbp.number(reply, "L0", 1.0, 5000.0),
+        mbp.number(reply, "scale", 0.9, 1.1),
+        mbp.number(reply, "u", 0.0, 1.0),
+        1e-6 * mbp.number(reply, "alpha", -5.0, 50.0) if "alpha" in reply.fields else 0.0,
+        said("date", ""),
+        said("cert", ""),
+        said("serial", ""),
+    )

@@ -1,0 +1,1 @@
+"""Universal Robots, CB3 and e-Series (`drivers.ur.arm`)."""

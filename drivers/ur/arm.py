@@ -1,0 +1,277 @@
+"""Universal Robots (CB3 and e-Series) through the interfaces that every controller has; nothing is loaded there.
+
+States come from RTDE (30004), or, where nobody listens there, from the real-time packet (30003). A move is a
+short URScript program sent to 30003. Nothing acknowledges it: it has ended when the controller says that no
+program runs, and target and actual joints agree and are at rest, never because time has passed. With RTDE of software
+3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
+a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
+when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
+its own stops at any time. The other ports lie at their usual distances from the one in the URL; each can be
+given as an option (`realtime`, `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
+
+Nothing here was tried on a controller yet.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+
+from drivers.caps import Caps
+from drivers.errors import (
+    AcquisitionError,
+    ConfigError,
+    LinkError,
+    LinkLost,
+    NotArmed,
+)
+from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
+from drivers.link import Address, WireSink, parse_url
+from drivers.ur.dashboard import read_serial
+from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.motion import Limits, Motion, not_ready
+from drivers.ur.realtime import Realtime
+from drivers.ur.rtde import Rtde
+from drivers.ur.secondary import Factory, read_factory
+from drivers.ur.state import JOINTS, RUNNING, UrState
+from drivers.ur.stream import joint_stream
+
+_LOG = logging.getLogger(__name__)
+_PORTS = {"realtime": -1, "secondary": -2, "dashboard": -5}  # as seen from RTDE, 30004
+_WIDEST_DEG = 360.0
+_WEAKNESS = (
+    "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
+    "way moves it elsewhere or at another speed, and is seen only afterwards, from 0.0006 deg on"
+)
+
+
+class UrArm:
+    """One UR arm. Verbs block; `stop` and `status` use connections of their own and work from any thread.
+
+    `reach_mm`: from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, and the tool);
+    the speed of the joints is held so that the tool there stays below `speed_mm_s`. `hold_deg`: how far from its target
+    a servo may hold a joint (`drivers.read_back`).
+    """
+
+    unverified_on_hardware = True
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        name: str = "ur",
+        speed_mm_s: float = 500.0,
+        speed_deg_s: float = 20.0,
+        reach_mm: float = 1000.0,
+        acceleration_deg_s2: float = 60.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        hold_deg: float = 0.013,
+        watchdog_s: float = 2.0,
+        deadlines: UrDeadlines | None = None,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not min(reach_mm, acceleration_deg_s2, watchdog_s) > 0:
+            raise ConfigError("reach, acceleration and watchdog must be positive", device=name)
+        caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
+        address = parse_url(url)
+        feed = address.options.get("feed", "rtde")
+        if feed not in ("rtde", "realtime"):
+            raise ConfigError(f"feed={feed!r} in {url!r} is neither rtde nor realtime", device=name)
+        self.name = name
+        self._wire = wire
+        self._deadlines = deadlines or UrDeadlines()
+        self._caps = caps
+        self._secondary = _beside(address, "secondary", name)
+        self._dashboard = _beside(address, "dashboard", name)
+        self._rtde = Rtde(address, name, self._deadlines, wire, clock)
+        self._address, self._clock = address, clock
+        self._realtime = Realtime(_beside(address, "realtime", name), name, self._deadlines, wire, clock)
+        self._only_realtime = feed == "realtime"
+        self._feed: Rtde | Realtime = self._realtime if self._only_realtime else self._rtde
+        allowed = Limits(
+            speed_mm_s,
+            reach_mm,
+            math.radians(speed_deg_s),
+            math.radians(acceleration_deg_s2),
+            math.radians(hold_deg),
+            watchdog_s,
+        )
+        self._motion = Motion(self._realtime, name, allowed, clock)
+        self._lock = threading.RLock()
+        self._armed = False
+        self._warned = False
+
+    @property
+    def deadlines(self) -> UrDeadlines:
+        """The named waits; may be replaced between questions."""
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: UrDeadlines) -> None:
+        self._deadlines = self._rtde.deadlines = self._realtime.deadlines = deadlines
+
+    # -- connection ---------------------------------------------------------------------------------------
+
+    @property
+    def can_stop(self) -> bool:
+        """Every UR controller can be stopped by network."""
+        return True
+
+    @property
+    def feed(self) -> str:
+        """Where the last connect found states: `rtde` or `realtime`."""
+        return "rtde" if self._feed is self._rtde else "realtime"
+
+    @property
+    def weakness(self) -> str:
+        """What this controller cannot see; empty where a program is confirmed before it moves. Once connected."""
+        return "" if self._feed.confirms else _WEAKNESS
+
+    def connect(self) -> None:
+        """Open RTDE, or see the real-time packet; read the joints. Nothing moves. Raises LinkError."""
+        first, self._warned = not self._warned, True
+        if first:
+            _LOG.warning("%s: this UR driver is unverified on hardware", self.name)
+        with self._lock:
+            self.disconnect()
+            try:
+                self._feed = self._realtime if self._only_realtime else self._rtde
+                self._open_feed()
+                self.position()
+            except BaseException:
+                self.disconnect()
+                raise
+        if first and self.weakness:
+            _LOG.warning("%s: %s", self.name, self.weakness)
+
+    def _open_feed(self) -> None:
+        try:
+            self._feed.open()
+        except LinkLost as error:
+            if self._only_realtime or not isinstance(error.__cause__, ConnectionRefusedError):
+                raise
+            self._realtime.open()
+            self._feed = self._realtime
+            _LOG.warning("%s: nobody answers RTDE; without it no watchdog guards a move", self.name)
+
+    def disconnect(self) -> None:
+        """Close all connections and disarm; never raises. A move under way sees it and orders the arm to stop."""
+        self._armed = False
+        self._motion.stopped.set()  # a program that is about to be sent stays here
+        self._rtde.close()
+        self._realtime.close()
+
+    def identify(self) -> Identity:
+        """Type of the arm, software, and its serial number where the dashboard reports it. Raises LinkError."""
+        factory = self.factory()
+        serial = read_serial(self._dashboard, self.name, self._deadlines, self._wire)
+        return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed)
+
+    def factory(self) -> Factory:
+        """Nominal and factory-calibrated DH numbers of this arm, from 30002. Raises LinkError."""
+        return read_factory(self._secondary, self.name, self._deadlines, self._wire)
+
+    # -- arming -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Become the one client that controls, check the controller, allow motion.
+
+        Raises LinkError, Busy, SafetyStop, WrongMode.
+        """
+        with self._lock:
+            self._feed.claim()
+            with self._feed.watch("arm") as witness:
+                state = witness.state()
+            problem = not_ready(state)
+            if problem is not None:
+                raise self._named(problem, "arm")
+            self._motion.stopped.clear()
+            self._armed = True
+
+    def disarm(self) -> None:
+        """Allow no more motion until armed again; never raises."""
+        self._armed = False
+
+    # -- motion -------------------------------------------------------------------------------------------
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Go to these joint angles, wait until the robot is at rest, read back.
+
+        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown: the arm is ordered to stop, and
+        its watchdog stops it), SafetyStop, WrongMode, Busy, MotionStopped, NotReached.
+        """
+        target = tuple(float(q) for q in joints_deg)
+        self._caps.check(target)
+        with self._lock:
+            if not self._armed:
+                raise NotArmed("motion without arming", device=self.name, command="move_to")
+            try:
+                state, problem = self._motion.move(self._feed, tuple(math.radians(q) for q in target))
+                if problem is not None:
+                    raise self._named(problem, "move_to")
+            except BaseException:
+                self._armed = False  # wherever the robot is now, somebody has to look first
+                raise
+        return _reading(state)
+
+    def position(self) -> JointReading:
+        """Joint angles as the controller reads them back now. Raises LinkError."""
+        with self._lock, self._feed.watch("position") as witness:
+            state = witness.state()
+        return _reading(state)
+
+    def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample]]:
+        """Joints as they are read back, over RTDE beside everything else; up to 125 Hz of a CB3, 500 Hz of an e-Series.
+
+        Raises LinkError. It needs RTDE, also where states otherwise come from the real-time packet.
+        """
+        return joint_stream(Rtde(self._address, self.name, self._deadlines, self._wire, self._clock, rate_hz))
+
+    def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]:
+        """Moves that begin within the block are no faster than this, nor than the arm was made for. From one thread."""
+        return self._motion.at_most(math.radians(speed_deg_s))
+
+    def stop(self) -> None:
+        """Halt the robot now and disarm; returns when it is at rest. From any thread. Raises LinkError."""
+        self._armed = False
+        self._motion.stopped.set()
+        try:
+            self._motion.halt()
+        except LinkError:  # a stop is worth a second try on a fresh connection
+            self._motion.halt()
+
+    def status(self) -> RobotStatus:
+        """State of the controller, over a connection of its own. Raises LinkError."""
+        with self._realtime.watch("status") as witness:
+            state = witness.state()
+        return RobotStatus(
+            mode="unknown",
+            motors_on=state.robot_mode == RUNNING,
+            emergency_stop=state.safety_mode in (6, 7),
+            moving=not state.stands,
+            error_number=state.safety_mode if state.safety_mode > 2 else None,
+            raw=state.raw,
+        )
+
+    def _named(self, error: AcquisitionError, command: str) -> AcquisitionError:
+        error.device, error.command = self.name, command
+        return error
+
+
+def _beside(address: Address, option: str, name: str) -> Address:
+    """The address of the same controller at another of its ports. Raises ConfigError."""
+    text = address.options.get(option, str(address.port + _PORTS[option]))
+    if not text.isdecimal() or not 0 < int(text) < 65536:
+        raise ConfigError(f"{option}={text!r} is not a port", device=name)
+    return replace(address, port=int(text))
+
+
+def _reading(state: UrState) -> JointReading:
+    """Doubles on the wire: nothing is rounded by the reply."""
+    return JointReading(tuple(math.degrees(q) for q in state.actual_rad), 0.0, state.raw)

@@ -1,0 +1,37 @@
+"""The dashboard server of a UR controller, TCP 29999: one line of text asks, one line answers.
+
+Only the serial number is read here; a controller whose dashboard is closed works without. Universal Robots,
+"Dashboard server", command `get serial number` (software 3.12 and 5.6 or later).
+"""
+
+from __future__ import annotations
+
+import re
+
+from drivers.errors import LinkError
+from drivers.link import Address, TcpLink, WireSink
+from drivers.ur.deadlines import UrDeadlines
+
+_GREETING = b"Connected: Universal Robots Dashboard Server"
+_SERIAL = re.compile(rb"[A-Za-z0-9-]{1,40}")
+_COMMAND = "get serial number"
+
+
+def read_serial(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> str:
+    """The serial number of the arm, or an empty text where the dashboard does not report it; never raises."""
+    link = TcpLink(address, device, wire=wire)
+
+    def line() -> bytes:
+        return link.read_until(b"\n", command=_COMMAND, deadline="reply_s", seconds=deadlines.reply_s).strip()
+
+    try:
+        link.open(connect_s=deadlines.connect_s)
+        if line() != _GREETING:
+            return ""
+        link.send(_COMMAND.encode() + b"\n", command=_COMMAND, send_s=deadlines.send_s)
+        answer = line()
+    except LinkError:
+        return ""
+    finally:
+        link.close()
+    return answer.decode("ascii") if _SERIAL.fullmatch(answer) else ""

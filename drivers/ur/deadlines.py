@@ -1,0 +1,22 @@
+"""Named waits of the UR driver, seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class UrDeadlines:
+    """A program has `start_s` to begin; a move may take `move_factor` x its predicted time + `move_margin_s`.
+
+    `settle_s`: how long the joints may take to reach the targets that are already at rest.
+    """
+
+    connect_s: float = 3.0
+    send_s: float = 1.0
+    reply_s: float = 2.0
+    start_s: float = 2.0
+    settle_s: float = 2.0
+    stop_s: float = 2.0
+    move_factor: float = 2.0
+    move_margin_s: float = 10.0

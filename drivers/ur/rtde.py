@@ -1,0 +1,270 @@
+"""RTDE, the Real-Time Data Exchange of UR controllers (TCP 30004, protocol version 2): the driver's side.
+
+Package: u16 size with its header, u8 type, payload, big-endian. Universal Robots, "Real-Time Data Exchange
+(RTDE) guide". States only flow between START and PAUSE, and the driver asks for both: a state it uses was sent
+after its question, and nothing is unread when it asks the next one.
+
+From software 3.9 on there are integer registers for external clients (24 to 47). Register 46 serves twice: as
+input it is held by one client at a time, which is how a second one is refused, and the watchdog of the running
+program waits for it; as output it brings back the number of the last program begun. The doubles from 24 on bring back
+what that program was given, and it moves when input 47 holds its number (`drivers.ur.motion`).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from drivers.errors import Busy, LinkTimeout, ProtocolError
+from drivers.link import Address, TcpLink, WireSink
+from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.state import UrState, Witness, check_state, naming
+
+_LOG = logging.getLogger(__name__)
+
+REGISTER, GO_REGISTER = 46, 47
+FIRST_TOLD, TOLD = 24, 10  # doubles that a program shows of what it was given
+FREQUENCY_HZ = 125.0  # of a CB3; faster controllers accept it
+_VERSION, _CONTROLLER, _OUTPUTS, _INPUTS = b"V"[0], b"v"[0], b"O"[0], b"I"[0]
+_START, _PAUSE, _DATA, _TEXT = b"S"[0], b"P"[0], b"U"[0], b"M"[0]
+_KINDS = (_VERSION, _CONTROLLER, _OUTPUTS, _INPUTS, _START, _PAUSE, _DATA, _TEXT)
+_LONGEST = 4096
+_ECHO = (
+    (f"output_int_register_{REGISTER}", "INT32"),
+    *((f"output_double_register_{i}", "DOUBLE") for i in range(FIRST_TOLD, FIRST_TOLD + TOLD)),
+)
+_INPUT_NAMES = f"input_int_register_{REGISTER},input_int_register_{GO_REGISTER}"
+_FIELDS: tuple[tuple[str, str], ...] = (
+    ("timestamp", "DOUBLE"),
+    ("target_q", "VECTOR6D"),
+    ("actual_q", "VECTOR6D"),
+    ("target_qd", "VECTOR6D"),
+    ("actual_qd", "VECTOR6D"),
+    ("robot_mode", "INT32"),
+    ("safety_mode", "INT32"),
+    ("runtime_state", "UINT32"),
+)
+_VALUES = ">B25diiI"  # recipe, timestamp, four vectors, three modes
+_REGISTERS = f"i{TOLD}d"
+_BEAT_S = 0.2
+_CLAIM_PAUSE_S = 0.05
+
+
+def encode(kind: int, payload: bytes = b"") -> bytes:
+    """Encode one package."""
+    return struct.pack(">HB", 3 + len(payload), kind) + payload
+
+
+def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
+    """A data package without its header. Raises ProtocolError."""
+    layout = _VALUES + _REGISTERS if numbered else _VALUES
+    if len(payload) != struct.calcsize(layout) or payload[0] != recipe:
+        raise ProtocolError("data of another recipe", raw=payload)
+    _, t_s, *values = struct.unpack(layout, payload)
+    target, actual, target_speed, actual_speed = (tuple(values[6 * i : 6 * i + 6]) for i in range(4))
+    robot_mode, safety_mode, runtime_state, *echo = values[24:]
+    state = UrState(
+        t_s=t_s,
+        target_rad=target,
+        actual_rad=actual,
+        target_rad_s=target_speed,
+        actual_rad_s=actual_speed,
+        robot_mode=robot_mode,
+        safety_mode=safety_mode,
+        runtime_state=runtime_state,
+        echo=echo[0] if echo else None,
+        told=tuple(echo[1:]),
+        raw=payload,
+    )
+    check_state(state)
+    return state
+
+
+def parse_text(payload: bytes) -> str:
+    """What the controller says in words: `source: message`. Raises ProtocolError."""
+    texts, rest = [], payload
+    for _ in range(2):
+        if not rest or len(rest) < 1 + rest[0]:
+            raise ProtocolError("text message of a wrong length", raw=payload)
+        texts.append(rest[1 : 1 + rest[0]].decode("latin-1"))
+        rest = rest[1 + rest[0] :]
+    if len(rest) != 1 or rest[0] > 3:
+        raise ProtocolError("text message of a wrong length", raw=payload)
+    return f"{texts[1]}: {texts[0]}"
+
+
+class Rtde:
+    """One RTDE connection, used by one thread at a time; `close` is safe from any."""
+
+    def __init__(
+        self,
+        address: Address,
+        device: str,
+        deadlines: UrDeadlines,
+        wire: WireSink | None,
+        clock: Callable[[], float] = time.monotonic,
+        rate_hz: float = FREQUENCY_HZ,
+    ) -> None:
+        self.device = device
+        self._rate_hz = rate_hz
+        self.deadlines = deadlines
+        self._link = TcpLink(address, device, wire=wire, clock=clock)
+        self._clock = clock
+        self._recipe = 0
+        self._echoed = False
+        self._beat_recipe: int | None = None
+        self._count = 0
+        self._go = 0
+        self._next_beat = -math.inf
+        self._guarding = False
+
+    @property
+    def confirms(self) -> bool:
+        """Whether the controller has the registers with which a program shows its target and waits. Once open."""
+        return self._echoed
+
+    @property
+    def numbered(self) -> bool:
+        """Programs can carry a number and a watchdog: the registers are there, and the input is ours."""
+        return self._echoed and self._beat_recipe is not None
+
+    def open(self) -> None:
+        """Connect, agree on version 2, set up the outputs. Raises LinkError."""
+        self._beat_recipe, self._guarding = None, False
+        self._link.open(connect_s=self.deadlines.connect_s)
+        with self._question("connect"):
+            accepted = self._ask(_VERSION, struct.pack(">H", 2), "connect")
+            if accepted != b"\x01":
+                raise ProtocolError("controller speaks no RTDE version 2", raw=accepted)
+            build = self._ask(_CONTROLLER, b"", "connect")
+            if len(build) != 16:
+                raise ProtocolError("not a controller version", raw=build)
+            self._echoed = self._set_up(*_ECHO)
+            if not self._echoed:  # software before 3.9
+                self._set_up()
+
+    def _set_up(self, *more: tuple[str, str]) -> bool:
+        """Set up the fields of a state, and `more`. False when the controller lacks one of `more`."""
+        names = [name for name, _ in (*_FIELDS, *more)]
+        wanted = [kind for _, kind in (*_FIELDS, *more)]
+        reply = self._ask(_OUTPUTS, struct.pack(">d", self._rate_hz) + ",".join(names).encode(), "connect")
+        types = reply[1:].decode("latin-1").split(",")
+        if more and "NOT_FOUND" in types and types[: len(_FIELDS)] == wanted[: len(_FIELDS)]:
+            return False
+        if types != wanted or reply[0] == 0:
+            raise ProtocolError("controller has other output fields than asked for", raw=reply)
+        self._recipe = reply[0]
+        return True
+
+    def claim(self) -> None:
+        """Become the one client that controls. Raises Busy while another one is, LinkError.
+
+        A connection that was lost may live on in the controller for a while: asked again for `reply_s`.
+        """
+        end = self._clock() + self.deadlines.reply_s
+        while self._echoed and self._beat_recipe is None:
+            with self._question("arm"):
+                reply = self._ask(_INPUTS, _INPUT_NAMES.encode(), "arm")
+            kinds = reply[1:].split(b",")
+            if kinds == [b"INT32"] * 2:
+                self._beat_recipe = reply[0]
+            elif b"IN_USE" not in kinds:
+                raise ProtocolError(
+                    "no input registers 46 and 47", device=self.device, command="arm", raw=reply
+                )
+            elif self._clock() > end:
+                raise Busy(
+                    "another program controls this robot", device=self.device, command="arm", raw=reply
+                )
+            else:
+                time.sleep(_CLAIM_PAUSE_S)
+
+    @contextmanager
+    def watch(self, command: str, *, guarding: bool = False) -> Iterator[Witness]:
+        """States from now on, until the block ends; a fault in between closes the link. Raises LinkError.
+
+        `guarding`: the watchdog of a running program is kept alive.
+        """
+        with self._question(command):
+            self._guarding, self._go, self._next_beat = guarding and self.numbered, 0, -math.inf
+            self._switch(_START, command)
+            yield Witness(lambda: self._state(command))
+            self._guarding = False
+            self._switch(_PAUSE, command)
+
+    def release(self, number: int) -> None:
+        """Let the program of this number move. Raises LinkError."""
+        self._go, self._next_beat = number, -math.inf
+        self._beat()
+
+    def _beat(self) -> None:
+        if not self._guarding or self._clock() < self._next_beat:
+            return
+        self._next_beat = self._clock() + _BEAT_S
+        self._count = (self._count + 1) % 2**31
+        data = encode(_DATA, struct.pack(">Bii", self._beat_recipe, self._count, self._go))
+        self._link.send(data, command="beat", send_s=self.deadlines.send_s)
+
+    def close(self) -> None:
+        """Close; never raises."""
+        self._link.close()
+
+    @contextmanager
+    def _question(self, command: str) -> Iterator[None]:
+        with self._link.question(command), naming(self.device, command):
+            yield
+
+    def _switch(self, kind: int, command: str) -> None:
+        reply = self._ask(kind, b"", command)
+        if reply != b"\x01":
+            raise ProtocolError("controller did not start or pause its data", raw=reply)
+
+    def _ask(self, kind: int, payload: bytes, command: str) -> bytes:
+        """The payload of the reply; data packages in between are checked and not used."""
+        self._link.send(encode(kind, payload), command=command, send_s=self.deadlines.send_s)
+        end = self._clock() + self.deadlines.reply_s
+        while True:
+            got, reply = self._package(command, end)
+            if got == kind and reply:
+                return reply
+            if got != _DATA:
+                raise ProtocolError("answer to another question, or not an answer", raw=reply)
+            parse_data(reply, self._recipe, numbered=self._echoed)
+
+    def _state(self, command: str) -> UrState:
+        self._beat()
+        kind, payload = self._package(command, self._clock() + self.deadlines.reply_s)
+        if kind != _DATA:
+            raise ProtocolError("answer that nobody asked for", raw=payload)
+        return parse_data(payload, self._recipe, numbered=self._echoed)
+
+    def _package(self, command: str, end: float) -> tuple[int, bytes]:
+        """The next package that is no text. Raises LinkError."""
+
+        def part(count: int) -> bytes:
+            return self._link.read_exactly(
+                count,
+                command=command,
+                deadline="reply_s",
+                seconds=end - self._clock(),
+                meanwhile=self._beat,
+            )
+
+        while self._clock() < end:
+            head = part(3)
+            size, kind = struct.unpack(">HB", head)
+            if kind not in _KINDS or not 3 <= size <= _LONGEST:
+                raise ProtocolError("not an RTDE package", raw=head)
+            if kind == _DATA and size != 3 + struct.calcsize(_VALUES + _REGISTERS * self._echoed):
+                raise ProtocolError("data package of a wrong size", raw=head)
+            payload = part(size - 3)
+            if kind != _TEXT:
+                return kind, payload
+            _LOG.warning("%s says: %s", self.device, parse_text(payload))
+        raise LinkTimeout(
+            f"no answer within reply_s = {self.deadlines.reply_s:g} s", device=self.device, command=command
+        )

@@ -1,0 +1,147 @@
+"""The secondary client interface of a UR controller, TCP 30002: who it is, and its factory kinematics.
+
+Packages `>IB` size with its header, and type: 16 robot state, made of sub-packages of the same form, 20 message.
+On every new connection the controller sends its version message, and once the configuration data (sub-package 6:
+limits, nominal DH numbers, type of the arm) and the kinematics (5, software 3.6 or later: DH numbers of this very
+arm, calibrated at the factory). Universal Robots, "Remote control via TCP/IP", sheet of the client interfaces;
+5 as in UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+from drivers.dh_numbers import DhNumbers, Row
+from drivers.errors import LinkTimeout, ProtocolError
+from drivers.link import Address, TcpLink, WireSink
+from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.state import naming
+
+_STATE, _MESSAGE = 16, 20
+_KINEMATICS, _CONFIGURATION = 5, 6
+_VERSION_MESSAGE = 3
+_LONGEST = 65536
+_CONFIGURATION_LAYOUT = ">12d12d5d24d4i"  # limits; speeds, accelerations; defaults; a d alpha theta; types
+_KINEMATICS_LAYOUT = ">6I24dI"  # checksums; theta a d alpha; status
+_TYPES = {1: "UR5", 2: "UR10", 3: "UR3", 4: "UR16e", 7: "UR30", 8: "UR20"}
+_MOST_PACKAGES = 50
+_COMMAND = "factory"
+
+
+@dataclass(frozen=True, slots=True)
+class Factory:
+    """The factory data that the controller reports. `calibrated` is None before software 3.6.
+
+    For nearly parallel axes the maker writes a large d and takes it back on the next link: single numbers of
+    `calibrated` say little, the chain of all six is meant. `checksum`: identity of the calibration.
+    """
+
+    model: str
+    firmware: str
+    nominal: DhNumbers
+    calibrated: DhNumbers | None
+    checksum: tuple[int, ...] = ()
+    status: int | None = None
+
+    @property
+    def correction(self) -> DhNumbers | None:
+        """What the factory's calibration adds to the nominal numbers."""
+        return None if self.calibrated is None else self.calibrated.minus(self.nominal)
+
+
+def split_packages(data: bytes) -> list[tuple[int, bytes]]:
+    """Sub-packages as (type, content). Raises ProtocolError."""
+    found = []
+    while data:
+        size, kind = struct.unpack_from(">IB", data.ljust(5, b"\0"))
+        if not 5 <= size <= len(data):
+            raise ProtocolError("sub-package of a wrong length", raw=data[:64])
+        found.append((kind, data[5:size]))
+        data = data[size:]
+    return found
+
+
+def parse_version(message: bytes) -> str | None:
+    """`3.15.8` from a version message, None for any other message. Raises ProtocolError."""
+    if len(message) < 10 or message[9] != _VERSION_MESSAGE:
+        return None
+    rest = message[10:]
+    if not rest or len(rest) < 1 + rest[0] + 6:
+        raise ProtocolError("version message of a wrong length", raw=message)
+    return ".".join(map(str, struct.unpack_from(">BBi", rest, 1 + rest[0])))
+
+
+def parse_configuration(content: bytes) -> tuple[str, DhNumbers]:
+    """Model of the arm and nominal DH numbers. Raises ProtocolError."""
+    if len(content) < struct.calcsize(_CONFIGURATION_LAYOUT):
+        raise ProtocolError("configuration data of a wrong length", raw=content[:64])
+    values = struct.unpack_from(_CONFIGURATION_LAYOUT, content)
+    a, d, alpha, theta = (values[29 + 6 * i : 35 + 6 * i] for i in range(4))
+    kind = values[55]
+    return _TYPES.get(kind, f"UR type {kind}"), _numbers(alpha, a, theta, d)
+
+
+def parse_kinematics(content: bytes) -> tuple[DhNumbers, tuple[int, ...], int]:
+    """Calibrated DH numbers, checksums, status. Raises ProtocolError."""
+    if len(content) < struct.calcsize(_KINEMATICS_LAYOUT):
+        raise ProtocolError("kinematics of a wrong length", raw=content[:64])
+    values = struct.unpack_from(_KINEMATICS_LAYOUT, content)
+    theta, a, d, alpha = (values[6 + 6 * i : 12 + 6 * i] for i in range(4))
+    return _numbers(alpha, a, theta, d), values[:6], values[30]
+
+
+def _numbers(alpha: Row, a: Row, theta: Row, d: Row) -> DhNumbers:
+    if not all(math.isfinite(each) for each in alpha + a + theta + d):
+        raise ProtocolError("DH numbers that are not finite")
+    return DhNumbers(
+        alpha_deg=tuple(math.degrees(each) for each in alpha),
+        a_mm=tuple(1000.0 * each for each in a),
+        theta_deg=tuple(math.degrees(each) for each in theta),
+        d_mm=tuple(1000.0 * each for each in d),
+    )
+
+
+def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> Factory:
+    """Ask over a connection of its own. Raises LinkError."""
+    link = TcpLink(address, device, wire=wire)
+    link.open(connect_s=deadlines.connect_s)
+    try:
+        with naming(device, _COMMAND):
+            return _read(link, deadlines)
+    finally:
+        link.close()
+
+
+def _read(link: TcpLink, deadlines: UrDeadlines) -> Factory:
+    firmware = ""
+    for _ in range(_MOST_PACKAGES):
+        kind, content = _package(link, deadlines)
+        if kind == _MESSAGE:
+            firmware = parse_version(content) or firmware
+        elif kind == _STATE:
+            parts = dict(split_packages(content))
+            if _CONFIGURATION in parts and firmware:
+                model, nominal = parse_configuration(parts[_CONFIGURATION])
+                if not _has_kinematics(firmware):
+                    return Factory(model, firmware, nominal, None)
+                if _KINEMATICS in parts:
+                    return Factory(model, firmware, nominal, *parse_kinematics(parts[_KINEMATICS]))
+    raise LinkTimeout("no configuration data among the states", device=link.device, command=_COMMAND)
+
+
+def _has_kinematics(firmware: str) -> bool:
+    """Before 3.6, sub-package 5 was something else."""
+    major, minor, *_ = map(int, firmware.split("."))
+    return (major, minor) >= (3, 6)
+
+
+def _package(link: TcpLink, deadlines: UrDeadlines) -> tuple[int, bytes]:
+    def part(count: int) -> bytes:
+        return link.read_exactly(count, command=_COMMAND, deadline="reply_s", seconds=deadlines.reply_s)
+
+    size, kind = struct.unpack(">IB", part(5))
+    if not 5 <= size <= _LONGEST:
+        raise ProtocolError("package of a wrong length")
+    return kind, part(size - 5)

@@ -1,0 +1,192 @@
+"""The state of a UR controller, from whichever stream, and when it is believed.
+
+Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is believed
+when the next one confirms it: same modes and registers, and no joint further than its speed carries it in between.
+The clock of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError.
+So is a step of that clock within one question; between two questions it is not looked at.
+
+Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from drivers.errors import (
+    AcquisitionError,
+    EmergencyStop,
+    EnableLost,
+    ProtectiveStop,
+    ProtocolError,
+    SafetyStop,
+    WrongMode,
+)
+
+JOINTS = 6
+RUNNING = 7
+STOPPED = 1
+PLAYING = 2
+PAUSED = 4
+ROBOT_MODES = {
+    -1: "no controller",
+    0: "disconnected",
+    1: "confirm safety",
+    2: "booting",
+    3: "power off",
+    4: "power on",
+    5: "idle",
+    6: "free drive",
+    7: "running",
+    8: "updating firmware",
+}
+SAFETY_MODES: dict[int, tuple[type[SafetyStop] | None, str]] = {
+    1: (None, "normal"),
+    2: (None, "reduced"),
+    3: (ProtectiveStop, "protective stop"),
+    4: (ProtectiveStop, "recovery after a violated safety limit"),
+    5: (EnableLost, "safeguard stop"),
+    6: (EmergencyStop, "emergency stop of the system"),
+    7: (EmergencyStop, "emergency stop pressed"),
+    8: (ProtectiveStop, "safety limit violated"),
+    9: (ProtectiveStop, "fault of the safety system"),
+    10: (SafetyStop, "joint identity not validated"),
+    11: (SafetyStop, "safety mode undefined"),
+    12: (EnableLost, "safeguard stop of automatic mode"),
+    13: (EnableLost, "enabling device released"),
+}
+STILL_RAD_S = 2e-3  # largest joint speed of an arm at rest
+AGREE_RAD = 1e-4  # two packages of an arm at rest: its read-back may tremble by so much
+_WIDEST_RAD = 4 * math.pi  # joints turn +-2 pi; beyond twice that the package is damaged
+_FASTEST_RAD_S = 20.0
+_MOST_STATES = 250
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UrState:
+    """Joint angles (rad), speeds (rad/s), modes. `echo`: number of the last program begun; None: not reported.
+
+    `told`: what that program says it was given (`drivers.ur.motion`).
+    """
+
+    t_s: float
+    target_rad: Vector
+    actual_rad: Vector
+    target_rad_s: Vector
+    actual_rad_s: Vector
+    robot_mode: int
+    safety_mode: int
+    runtime_state: int
+    echo: int | None
+    told: Vector = ()
+    raw: bytes = b""
+
+    @property
+    def shown(self) -> bytes:
+        """The beginning of `raw`, for an error; the wire log has all of it."""
+        return self.raw[:64]
+
+    @property
+    def stands(self) -> bool:
+        """Whether the arm is neither ordered to move nor moving."""
+        return max(map(abs, self.target_rad_s + self.actual_rad_s)) < STILL_RAD_S
+
+    def off_rad(self, goal_rad: Sequence[float]) -> float:
+        """Largest distance of a joint, as read back, from `goal_rad`."""
+        return max(abs(a - b) for a, b in zip(self.actual_rad, goal_rad, strict=True))
+
+
+def check_state(state: UrState) -> None:
+    """Raises ProtocolError for what no arm can report: not finite, out of range, unknown modes."""
+    angles, speeds = state.target_rad + state.actual_rad, state.target_rad_s + state.actual_rad_s
+    good = (
+        math.isfinite(state.t_s)
+        and all(abs(q) < _WIDEST_RAD for q in angles)  # a NaN fails as well
+        and all(abs(v) < _FASTEST_RAD_S for v in speeds)
+        and state.robot_mode in ROBOT_MODES
+        and 1 <= state.safety_mode <= 30
+        and 0 <= state.runtime_state <= 5
+    )
+    if not good:
+        raise ProtocolError("joint angle, speed or mode out of range", raw=state.shown)
+
+
+def agree(before: UrState, now: UrState) -> bool:
+    """Whether `now` can be what follows `before`. Raises ProtocolError when it is not newer."""
+    modes = ("robot_mode", "safety_mode", "runtime_state", "echo", "told")
+    carried = carries(before, now)
+    return carried and all(getattr(before, mode) == getattr(now, mode) for mode in modes)
+
+
+def carries(before: UrState, now: UrState) -> bool:
+    """Whether the speeds of the joints lead from `before` to `now`. Raises ProtocolError when it is not newer."""
+    dt = now.t_s - before.t_s
+    if dt <= 0:
+        raise ProtocolError("controller clock does not grow: an old or repeated package", raw=now.shown)
+    return all(
+        abs(b - a) <= AGREE_RAD + dt * max(abs(v), abs(w))
+        for a, b, v, w in zip(
+            before.target_rad + before.actual_rad,
+            now.target_rad + now.actual_rad,
+            before.target_rad_s + before.actual_rad_s,
+            now.target_rad_s + now.actual_rad_s,
+            strict=True,
+        )
+    )
+
+
+@contextmanager
+def naming(device: str, command: str) -> Iterator[None]:
+    """Add to a ProtocolError of a parser whose answer to what it was."""
+    try:
+        yield
+    except ProtocolError as error:
+        error.device, error.command = device, command
+        raise
+
+
+class Witness:
+    """Reads states until one is confirmed by the next."""
+
+    def __init__(self, read: Callable[[], UrState]) -> None:
+        self._read = read
+        self._last: UrState | None = None
+
+    def state(self) -> UrState:
+        """The next state that is believed. Raises LinkError."""
+        before = self._last or self._read()
+        for _ in range(_MOST_STATES):
+            now = self._last = self._read()
+            if agree(before, now):
+                return now
+            before = now
+        raise ProtocolError("no two packages in a row agree", raw=before.shown)
+
+    def every(self) -> Iterator[tuple[UrState, bool]]:
+        """Every state as it comes, and whether the speeds of the joints lead to it from the one before."""
+        before = self._read()
+        while True:
+            now = self._read()
+            yield now, carries(before, now)
+            before = now
+
+
+def unfit(state: UrState, *, moving: bool) -> AcquisitionError | None:
+    """Why this controller cannot move, or None. `moving`: it was able to a moment ago."""
+    kind, text = SAFETY_MODES.get(state.safety_mode, (SafetyStop, f"safety mode {state.safety_mode}"))
+    if kind is not None:
+        return kind(text, raw=state.shown)
+    if state.robot_mode == RUNNING:
+        return None
+    text = f"robot mode is '{ROBOT_MODES[state.robot_mode]}', needed 'running'"
+    if moving:
+        return EnableLost(text, raw=state.shown)
+    return WrongMode(
+        text,
+        raw=state.shown,
+        what_to_do="Power the arm on and release its brakes on the pendant, then confirm.",
+    )

@@ -1,0 +1,1 @@
+"""A simulated C-Track behind its bridge."""

@@ -1,0 +1,32 @@
+"""Simulated Fanuc with all of its wires: MAPPDK on two neighbouring ports, Modbus TCP in two register layouts."""
+
+from __future__ import annotations
+
+from mocks.fanuc.controller import FanucController
+from mocks.fanuc.mappdk import MappdkServer
+from mocks.fanuc.modbus import HmiImage, IoImage, ModbusServer
+from mocks.shared.arm_device import ArmDevice
+from mocks.shared.clock import CellClock
+from mocks.shared.sockets import Endpoint, Servers
+from mocks.world.robots import Robot
+
+
+class Fanuc:
+    """One controller; `coupled` where the arm of the cell is a Fanuc."""
+
+    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, stock: bool, coupled: bool) -> None:
+        self.controller = FanucController(arm, clock, robot, coupled=coupled)
+        self.mappdk = MappdkServer(self.controller, stock=stock)
+        self.modbus = {
+            "fanuc-modbus-hmi": ("modbus-hmi", ModbusServer(HmiImage(self.controller))),
+            "fanuc-modbus-io": ("modbus-io", ModbusServer(IoImage(self.controller))),
+        }
+
+    async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
+        """All servers; `port` is the first one's, 0 for free ones. Raises OSError."""
+        one, two = await servers.listen_pair(self.mappdk.serve_main, self.mappdk.serve_logger, port)
+        second = "mappdk" if self.mappdk.stock else "mappdk-cal"
+        ends = [Endpoint("fanuc", "mappdk", one), Endpoint("fanuc-logger", second, two)]
+        for name, (kind, server) in self.modbus.items():
+            ends.append(Endpoint(name, kind, await servers.listen(server.serve)))
+        return ends

@@ -1,0 +1,1 @@
+"""A simulated FARO ION behind its bridge."""

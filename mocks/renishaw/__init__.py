@@ -1,0 +1,1 @@
+"""A simulated QC20-W ballbar behind its bridge."""

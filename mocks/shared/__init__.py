@@ -1,0 +1,1 @@
+"""What simulated devices of several makers share: arm, tracker, clocks, the bridge, servers."""

@@ -1,0 +1,153 @@
+"""The arm of a simulated robot apart from any wire protocol: joint angles as a function of simulated time.
+
+A move runs linearly in time on all joints together and lasts max|dq| / rate, or longer when the speed of the
+tool demands it. The side from which a joint arrived is the direction of its own last motion; a joint that
+does not move keeps its side.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+from mocks.shared.clock import Past
+
+REACH_MM = 700.0  # lever that turns the rate of joints 1 to 3 into a speed of the tool, roughly
+_STILL_DEG = 1e-9
+
+
+class Outcome(Enum):
+    """How a move ended."""
+
+    ARRIVED = "arrived"
+    STOPPED = "stopped"  # by a stop command or the watchdog
+    DEAD = "dead"  # emergency stop or supervision: the motion task hangs until it is restarted
+
+
+@dataclass(frozen=True)
+class Move:
+    """Linear motion between two postures in deg, from one simulated time in s to another."""
+
+    start_deg: tuple[float, ...]
+    goal_deg: tuple[float, ...]
+    start_s: float
+    end_s: float
+    trail_deg: tuple[float, ...] = (0.0,) * 6  # by which the servos were behind when it began
+
+    def joints_deg(self, at_s: float) -> tuple[float, ...]:
+        if at_s >= self.end_s:
+            return self.goal_deg
+        if at_s <= self.start_s:
+            return self.start_deg
+        share = (at_s - self.start_s) / (self.end_s - self.start_s)
+        return tuple(a + share * (b - a) for a, b in zip(self.start_deg, self.goal_deg, strict=True))
+
+    @property
+    def speed_deg_s(self) -> tuple[float, ...]:
+        seconds = self.end_s - self.start_s
+        return tuple(
+            (b - a) / seconds if seconds > 0 else 0.0
+            for a, b in zip(self.start_deg, self.goal_deg, strict=True)
+        )
+
+    def cut(self, at_s: float) -> Move:
+        """The move that ends where the arm is at a time."""
+        return (
+            self
+            if at_s >= self.end_s
+            else replace(self, goal_deg=self.joints_deg(at_s), end_s=max(at_s, self.start_s))
+        )
+
+
+@dataclass
+class ArmDevice:
+    """State of arm and controller panel. Times in simulated seconds, angles in degrees."""
+
+    now: Callable[[], float]
+    limits_deg: Sequence[tuple[float, float]]
+    mode: str = "auto"  # or "manual", "manual_full"
+    motors_on: bool = True
+    emergency_stop: bool = False
+    hung: bool = False  # motion task stopped by supervision
+    previous_deg: tuple[float, ...] = (0.0,) * 6
+    sides: tuple[int, ...] = (1,) * 6
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+    sent_to: list[tuple[float, ...]] = field(default_factory=list)  # targets of all moves that began
+    trail_deg: Callable[[], tuple[float, ...]] = lambda: (0.0,) * 6  # by which servos are behind
+
+    def __post_init__(self) -> None:
+        self._moves = Past(self.now, Move((0.0,) * 6, (0.0,) * 6, 0.0, 0.0))
+
+    @property
+    def move(self) -> Move:
+        """The move that runs, or the last one."""
+        return self._moves.value
+
+    def joints_deg(self) -> tuple[float, ...]:
+        """Where the arm is now."""
+        return self.move.joints_deg(self.now())
+
+    def actual_deg(self) -> tuple[float, ...]:
+        """Where the arm really is, behind its servos."""
+        return tuple(q - trail for q, trail in zip(self.joints_deg(), self.trail_deg(), strict=True))
+
+    @property
+    def moving(self) -> bool:
+        return self.now() < self.move.end_s
+
+    @property
+    def left_s(self) -> float:
+        return max(0.0, self.move.end_s - self.now())
+
+    @property
+    def can_move(self) -> bool:
+        return self.mode == "auto" and self.motors_on and not self.emergency_stop and not self.hung
+
+    def within_limits(self, target: Sequence[float]) -> bool:
+        return all(low <= q <= high for q, (low, high) in zip(target, self.limits_deg, strict=True))
+
+    def start(self, target: Sequence[float], rate_deg_s: float, tool_mm_s: float) -> None:
+        """Begin a move to `target`."""
+        here = self.joints_deg()
+        far = [abs(b - a) for a, b in zip(here, target, strict=True)]
+        tool_mm = REACH_MM * max(far[:3]) * 0.0174533
+        self.previous_deg = here
+        self.sides = tuple(
+            (1 if b > a else -1) if abs(b - a) > _STILL_DEG else side
+            for a, b, side in zip(here, target, self.sides, strict=True)
+        )
+        self.sent_to.append(tuple(target))
+        now = self.now()
+        seconds = max(max(far) / rate_deg_s, tool_mm / tool_mm_s)
+        self._moves.change(Move(here, tuple(target), now, now + seconds, self.trail_deg()))
+        self.wake()
+
+    def halt(self) -> None:
+        """Stand still where the arm is now."""
+        self._moves.change(self.move.cut(self.now()))
+        self.wake()
+
+    def put(self, joints_deg: Sequence[float]) -> None:
+        """The arm stands there from now on, and nothing moved it."""
+        here = tuple(joints_deg)
+        self._moves.change(Move(here, here, self.now(), self.now()))
+
+    def press_emergency_stop(self) -> None:
+        self.emergency_stop, self.motors_on, self.hung = True, False, True
+        self.halt()
+
+    def supervise(self) -> None:
+        """Motion supervision stops the task: the arm stands, nobody answers."""
+        self.hung = True
+        self.halt()
+
+    def restart(self) -> None:
+        """Emergency stop released, motors on, program pointer to main."""
+        self.emergency_stop, self.motors_on, self.hung = False, True, False
+        self.wake()
+
+    def wake(self) -> None:
+        """Let whoever waits for a change look again."""
+        self.changed.set()

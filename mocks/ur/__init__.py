@@ -1,0 +1,1 @@
+"""A simulated Universal Robots controller: its streams, RTDE, URScript and servo."""

@@ -1,0 +1,309 @@
+"""Simulated Universal Robots controller (CB3, software 3.15) on the wire: RTDE, 30003, 30002, dashboard.
+
+Written from the maker's sheets and manuals, not from the driver. Kept on purpose: nothing acknowledges a
+program; a new one aborts the one that runs; in local mode, without power or in a safety stop it is ignored
+without a word; all streams go on in every stop; the program ends while the joints still settle; a protective
+stop leaves the program paused; a target beyond the joint limits is a protective stop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from mocks.shared.arm_device import ArmDevice
+from mocks.shared.clock import QUICKEST_S, CellClock, Past
+from mocks.shared.sockets import Endpoint, Handler, Servers
+from mocks.ur.packets import (
+    Dh,
+    configuration,
+    kinematics,
+    mode_data,
+    package,
+    realtime_packet,
+    version_message,
+)
+from mocks.ur.rtde import RtdeClient
+from mocks.ur.script import AWAIT, Call, ScriptError, ScriptReader, parse_program
+from mocks.ur.servo import Servo
+from mocks.world import World
+from mocks.world.kinematics import Geometry, nominal_geometry
+
+PERIOD_S = 0.008
+SECONDARY_S = 0.1
+MODELS = {"ur5": (1, "UR5"), "ur10": (2, "UR10")}
+SERIAL = "20155301234"
+NORMAL, PROTECTIVE_STOP, ROBOT_EMERGENCY_STOP = 1, 3, 7
+POWER_OFF, IDLE, RUNNING = 3, 5, 7
+STOPPED, PLAYING, PAUSED = 1, 2, 4
+FASTEST_RAD_S = math.pi  # of any joint of a UR5
+
+
+class UrController:
+    """State of the controller, the program it runs, and the handlers of its four ports."""
+
+    def __init__(self, arm: ArmDevice, clock: CellClock, world: World) -> None:
+        self.arm = arm
+        self.clock = clock
+        self.world = world
+        self.servo = Servo(arm)
+        self.software: tuple[int, int, int, int] = (3, 15, 8, 106339)
+        self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
+        self._registers: Past[dict[int, int]] = Past(arm.now, {})
+        self._doubles: Past[dict[int, float]] = Past(arm.now, {})
+        self._playing = Past(arm.now, False)
+        self.input_values: dict[int, int] = {}
+        self.input_changed = asyncio.Event()
+        self.inputs: dict[str, RtdeClient] = {}
+        self.input_seen: dict[str, float] = {}
+        self.forced_safety_mode: int | None = None
+        self.speed_slider = 1.0
+        self.refused: list[str] = []  # programs that it did not run, and why
+        self._program: asyncio.Task[None] | None = None
+
+    # -- state --------------------------------------------------------------------------------------------
+
+    @property
+    def robot_mode(self) -> int:
+        if self.arm.motors_on:
+            return RUNNING
+        return POWER_OFF if self.arm.emergency_stop else IDLE
+
+    @property
+    def safety_mode(self) -> int:
+        if self.forced_safety_mode is not None:
+            return self.forced_safety_mode
+        if self.arm.emergency_stop:
+            return ROBOT_EMERGENCY_STOP
+        return PROTECTIVE_STOP if self.arm.hung else NORMAL
+
+    @property
+    def registers(self) -> dict[int, int]:
+        return self._registers.value
+
+    @property
+    def doubles(self) -> dict[int, float]:
+        return self._doubles.value
+
+    @property
+    def runtime_state(self) -> int:
+        if self._playing.value:
+            return PLAYING
+        return PAUSED if self.safety_mode == PROTECTIVE_STOP and self._program is not None else STOPPED
+
+    @property
+    def can_run(self) -> bool:
+        return self.arm.can_move and self.safety_mode == NORMAL
+
+    def orders(self) -> dict[str, Callable[[dict[str, Any]], dict[str, Any] | None]]:
+        """Orders of the back door for this device alone.
+
+        {"do": "ur_safety_mode", "mode": 5} ("mode": null: as the arm is) {"do": "ur_registers", "on": false}
+        {"do": "ur_speed_slider", "fraction": 0.1} {"do": "ur_refused"} (programs that were not run, and why)
+        """
+        return {
+            "ur_safety_mode": lambda order: self._force_safety(order["mode"]),
+            "ur_speed_slider": lambda order: setattr(self, "speed_slider", float(order["fraction"])),
+            "ur_registers": lambda order: setattr(self, "has_registers", bool(order["on"])),
+            "ur_refused": lambda _: {"refused": list(self.refused)},
+        }
+
+    def _force_safety(self, mode: int | None) -> None:
+        self.forced_safety_mode = mode
+        self.arm.halt()
+
+    async def close(self) -> None:
+        """End the program that runs."""
+        self._abort()
+        if self._program is not None:
+            with suppress(asyncio.CancelledError):
+                await self._program
+
+    # -- programs -----------------------------------------------------------------------------------------
+
+    def submit(self, lines: list[str]) -> None:
+        """A program or a single call from a client; it replaces what runs."""
+        if not self.can_run:
+            self.refused.append("not in remote control, not running, or in a safety stop")
+            return
+        try:
+            calls = parse_program(lines)
+        except ScriptError as error:
+            self.refused.append(str(error))
+            return
+        self._abort()
+        self._program = asyncio.create_task(self._run(calls))
+        self._playing.change(True)
+
+    def _abort(self) -> None:
+        if self._program is not None and not self._program.done():
+            self._program.cancel()
+            self._playing.change(False)
+            self.arm.halt()
+
+    async def _run(self, calls: Sequence[Call]) -> None:
+        guards: list[asyncio.Task[None]] = []
+        try:
+            for call in calls:
+                if call.name == "rtde_set_watchdog":
+                    guards.append(asyncio.create_task(self._guard(**call.arguments)))
+                elif not await self._call(call):
+                    return
+        finally:
+            for guard in guards:
+                guard.cancel()
+            if self._program is asyncio.current_task():
+                self._playing.change(False)
+
+    async def _call(self, call: Call) -> bool:
+        """Carry out one call; False ends the program."""
+        values = call.arguments
+        if call.name == "movej":
+            return await self._movej(values["q"], values["v"])
+        if call.name == "stopj":
+            self.arm.halt()
+        elif call.name == "write_output_integer_register":
+            self._registers.change(self.registers | {values["output_register"]: values["value"]})
+        elif call.name == "write_output_float_register":
+            self._doubles.change(self.doubles | {values["output_register"]: float(values["value"])})
+        elif call.name == AWAIT:
+            while self.input_values.get(values["input_register"], 0) != values["value"]:
+                self.input_changed.clear()
+                await self.input_changed.wait()
+        elif call.name == "sleep":
+            await self.clock.wait(values["t"], asyncio.Event())
+        return True
+
+    async def _movej(self, q: Sequence[float], v: float) -> bool:
+        goal = [math.degrees(angle) for angle in q]
+        if not self.arm.within_limits(goal):
+            self.arm.supervise()
+            return False
+        rate = min(v, FASTEST_RAD_S) * self.speed_slider
+        self.arm.start(goal, rate_deg_s=math.degrees(rate), tool_mm_s=math.inf)
+        while self.arm.moving:
+            self.arm.changed.clear()
+            await self.clock.wait(self.arm.left_s, self.arm.changed)
+            if not self.can_run:
+                self.arm.halt()
+                return False
+        return self.can_run
+
+    async def _guard(self, variable_name: str, min_frequency: float, action: str) -> None:
+        """Watchdog over a link, so on the clock of the wall: without an update for too long it acts."""
+        begun = time.monotonic()
+        while (
+            left := max(self.input_seen.get(variable_name, 0.0), begun) + 1 / min_frequency - time.monotonic()
+        ) > 0:
+            await asyncio.sleep(left)
+        if action != "ignore":
+            self._abort()
+
+    # -- ports --------------------------------------------------------------------------------------------
+
+    async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
+        """Serve RTDE at `port` (0: a free one) and the other ports at their usual distances. Raises OSError."""
+        ports: dict[str, tuple[str, int, Handler]] = {
+            "ur": ("rtde", 0, self.serve_rtde),
+            "ur-realtime": ("realtime", -1, self.serve_realtime),
+            "ur-secondary": ("secondary", -2, self.serve_secondary),
+            "ur-dashboard": ("dashboard", -5, self.serve_dashboard),
+        }
+        first = await servers.listen_around({offset: handler for _, offset, handler in ports.values()}, port)
+        return [Endpoint(name, protocol, first + offset) for name, (protocol, offset, _) in ports.items()]
+
+    async def serve_rtde(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await RtdeClient(self, reader, writer).serve()
+
+    async def serve_realtime(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await self._stream(reader, writer, self._realtime, max(PERIOD_S / self.clock.time_scale, QUICKEST_S))
+
+    async def serve_secondary(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(version_message(self.software))
+        writer.write(package(16, self._mode_data() + self._description()))
+        await self._stream(reader, writer, lambda: package(16, self._mode_data()), SECONDARY_S)
+
+    async def _stream(
+        self,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        state: Callable[[], bytes],
+        period_s: float,
+    ) -> None:
+        programs = asyncio.create_task(self._programs(reader))
+        try:
+            while not programs.done():
+                writer.write(state())
+                await writer.drain()
+                await asyncio.wait([programs], timeout=period_s)
+        finally:
+            programs.cancel()
+
+    async def _programs(self, reader: asyncio.StreamReader) -> None:
+        scripts = ScriptReader()
+        with suppress(ConnectionError):
+            while data := await reader.read(4096):
+                for program in scripts.feed(data):
+                    self.submit(program)
+
+    async def serve_dashboard(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(b"Connected: Universal Robots Dashboard Server\n")
+        while line := await reader.readline():
+            writer.write(self._dashboard(line.decode("latin-1").strip()).encode() + b"\n")
+            await writer.drain()
+
+    def _dashboard(self, command: str) -> str:
+        answers = {
+            "get serial number": SERIAL,
+            "get robot model": MODELS.get(self.world.robot.name, (0, "UNKNOWN"))[1],
+            "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),
+            "programState": "PLAYING" if self.runtime_state == PLAYING else "STOPPED",
+        }
+        return answers.get(command, f"could not understand: '{command}'")
+
+    # -- packets ------------------------------------------------------------------------------------------
+
+    def _realtime(self) -> bytes:
+        return realtime_packet(
+            time=self.clock.now(),
+            q_target=self.servo.target(),
+            qd_target=self.servo.target_speed(),
+            q_actual=self.servo.actual(),
+            qd_actual=self.servo.actual_speed(),
+            motor_temperatures=(30.0,) * 6,
+            robot_mode=self.robot_mode,
+            joint_modes=(253.0,) * 6,
+            safety_mode=self.safety_mode,
+            speed_scaling=self.speed_slider,
+            v_main=48.0,
+            program_state=self.runtime_state,
+            safety_status=self.safety_mode,
+        )
+
+    def _mode_data(self) -> bytes:
+        return mode_data(
+            self.robot_mode,
+            running=self.runtime_state == PLAYING,
+            emergency=self.safety_mode == ROBOT_EMERGENCY_STOP,
+            protective=self.safety_mode == PROTECTIVE_STOP,
+        )
+
+    def _description(self) -> bytes:
+        """Configuration and kinematics. The factory's numbers are the true ones, without the twist beta."""
+        limits = [(math.radians(low), math.radians(high)) for low, high in self.arm.limits_deg]
+        kind = MODELS.get(self.world.robot.name, (0, ""))[0]
+        nominal = configuration(kind, limits, _dh(nominal_geometry(self.world.robot)))
+        return nominal + kinematics(_dh(self.world.geometry))
+
+
+def _dh(geometry: Geometry) -> Dh:
+    return Dh(
+        theta=geometry.theta,
+        a=[a / 1000.0 for a in geometry.a],
+        d=[d / 1000.0 for d in geometry.d],
+        alpha=geometry.alpha,
+    )

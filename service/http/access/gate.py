@@ -1,0 +1,117 @@
+"""The gate that every request passes: host, origin, token and what its role may do, size.
+
+A page in the operator's browser can send requests to 127.0.0.1, and by DNS rebinding under a name of its own. So
+the Host header must name an address of ours, not a name somebody else controls, and an Origin must be our own.
+The role is left in the request's state for those who show it.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.http.access.roles import Role, Tokens, viewer_may
+from service.http.access.settings import Settings
+from service.http.wire import problems
+from service.http.wire.paths import path_of
+from service.http.wire.problems import Problem
+
+OPEN = ("/", path_of("health"), "/openapi.json")  # reveal nothing about the cell
+_TOO_LARGE = "The request is larger than {} MB."
+_SPLIT = "Send less at once; a data set can be split into series."
+
+
+class Gate:
+    """ASGI middleware."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._host = settings.host.strip("[]").lower()
+        self._tokens = settings.tokens
+        self._most = settings.upload_bytes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        role = _role(self._tokens, headers.get("authorization", ""))
+        refusal = self._refusal(headers, scope["method"], scope["path"], role)
+        if refusal is not None:
+            answer = problems.response(
+                refusal.status_code,
+                refusal.detail,
+                refusal.do,
+                refusal.code,
+                headers=dict(refusal.headers or {}),
+            )
+            await answer(scope, receive, send)
+            return
+        scope.setdefault("state", {})["role"] = role
+        await self._app(scope, self._counted(receive), send)
+
+    def _refusal(self, headers: Headers, method: str, path: str, role: Role | None) -> Problem | None:
+        host = headers.get("host", "")
+        if not self._ours(host):
+            return Problem(
+                403, f"Requests for the host {host!r} are not answered.", "Use the address itself."
+            )
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+            return Problem(403, f"Requests by the page {origin!r} are not answered.", "Use our own page.")
+        if path not in OPEN and role is None:
+            return Problem(
+                401,
+                "The token is missing or wrong.",
+                "Send 'Authorization: Bearer TOKEN' with a token that 'truepose serve' printed.",
+                headers={"WWW-Authenticate": "Bearer"},
+            )
+        if role is Role.VIEWER and not viewer_may(method, path):
+            return Problem(
+                403,
+                "The token of a viewer lets one read everything, pause and stop, and nothing else.",
+                "Send the operator's token: the first line of the token file, whose place 'truepose serve' printed.",
+                code=8113,
+            )
+        length = headers.get("content-length", "0")
+        if length.isdecimal() and int(length) > self._most:
+            return self._too_large()
+        return None
+
+    def _ours(self, host: str) -> bool:
+        try:
+            name = (urlsplit(f"//{host}").hostname or "").lower()
+        except ValueError:
+            return False
+        if name in (self._host, "localhost"):
+            return True
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return False  # a name that somebody else may let point at us
+        return address.is_loopback or self._host in ("0.0.0.0", "::")
+
+    def _too_large(self) -> Problem:
+        return Problem(413, _TOO_LARGE.format(f"{self._most / 1024 / 1024:g}"), _SPLIT)
+
+    def _counted(self, receive: Receive) -> Receive:
+        """A body without a declared length is counted as it comes."""
+        seen = 0
+
+        async def counted() -> Message:
+            nonlocal seen
+            message = await receive()
+            seen += len(message.get("body", b""))
+            if seen > self._most:
+                raise self._too_large()
+            return message
+
+        return counted
+
+
+def _role(tokens: Tokens, header: str) -> Role | None:
+    kind, _, token = header.partition(" ")
+    return tokens.role_of(token.strip()) if kind.lower() == "bearer" else None

@@ -1,0 +1,160 @@
+"""The motion lease: one holder at a time, who says again and again that somebody is there.
+
+Its `lease_id` is a secret of the holder. It is given once, in the answer that grants the lease, and is kept in memory
+alone; whoever moves the robot, prolongs the lease or gives it back has to send it. A name proves nothing: it is in
+every refusal. Another person may take the lease over, with a reason, which is a deliberate act and is noted.
+
+A program that dies, or whose network does, falls silent; then the robot comes to rest and the run is paused, to be
+resumed by whoever takes the lease next. Who watches is `acquisition.run.lease`, for as long as devices are in use.
+Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor prolongs
+it.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import threading
+from dataclasses import dataclass, field, replace
+
+import acquisition
+from acquisition import Clock, ScaledClock
+from service.http.access.audit import Audit
+from service.http.wire.paths import path_of
+from service.http.wire.problems import Problem
+
+LEASE = path_of("cell", "lease")
+
+
+@dataclass(frozen=True)
+class Held:
+    """A lease as it was given. `beats`: what a run watches; `origin`: from whom it was taken over, and why."""
+
+    secret: str = field(repr=False)
+    beats: acquisition.Lease
+    expires_utc: float
+    origin: str = ""
+
+    @property
+    def holder(self) -> str:
+        return self.beats.owner
+
+    @property
+    def live(self) -> bool:
+        return self.beats.left_s > 0.0
+
+    def proved_by(self, lease_id: str) -> bool:
+        """Whether this is its secret; compared in constant time."""
+        return hmac.compare_digest(lease_id.encode(), self.secret.encode())
+
+
+class MotionLease:
+    """Thread-safe. Of the two locks `_noting` is held while the audit is written, `_mutex` for moments only.
+
+    To prolong a lease takes nothing else, so it can be done within the loop of events.
+    """
+
+    def __init__(self, audit: Audit, clock: Clock | None = None) -> None:
+        self._audit = audit
+        self._clock = clock or ScaledClock()
+        self._noting = threading.Lock()
+        self._mutex = threading.Lock()
+        self._held: Held | None = None
+
+    def grant(self, holder: str, seconds: float) -> Held:
+        """Take the lease where nobody holds it. Raises Problem 409 where somebody does, StorageError."""
+        with self._noting:
+            if (held := self._live()) is not None:
+                raise _other(held)
+            return self._new(holder, seconds, "granted")
+
+    def renew(self, holder: str, seconds: float, lease_id: str) -> Held:
+        """Prolong one's own lease. Raises Problem 409 where it has ended or is another's.
+
+        One that has ended is not granted anew: its holder has to learn that the robot has come to rest, and a request
+        that was under way when the lease was given back must not take it again.
+        """
+        with self._mutex:
+            held = self._live()
+            if held is None:
+                raise Problem(
+                    409,
+                    "The lease of this Lease-Id has ended, and nobody holds the motion lease now.",
+                    f"Take it anew with POST {LEASE} without Lease-Id, and resume what was paused.",
+                    code=8112,
+                )
+            _prove(held, lease_id)
+            if held.holder != holder:
+                raise _other(held)
+            held.beats.beat(seconds)
+            self._held = replace(held, expires_utc=self._clock.utc() + seconds)
+            return self._held
+
+    def take_over(self, holder: str, seconds: float, reason: str) -> tuple[Held, str]:
+        """Take the lease whoever holds it; with it the name of who did, empty for nobody. Raises StorageError.
+
+        What moves by the old lease is for the caller to pause.
+        """
+        with self._noting:
+            held = self._live()
+            before = "" if held is None else held.holder
+            origin = f", who has taken it over from {before} ({reason})" if before else ""
+            return self._new(holder, seconds, "taken over", origin, before=before, reason=reason), before
+
+    def give_back(self, lease_id: str) -> str | None:
+        """End the lease; returns its holder, None for nobody. Raises Problem 409 when this is not its secret."""
+        with self._mutex:
+            held = self._live()
+            if held is not None:
+                _prove(held, lease_id)
+            self._held = None
+            return None if held is None else held.holder
+
+    def needed(self, lease_id: str) -> Held:
+        """The lease by which the robot may move. Raises Problem 409 where there is none, or it is another's."""
+        with self._mutex:
+            held = self._live()
+            if held is None:
+                raise Problem(
+                    409,
+                    "Nobody holds the motion lease, so nothing may move.",
+                    f"Take it with POST {LEASE}, send its lease_id as Lease-Id, and prolong it in time.",
+                    code=8101,
+                )
+            _prove(held, lease_id)
+            return held
+
+    @property
+    def current(self) -> Held | None:
+        """The live lease."""
+        return self._live()
+
+    def _live(self) -> Held | None:
+        held = self._held
+        return held if held is not None and held.live else None
+
+    def _new(self, holder: str, seconds: float, how: str, origin: str = "", **more: str) -> Held:
+        # Before it takes effect: what cannot be noted does not happen.
+        self._audit.note(f"lease {how}", holder=holder, seconds=seconds, **more)
+        beats = acquisition.Lease(holder, seconds, self._clock)
+        new = Held(secrets.token_urlsafe(24), beats, self._clock.utc() + seconds, origin)
+        with self._mutex:
+            self._held = new
+        return new
+
+
+def _prove(held: Held, lease_id: str) -> None:
+    if not held.proved_by(lease_id):
+        raise _other(held, f"; this request has {'another' if lease_id else 'no'} Lease-Id")
+
+
+def _other(held: Held, more: str = "") -> Problem:
+    return Problem(
+        409,
+        f"The motion lease is held by {held.holder}{held.origin}{more}.",
+        f"Whoever holds it sends its lease_id as Lease-Id. Others ask {held.holder} to give it back, wait until it "
+        f"expires, or take it over with a reason (POST {LEASE}/takeover).",
+        code=8102,
+        holder=held.holder,
+        retry_after_s=round(max(0.0, held.beats.left_s), 1),
+    )

@@ -1,0 +1,28 @@
+"""The settings that the service was started with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition import Cell
+from service.http.access.roles import Tokens
+from service.simulated_cell import SimulatedDevices
+
+UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`record`: the folder that holds everything. `token_file`: where the tokens are kept.
+
+    `simulated` None: the real devices of `cell`.
+    """
+
+    record: Path
+    tokens: Tokens
+    token_file: Path | None = None
+    cell: Cell | None = None
+    simulated: SimulatedDevices | None = None
+    host: str = "127.0.0.1"
+    upload_bytes: int = UPLOAD_BYTES

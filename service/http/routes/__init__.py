@@ -1,0 +1,1 @@
+"""The routes: what answers under which path."""

@@ -1,0 +1,93 @@
+"""Alignments: two streams of a moving robot are uploaded, put on one clock, and become a data set."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter, File, Form, UploadFile
+from fastapi.responses import JSONResponse, Response
+
+from calib.arm import built_in_robots
+from calib.errors import DataError
+from calib.motion import SLOW_MM_S
+from service.http.routes.job_routes import REPORT_HEADERS, shown
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import JobShown
+from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.paths import path_of
+from service.http.work.idempotency import reply
+from service.results.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, Order
+
+router = APIRouter(route_class=JsonRoute, tags=["alignments"])
+ALIGNMENTS = path_of("alignments")
+Millimetres = Annotated[float, Form(ge=-FARTHEST_TOOL_MM, le=FARTHEST_TOOL_MM, allow_inf_nan=False)]
+Text = Annotated[str, Form(max_length=200)]
+Map = Annotated[
+    str, Form(max_length=2000, description="As --robot-columns and --tracker-columns of the command.")
+]
+
+
+@router.post("/alignments", operation_id="createAlignment", status_code=202, response_model=JobShown)
+def create_alignment(
+    here: Here,
+    robot_csv: Annotated[UploadFile, File(description="ROBOT.csv: the robot's joints by its clock")],
+    tracker_csv: Annotated[UploadFile, File(description="TRACKER.csv: points by the instrument's clock")],
+    robot: Text,
+    tool_x_mm: Millimetres,
+    tool_y_mm: Millimetres,
+    tool_z_mm: Millimetres,
+    tool_known: Annotated[bool, Form()] = False,
+    slower_than_mm_s: Annotated[float, Form(gt=0.0, le=1e5, allow_inf_nan=False)] = SLOW_MM_S,
+    coupling: Text = "none",
+    instrument: Text = "unknown",
+    robot_columns: Map = "",
+    tracker_columns: Map = "",
+    every_sample: Annotated[bool, Form()] = False,
+    holdout: Annotated[float, Form(ge=0.0, lt=1.0, allow_inf_nan=False)] = HOLDOUT,
+    seed: Annotated[int, Form(ge=0, le=2**32)] = SEED,
+    name: Text = "",
+    idempotency_key: IdempotencyKey = "",
+) -> JSONResponse:
+    """Align two streams of a moving robot.
+
+    Its standstills become a data set: `dataset_id` of the job, once it has succeeded.
+    """
+    if robot not in built_in_robots():  # a path would be looked for among the server's files
+        raise DataError(f"is '{robot}'.", do=f"Use {', '.join(built_in_robots())}.", key="robot")
+    order = Order(
+        tool=(tool_x_mm, tool_y_mm, tool_z_mm),
+        robot=robot,
+        tool_known=tool_known,
+        slower_than=slower_than_mm_s,
+        coupling=coupling,
+        instrument=instrument,
+        robot_columns=robot_columns or None,
+        tracker_columns=tracker_columns or None,
+        every_sample=every_sample,
+        holdout=holdout,
+        seed=seed,
+    )
+    streams = robot_csv.file.read(), tracker_csv.file.read()
+
+    def work() -> JSONResponse:
+        job = here.jobs.align(*streams, order, name or "alignment")
+        return reply(202, job, location=f"{ALIGNMENTS}/{job['id']}", retry_after=1)
+
+    # The files count, not the body: its boundaries differ every time it is sent.
+    hashes = [hashlib.sha256(part).hexdigest() for part in streams]
+    return here.keys.once(idempotency_key, (ALIGNMENTS, asdict(order), name, *hashes), work)
+
+
+@router.get("/alignments/{job_id}", operation_id="getAlignment", response_model=JobShown)
+async def get_alignment(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """An alignment; with `wait`, as soon as its version is beyond `after`. Its result is that of `align --json`."""
+    return await shown(here, "alignment", job_id, wait, after)
+
+
+@router.get("/alignments/{job_id}/picture.svg", operation_id="getAlignmentPicture", response_class=Response)
+def get_picture(here: Here, job_id: str) -> Response:
+    """The speeds before and after, and the error by speed."""
+    return Response(here.jobs.picture(job_id), media_type="image/svg+xml", headers=REPORT_HEADERS)

@@ -1,0 +1,97 @@
+"""Health, the cell, and its motion lease."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from service.http.access.motion_lease import Held
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import CellShown, Health, LeaseShown, TakeLease, TakeLeaseOver
+from service.http.wire.headers import LeaseId
+from service.plain import utc_text
+
+router = APIRouter(route_class=JsonRoute, tags=["cell"])
+
+
+@router.get("/health", operation_id="getHealth", response_model=Health)
+async def get_health(here: Here) -> dict[str, Any]:
+    """The service answers. Needs no token."""
+    simulated = here.settings.simulated is not None
+    return {"status": "ok", "version": version("truepose"), "simulated": simulated}
+
+
+@router.get("/cell", operation_id="getCell", response_model=CellShown)
+async def get_cell(here: Here, request: Request) -> dict[str, Any]:
+    """The cell, who may move its robot, which run does, and the role of the token that asks."""
+    cell, held = here.cell, here.lease.current
+    return {
+        "name": cell.name,
+        "robot": cell.robot.model.name,
+        "robot_driver": cell.robot.driver,
+        "instrument": cell.instrument.name,
+        "instrument_driver": cell.instrument.driver,
+        "targets": list(cell.tool.targets),
+        "nests": list(cell.nests),
+        "simulated": here.settings.simulated is not None,
+        "run_id": here.book.busy_with,
+        "loop_id": here.book.lent_to,
+        "role": request.state.role.value,
+        "lease": None if held is None else _shown(held),
+    }
+
+
+@router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
+async def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dict[str, Any]:
+    """Take the motion lease, or keep it: repeat this before it expires, or the robot rests and its run is paused.
+
+    Without `Lease-Id` it is taken where nobody holds it, and the answer has its secret, `lease_id`, which is never
+    given again, also not for an `Idempotency-Key`. With `Lease-Id` it is prolonged; 409 where it has ended.
+    """
+    if lease_id:
+        return _shown(here.lease.renew(body.holder, body.seconds, lease_id))
+    held = await here.urgent(lambda: here.lease.grant(body.holder, body.seconds))
+    return _shown(held, lease_id=held.secret)
+
+
+@router.post("/cell/lease/takeover", operation_id="takeLeaseOver", response_model=LeaseShown)
+async def take_lease_over(here: Here, body: TakeLeaseOver) -> dict[str, Any]:
+    """Take the motion lease from whoever holds it; what moves by it pauses after the reading in hand.
+
+    Holder, reason and time are kept in `lease.jsonl` of the record, and in the events of the run.
+    """
+
+    def work() -> dict[str, Any]:
+        held, before = here.lease.take_over(body.holder, body.seconds, body.reason)
+        if before:
+            why = f"{body.holder} has taken the motion lease over from {before}: {body.reason}"
+            here.rest(body.holder, why)
+        return _shown(held, lease_id=held.secret, taken_from=before)
+
+    return await here.urgent(work)
+
+
+@router.delete("/cell/lease", operation_id="giveLeaseBack", status_code=204)
+async def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
+    """Give the lease back; a run pauses after the reading in hand, a loop also between two runs. Needs `Lease-Id`."""
+
+    def work() -> None:
+        holder = here.lease.give_back(lease_id)
+        if holder is not None:
+            here.rest(holder, f"{holder} gave the motion lease back.")
+
+    await here.urgent(work)
+    return Response(status_code=204)
+
+
+def _shown(held: Held, *, lease_id: str = "", taken_from: str = "") -> dict[str, Any]:
+    return {
+        "holder": held.holder,
+        "expires_utc": utc_text(held.expires_utc),
+        "seconds": held.beats.seconds,
+        "lease_id": lease_id,
+        "taken_from": taken_from,
+    }

@@ -1,0 +1,113 @@
+"""Campaigns and data sets: kept, listed, given back."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Any
+
+from fastapi import APIRouter, File, Form, UploadFile
+from fastapi.responses import FileResponse, JSONResponse, Response
+
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import Campaigns, CampaignShown, Datasets, DatasetShown, NewCampaign
+from service.http.wire.headers import IdempotencyKey
+from service.http.wire.paths import path_of
+from service.http.work.idempotency import reply
+from service.kept_dataset import CSV, TOML
+
+router = APIRouter(route_class=JsonRoute)
+CAMPAIGNS, DATASETS = path_of("campaigns"), path_of("datasets")
+
+
+@router.post(
+    "/campaigns",
+    operation_id="createCampaign",
+    status_code=201,
+    response_model=CampaignShown,
+    tags=["campaigns"],
+)
+def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Keep a campaign, to be run by its id."""
+
+    def work() -> JSONResponse:
+        kept = here.shelf.put(body.campaign, body.name)
+        return reply(201, kept, location=f"{CAMPAIGNS}/{kept['id']}")
+
+    return here.keys.once(idempotency_key, (CAMPAIGNS, body), work)
+
+
+@router.get("/campaigns", operation_id="listCampaigns", response_model=Campaigns, tags=["campaigns"])
+async def list_campaigns(here: Here) -> Response:
+    """Every campaign, newest first."""
+    return await here.listed("campaigns", here.shelf.all)
+
+
+@router.get(
+    "/campaigns/{campaign_id}", operation_id="getCampaign", response_model=CampaignShown, tags=["campaigns"]
+)
+def get_campaign(here: Here, campaign_id: str) -> dict[str, Any]:
+    """A campaign that was kept."""
+    return here.shelf.get(campaign_id)
+
+
+@router.post(
+    "/datasets",
+    operation_id="uploadDataset",
+    status_code=201,
+    response_model=DatasetShown,
+    tags=["datasets"],
+)
+def upload_dataset(
+    here: Here,
+    csv: Annotated[UploadFile, File(description="DATA.csv")],
+    toml: Annotated[UploadFile, File(description="DATA.toml")],
+    name: Annotated[str, Form(max_length=200)] = "",
+    idempotency_key: IdempotencyKey = "",
+) -> JSONResponse:
+    """Upload a data set: both files, refused with line or key where they cannot be used."""
+    table, header = csv.file.read(), toml.file.read()
+
+    def work() -> JSONResponse:
+        dataset = here.workers.call(here.datasets.upload, table, header, name)
+        return reply(201, dataset, location=f"{DATASETS}/{dataset['id']}")
+
+    # The files count, not the body: its boundaries differ every time it is sent.
+    hashes = [hashlib.sha256(part).hexdigest() for part in (table, header)]
+    return here.keys.once(idempotency_key, (DATASETS, name, *hashes), work)
+
+
+@router.get("/datasets", operation_id="listDatasets", response_model=Datasets, tags=["datasets"])
+async def list_datasets(here: Here) -> Response:
+    """Every data set, newest first."""
+    return await here.listed("datasets", here.datasets.all)
+
+
+@router.get(
+    "/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown, tags=["datasets"]
+)
+def get_dataset(here: Here, dataset_id: str) -> dict[str, Any]:
+    """A data set: what it holds. Its files are below it."""
+    return here.datasets.get(dataset_id)
+
+
+@router.get(
+    "/datasets/{dataset_id}/data.csv",
+    operation_id="downloadDatasetCsv",
+    response_class=FileResponse,
+    tags=["datasets"],
+)
+def download_csv(here: Here, dataset_id: str) -> FileResponse:
+    """The readings."""
+    return FileResponse(here.datasets.path(dataset_id) / CSV, media_type="text/csv; charset=utf-8")
+
+
+@router.get(
+    "/datasets/{dataset_id}/data.toml",
+    operation_id="downloadDatasetToml",
+    response_class=FileResponse,
+    tags=["datasets"],
+)
+def download_toml(here: Here, dataset_id: str) -> FileResponse:
+    """The header of the readings."""
+    return FileResponse(here.datasets.path(dataset_id) / TOML, media_type="application/toml")

@@ -1,0 +1,99 @@
+"""Identifications, diagnoses and their reports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import HTMLResponse, JSONResponse
+
+from calib.arm import built_in_robots
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here, Service
+from service.http.wire.bodies import JobShown, JobsShown, OfDataset
+from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.paths import path_of
+from service.http.work.idempotency import reply
+from service.kept_dataset import CSV
+
+router = APIRouter(route_class=JsonRoute, tags=["results"])
+# A report is complete in itself; whatever its data say, a browser runs and loads nothing for it.
+REPORT_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+def _add(here: Service, kind: str, collection: str, body: OfDataset, key: str) -> JSONResponse:
+    def work() -> JSONResponse:
+        dataset = here.datasets.get(body.dataset_id)
+        cell = here.settings.cell
+        if cell is not None and cell.robot.model.name not in built_in_robots():
+            cell = None  # its robot is in a file of its own, which a job does not have
+        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell)
+        return reply(202, job, location=path_of(collection, job["id"]), retry_after=1)
+
+    return here.keys.once(key, (collection, body), work)
+
+
+async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> dict[str, Any]:
+    """The document of a job; with `wait`, s, as soon as its version is beyond `after`."""
+
+    def read() -> dict[str, Any]:
+        return here.jobs.document(kind, name)
+
+    what = f"{kind} {name}"
+    document = await here.reading(what, read)
+    if wait and document["version"] <= after and document["state"] not in ("succeeded", "failed"):
+        await here.changed(what, lambda seconds: here.jobs.wait(kind, name, after, seconds), after, wait)
+        document = await here.reading(what, read)
+    return document
+
+
+@router.post(
+    "/identifications", operation_id="createIdentification", status_code=202, response_model=JobShown
+)
+def create_identification(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Identify the robot of a data set."""
+    return _add(here, "identification", "identifications", body, idempotency_key)
+
+
+@router.get("/identifications/{job_id}", operation_id="getIdentification", response_model=JobShown)
+async def get_identification(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """An identification; with `wait`, as soon as its version is beyond `after`."""
+    return await shown(here, "identification", job_id, wait, after)
+
+
+@router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=JobShown)
+def create_diagnosis(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Identify the robot of a data set and find what its model lacks.
+
+    Where something is ambiguous, `result.follow_up` holds a campaign that decides it, within the cell of this
+    service: POST it to /runs.
+    """
+    return _add(here, "diagnosis", "diagnoses", body, idempotency_key)
+
+
+@router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=JobShown)
+async def get_diagnosis(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A diagnosis; with `wait`, as soon as its version is beyond `after`."""
+    return await shown(here, "diagnosis", job_id, wait, after)
+
+
+@router.get("/datasets/{dataset_id}/jobs", operation_id="listDatasetJobs", response_model=JobsShown)
+def list_dataset_jobs(here: Here, dataset_id: str) -> dict[str, Any]:
+    """What a data set was given to: its identifications, diagnoses and regressions, newest first."""
+    here.datasets.get(dataset_id)
+    return {"jobs": here.jobs.of_dataset(dataset_id)}
+
+
+@router.get("/models/{job_id}", operation_id="getModel")
+def get_model(here: Here, job_id: str) -> dict[str, Any]:
+    """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
+    return here.jobs.model(job_id)
+
+
+@router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
+def get_report(here: Here, job_id: str) -> HTMLResponse:
+    """The report of an identification or a diagnosis: one HTML page that loads nothing."""
+    return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)

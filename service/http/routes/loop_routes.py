@@ -1,0 +1,121 @@
+"""Closed loops: made, looked at, paused, resumed, stopped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse, Response
+
+from acquisition import Lease
+from service.http.routes.json_route import JsonRoute
+from service.http.routes.run_routes import acceptance, who
+from service.http.runs.dry_runs import planned
+from service.http.runs.loops import ENDED
+from service.http.state import Here, Service
+from service.http.wire.bodies import Loops, LoopShown, NewLoop, ResumeBody
+from service.http.wire.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.wire.paths import path_of
+from service.http.work.idempotency import reply
+
+router = APIRouter(route_class=JsonRoute, tags=["loops"])
+LOOPS = path_of("loops")
+
+
+def _accepted(here: Service, loop_id: str, **more: Any) -> JSONResponse:
+    document = here.loops.document(loop_id) | more
+    return reply(202, document, location=f"{LOOPS}/{loop_id}", retry_after=1)
+
+
+@router.post("/loops", operation_id="createLoop", status_code=202, response_model=LoopShown)
+def create_loop(
+    here: Here, body: NewLoop, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Check a loop (`dry_run`, the default), or go through it: that moves the robot and needs `Lease-Id`.
+
+    A campaign is measured and diagnosed; where something is ambiguous, poses that decide it are measured too; then
+    corrected targets of new poses are driven and measured. Its campaigns are runs, in `runs`.
+    """
+
+    def work() -> JSONResponse:
+        cell = here.cell
+        table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        if body.dry_run:
+            return _accepted(here, here.loops.check(cell, table, body.name))
+        here.lease.needed(lease_id)
+        here.book.need_robot()
+        campaign, _ = here.workers.call(planned, cell, table)
+
+        def begin(lease: Lease) -> str:
+            return here.loops.start(cell, campaign, body.name, body.poses, lease)
+
+        return _accepted(here, here.let_move(lease_id, begin))
+
+    return here.keys.once(idempotency_key, (LOOPS, body), work)
+
+
+@router.get("/loops", operation_id="listLoops", response_model=Loops)
+async def list_loops(here: Here) -> Response:
+    """Every loop, newest first."""
+    return await here.listed("loops", here.loops.documents)
+
+
+@router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
+async def get_loop(here: Here, loop_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A loop; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+
+    def read() -> dict[str, Any]:
+        return here.loops.document(loop_id)
+
+    document = await here.reading(f"loop {loop_id}", read)
+    if wait and document["version"] <= after and document["state"] not in {state.value for state in ENDED}:
+        await here.changed(
+            f"loop {loop_id}", lambda seconds: here.loops.wait(loop_id, after, seconds), after, wait
+        )
+        document = await here.reading(f"loop {loop_id}", read)
+    return document
+
+
+@router.post("/loops/{loop_id}/pause", operation_id="pauseLoop", status_code=202, response_model=LoopShown)
+async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
+    """The loop rests after the reading in hand; between two campaigns, after the step in hand."""
+
+    def work() -> JSONResponse:
+        here.loops.pause(loop_id, by=who(here))
+        return _accepted(here, loop_id)
+
+    return await here.order(loop_id, work)
+
+
+@router.post("/loops/{loop_id}/resume", operation_id="resumeLoop", status_code=202, response_model=LoopShown)
+def resume_loop(
+    here: Here, loop_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Go on where it was; the robot moves, so this needs `Lease-Id`. A run of a loop is resumed with its loop.
+
+    With another robot or instrument than before only by its serial number, and for a reason.
+    """
+
+    def work() -> JSONResponse:
+        here.loops.document(loop_id)
+        here.let_move(
+            lease_id, lambda lease: here.loops.resume(loop_id, lease, acceptance(body, lease.owner))
+        )
+        return _accepted(here, loop_id)
+
+    asked = (f"{LOOPS}/{loop_id}/resume", body)
+    return here.keys.once(idempotency_key, asked, work)
+
+
+@router.post("/loops/{loop_id}/stop", operation_id="stopLoop", status_code=202, response_model=LoopShown)
+async def stop_loop(here: Here, loop_id: str) -> JSONResponse:
+    """The robot halts now and the loop ends. Needs no lease. `problems`: what could not be stopped.
+
+    The answer comes when the robot has the order, which may be a moment before the loop has ended.
+    """
+
+    def work() -> JSONResponse:
+        problems = here.loops.stop(loop_id, by=who(here))
+        return _accepted(here, loop_id, problems=[problem.as_dict() for problem in problems])
+
+    return await here.order(loop_id, work)

@@ -1,0 +1,100 @@
+"""What a run asks a person, the answers, and its events as they happen."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from enum import Enum
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header
+from fastapi.responses import JSONResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+
+from acquisition import Event, Run
+from drivers.interfaces import Answer
+from drivers.operator import UnknownPrompt
+from service.http.routes.json_route import JsonRoute
+from service.http.routes.run_routes import FINAL, RUNS, who
+from service.http.state import Here
+from service.http.wire.bodies import Prompts, RunShown, WhyBody
+from service.http.wire.headers import IdempotencyKey, LeaseId
+from service.http.wire.problems import Problem
+from service.http.work.idempotency import reply
+from service.plain import finite, utc_text
+
+router = APIRouter(route_class=JsonRoute, tags=["prompts"])
+
+
+class Verb(Enum):
+    """The answers, as the last part of a path. `abort` stops the run."""
+
+    CONFIRM = "confirm"
+    SKIP = "skip"
+    REDO = "redo"
+    ABORT = "abort"
+
+
+@router.get("/runs/{run_id}/prompts", operation_id="listPrompts", response_model=Prompts)
+async def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
+    """The prompt that is open now."""
+    prompt = (await here.reading(f"run {run_id}", lambda: here.book.document(run_id)))["prompt"]
+    return {"prompts": [] if prompt is None else [prompt]}
+
+
+@router.post(
+    "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunShown
+)
+async def answer_prompt(
+    here: Here,
+    run_id: str,
+    prompt_id: str,
+    verb: Verb,
+    body: WhyBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
+) -> JSONResponse:
+    """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked.
+
+    The run goes on by leave of whoever holds the lease; who sends its `Lease-Id` is named as the one who answered.
+    """
+
+    def work() -> JSONResponse:
+        run = here.book.get(run_id)
+        try:
+            run.answer(prompt_id, Answer(verb.value), by=who(here, lease_id), reason=body.reason)
+        except UnknownPrompt as error:
+            open_now = run.status().prompt
+            more = {} if open_now is None else {"open_prompt_id": open_now["id"]}
+            raise Problem(409, f"{error.message}.", error.what_to_do, code=error.code, **more) from error
+        return reply(200, here.book.document(run_id))
+
+    path = f"{RUNS}/{run_id}/prompts/{prompt_id}/{verb.value}"
+    asked = (path, body)
+    return await here.order(run_id, lambda: here.keys.once(idempotency_key, asked, work))
+
+
+async def _run(here: Here, run_id: str) -> Run:
+    return await here.waiting(lambda: here.book.get(run_id))
+
+
+# Not in the OpenAPI document: its description of event streams makes client generators refuse the whole of it.
+@router.get("/runs/{run_id}/events", response_class=EventSourceResponse, include_in_schema=False)
+async def stream_events(
+    here: Here, run_id: str, run: Annotated[Run, Depends(_run)], last_event_id: Annotated[str, Header()] = ""
+) -> AsyncIterator[ServerSentEvent]:
+    """Every event, from the first or after Last-Event-ID; ends when nothing can happen any more."""
+    seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
+    while not here.closing:
+        events = await here.waiting(lambda after=seen: run.events(after))
+        for event in events:
+            yield ServerSentEvent(id=str(event.id), event=event.kind, data=_shown(event))
+            seen = event.id
+        if events:
+            continue
+        if (await here.waiting(run.status)).state in FINAL:
+            return
+        await here.changed(f"run {run_id}", lambda seconds, after=seen: run.wait(after, seconds), seen, 10.0)
+
+
+def _shown(event: Event) -> dict[str, Any]:
+    return finite(event.as_dict()) | {"utc": utc_text(event.utc)}

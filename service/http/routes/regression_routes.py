@@ -1,0 +1,63 @@
+"""Regressions: MLS-SVR beside the models of a data set, in sample and by waypoint, as `truepose regress` does it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+from pydantic import Field
+
+from service.http.routes.job_routes import shown
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import JobShown, OfDataset
+from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.paths import path_of
+from service.http.work.datasets import CSV
+from service.http.work.idempotency import reply
+
+router = APIRouter(route_class=JsonRoute, tags=["regressions"])
+REGRESSIONS = path_of("regressions")
+
+
+class RegressionAsked(OfDataset):
+    """A data set, and the options of `truepose regress`."""
+
+    on: Literal["residuals", "positions"] = "residuals"
+    kernel: Literal["linear", "rbf"] = "linear"
+    features: Literal["closed-form", "printed", "tool-down", "turns"] | None = None
+    level: int = Field(3, ge=2, le=3)
+    compare: bool = False
+    diagnose: bool = False
+
+
+@router.post("/regressions", operation_id="createRegression", status_code=202, response_model=JobShown)
+def create_regression(
+    here: Here, body: RegressionAsked, idempotency_key: IdempotencyKey = ""
+) -> JSONResponse:
+    """Compare MLS-SVR with identification on a data set.
+
+    The model that it is based on is saved with the regression, where that gains; its targets are at /models.
+    """
+
+    def work() -> JSONResponse:
+        dataset = here.datasets.get(body.dataset_id)
+        order = {
+            "on": body.on,
+            "kernel": body.kernel,
+            "features": body.features,
+            "level": body.level,
+            "both": body.compare,
+            "diagnosed": body.diagnose,
+        }
+        job = here.jobs.regress(dataset, here.datasets.path(body.dataset_id) / CSV, order)
+        return reply(202, job, location=f"{REGRESSIONS}/{job['id']}", retry_after=1)
+
+    return here.keys.once(idempotency_key, (REGRESSIONS, body), work)
+
+
+@router.get("/regressions/{job_id}", operation_id="getRegression", response_model=JobShown)
+async def get_regression(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A regression; with `wait`, as soon as its version is beyond `after`. Its result is that of `regress --json`."""
+    return await shown(here, "regression", job_id, wait, after)

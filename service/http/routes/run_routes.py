@@ -1,0 +1,197 @@
+"""Runs: made, looked at, paused, resumed, stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
+
+from acquisition import Lease, export_events
+from acquisition.record import Acceptance
+from service.http.routes.json_route import JsonRoute
+from service.http.runs.dry_runs import planned
+from service.http.state import Here, Service
+from service.http.wire.bodies import (
+    DatasetShown,
+    ExportBody,
+    NewRun,
+    Resume,
+    ResumeBody,
+    Runs,
+    RunShown,
+    WhyBody,
+)
+from service.http.wire.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.wire.paths import path_of
+from service.http.work.idempotency import reply
+
+router = APIRouter(route_class=JsonRoute, tags=["runs"])
+RUNS = path_of("runs")
+FINAL = ("succeeded", "failed")
+LINES = "application/x-ndjson"
+
+
+def accepted(here: Service, run_id: str, *, at_once: bool = False, **more: Any) -> JSONResponse:
+    """202 with the run as it is now, and where to look."""
+    document = here.book.document(run_id, at_once=at_once) | more
+    return reply(202, document, location=f"{RUNS}/{run_id}", retry_after=1)
+
+
+@router.post("/runs", operation_id="createRun", status_code=202, response_model=RunShown)
+def create_run(
+    here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Check a campaign (`dry_run`, the default), or measure it: that moves the robot and needs `Lease-Id`."""
+
+    def work() -> JSONResponse:
+        cell = here.cell
+        table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        if body.dry_run:
+            return accepted(here, here.book.check(cell, table, body.name))
+        here.lease.needed(lease_id)
+        here.book.need_robot()
+        plan = here.workers.call(planned, cell, table)
+
+        def begin(lease: Lease) -> str:  # asked for again: planning may take longer than the lease was held
+            return here.book.start(cell, plan, body.name, lease)
+
+        return accepted(here, here.let_move(lease_id, begin))
+
+    return here.keys.once(idempotency_key, (RUNS, body), work)
+
+
+@router.get("/runs", operation_id="listRuns", response_model=Runs)
+async def list_runs(here: Here) -> Response:
+    """Every run, newest first."""
+    return await here.listed("runs", here.book.documents)
+
+
+@router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
+async def get_run(here: Here, run_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+    """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+
+    def read() -> dict[str, Any]:
+        return here.book.document(run_id)
+
+    what = f"run {run_id}"
+    document = await here.reading(what, read)
+    if wait and document["version"] <= after and document["state"] not in FINAL and not document["dry_run"]:
+        run = await here.waiting(lambda: here.book.get(run_id))
+        await here.changed(what, lambda seconds: run.wait(after, seconds), after, wait)
+        document = await here.reading(what, read)
+    return document
+
+
+@router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunShown)
+async def pause_run(here: Here, run_id: str) -> JSONResponse:
+    """The run ends after the reading in hand; it can be resumed."""
+
+    def work() -> JSONResponse:
+        here.book.pause(run_id, by=who(here))
+        return accepted(here, run_id)
+
+    return await here.order(run_id, work)
+
+
+@router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
+def resume_run(
+    here: Here, run_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """Go on; the robot moves, so this needs `Lease-Id`.
+
+    With another robot or instrument than the record's only by its serial number, and for a reason.
+    """
+
+    def work() -> JSONResponse:
+        here.book.path(run_id)
+        here.let_move(
+            lease_id,
+            lambda lease: here.book.resume(run_id, here.cell, lease, acceptance(body, lease.owner)),
+        )
+        return accepted(here, run_id)
+
+    asked = (f"{RUNS}/{run_id}/resume", body)
+    return here.keys.once(idempotency_key, asked, work)
+
+
+@router.post(
+    "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunShown
+)
+def restation_run(
+    here: Here, run_id: str, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """The instrument is moved: the nests are measured again before the next pose, or on resuming.
+
+    A run that goes on asks first to set the instrument up; what it has measured before keeps its world frame. Pause,
+    or order this before the instrument is touched.
+    """
+
+    def work() -> JSONResponse:
+        here.book.get(run_id).restation(by=who(here, lease_id), reason=body.reason)
+        return accepted(here, run_id)
+
+    return here.keys.once(idempotency_key, (f"{RUNS}/{run_id}/restation", body), work)
+
+
+@router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunShown)
+async def stop_run(here: Here, run_id: str) -> JSONResponse:
+    """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped.
+
+    The answer comes when the robot has the order, which may be a moment before the run has ended.
+    """
+
+    def work() -> JSONResponse:
+        problems = [problem.as_dict() for problem in here.book.stop(run_id, by=who(here))]
+        return accepted(here, run_id, at_once=True, problems=problems)
+
+    return await here.order(run_id, work)
+
+
+@router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
+def export_run(
+    here: Here, run_id: str, body: ExportBody, idempotency_key: IdempotencyKey = ""
+) -> JSONResponse:
+    """The readings up to now as a data set; `with` adds runs measured later in the same cell, a follow-up say."""
+
+    def work() -> JSONResponse:
+        runs = [run_id, *body.later]
+        for each in runs:
+            here.book.get(each)  # a dry run has none
+        records = [here.book.path(each) for each in runs]
+        accepting = acceptance(body, who(here))
+        dataset = here.workers.call(here.datasets.export, records, body.name, accepting)
+        return reply(201, dataset, location=path_of("datasets", dataset["id"]))
+
+    asked = (f"{RUNS}/{run_id}/dataset", body)
+    return here.keys.once(idempotency_key, asked, work)
+
+
+@router.get(
+    "/runs/{run_id}/events.jsonl",
+    operation_id="downloadEvents",
+    response_class=PlainTextResponse,
+    responses={200: {"content": {LINES: {"schema": {"type": "string"}}}}},
+)
+def download_events(here: Here, run_id: str) -> PlainTextResponse:
+    """What has happened up to now, oldest first, one JSON object a line."""
+    here.book.get(run_id)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "events.jsonl"
+        here.workers.call(export_events, here.book.path(run_id), file)
+        return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
+
+
+def acceptance(body: Resume, by: str) -> Acceptance | None:
+    """The other device that a request accepts; None where it accepts none."""
+    return Acceptance(body.accept_other, body.reason, by) if body.accept_other.strip() else None
+
+
+def who(here: Service, lease_id: str = "") -> str:
+    """The name under which an order is recorded: the holder of the lease where its secret came too."""
+    held = here.lease.current
+    if held is None:
+        return "http"
+    return held.holder if held.proved_by(lease_id) else f"http ({held.holder} holds the lease)"

@@ -1,0 +1,34 @@
+"""Targets corrected with a model that was found: what `truepose compensate` does to a target table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import CorrectedTargets, TargetsToCorrect
+from service.http.wire.problems import Problem
+from service.http.work.corrections import corrected
+
+router = APIRouter(route_class=JsonRoute, tags=["results"])
+
+
+@router.post("/models/{job_id}/targets", operation_id="correctTargets", response_model=CorrectedTargets)
+def correct_targets(here: Here, job_id: str, body: TargetsToCorrect) -> dict[str, Any]:
+    """Correct targets, joint angles or poses, so that the real robot lands where they say.
+
+    422 where one of them cannot be corrected, unless `keep_refused`: then it stays as it was.
+    """
+    document, refused = here.workers.call(corrected, here.jobs.model_file(job_id), job_id, body.model_dump())
+    if refused and not body.keep_refused:
+        more = f" and {len(refused) - 1} more" if len(refused) > 1 else ""
+        raise Problem(
+            422,
+            f"Target '{refused[0]['target']}'{more} cannot be corrected: {refused[0]['reason']}.",
+            "Change the target, or leave such targets as they are with keep_refused.",
+            code=8111,
+            targets=refused,
+        )
+    return document

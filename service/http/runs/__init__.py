@@ -1,0 +1,1 @@
+"""Runs and closed loops: one at a time uses the robot."""

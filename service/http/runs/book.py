@@ -1,0 +1,389 @@
+"""The runs of the record directory, and the one of them that may be using the robot.
+
+    RECORD/runs/ID/record.sqlite3    a run, by `acquisition`
+    RECORD/runs/ID/dry_run.json      a campaign that was only checked
+
+One thread at a time uses the robot: that of a run, or that of a closed loop with its runs one after another.
+Nothing is executed when the book is opened: runs that were going on when the program ended come back paused.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from acquisition import (
+    Campaign,
+    Cell,
+    Devices,
+    Event,
+    Lease,
+    Run,
+    RunStatus,
+    State,
+    read_status,
+)
+from acquisition.campaign import Visit
+from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
+from acquisition.record import Acceptance
+from acquisition.run import ON_REQUEST
+from drivers.errors import AcquisitionError, LinkError, LinkLost
+from service.http.runs import dry_runs
+from service.http.runs.damage import document_of, holds_a_record, look_through, unreadable
+from service.http.runs.dry_runs import DryRuns
+from service.http.runs.execution import Execution
+from service.http.runs.forecasts import Forecasts
+from service.http.runs.run_document import run_document
+from service.http.wire.problems import Problem, not_found
+from service.http.work.workers import Workers, ending
+from service.names import new_id, safe_id
+
+# Seconds for the reading in hand when the service ends; then nothing but the move in hand is waited for
+PAUSE_S = 2.0
+REST_S = 3.0  # for that; then the robot is halted
+STOP_S = 60.0  # longer than any deadline of a device
+FINISH_S = 5.0
+SERVICE_ENDS = "The service was ended."
+MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
+
+
+class Book:
+    """Thread-safe. `open_devices`: the devices of a cell, not yet connected; `workers` make the plans.
+
+    Two locks: `_opening` is held while a record is opened, which may wait for another program that has it; `_mutex`
+    for moments only. A stop of the run that uses the robot takes neither.
+    """
+
+    def __init__(
+        self, folder: Path, open_devices: Callable[[Cell], Devices], workers: Workers, *, simulated: bool
+    ) -> None:
+        self._folder, self._open_devices, self._simulated = folder, open_devices, simulated
+        self._workers, self.foresee = workers, Forecasts(workers)
+        self._opening = threading.Lock()
+        self._mutex = threading.RLock()
+        self._closed = False
+        self._runs: dict[str, Run] = {}
+        self._errors: dict[str, AcquisitionError] = {}
+        self._dry_runs = DryRuns(folder)
+        self._damaged: dict[str, dict[str, Any]] = {}  # found so when the book was opened
+        self._execution: Execution | None = None
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in self.ids():
+            self._recover(name)
+
+    def _recover(self, name: str) -> None:
+        folder = self._folder / name
+        try:
+            if self._dry_runs.document(name) is not None:
+                return
+            look_through(folder)
+            if State(self._look(name).state).active:
+                self._runs[name] = Run.open(folder)
+        except RecordInUse:
+            return  # the command line runs it; it can be looked at
+        except AcquisitionError as error:
+            if holds_a_record(folder):
+                self._set_aside(name, error)
+        except OSError as error:
+            self._set_aside(name, unreadable(folder, error))
+
+    def _set_aside(self, name: str, error: AcquisitionError) -> dict[str, Any]:
+        """A damaged run is listed with what can be saved, and keeps nothing else from running."""
+        document = document_of(self._folder / name, error)
+        if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
+            self._damaged[name] = document  # else it may be another thing the next time
+        return document
+
+    def _look(self, name: str) -> RunStatus:
+        return read_status(self._folder / name)
+
+    def ids(self) -> list[str]:
+        """The ids of all runs, newest first."""
+        return sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
+
+    def documents(self) -> list[dict[str, Any]]:
+        """Every run, newest first; folders that hold none are left out."""
+        out = []
+        for name in self.ids():
+            try:
+                out.append(self.document(name))
+            except RecordError:
+                continue
+        return out
+
+    def document(self, name: str, *, at_once: bool = False) -> dict[str, Any]:
+        """The contract's document of a run. Raises Problem 404.
+
+        at_once: without waiting for a run that is just ending, for the answer to a stop.
+        """
+        self._known(name)
+        if name in self._damaged:
+            return self._damaged[name]
+        if not at_once:
+            self._let_finish(name)
+        with self._mutex:
+            run, error = self._runs.get(name), self._errors.get(name)
+        try:
+            if run is None and (dry := self._dry_runs.document(name)) is not None:
+                return dry
+            status = self._look(name) if run is None else run.status()
+        except StorageError as damage:  # since the service was started
+            return self._set_aside(name, damage)
+        return run_document(name, status, error=error)
+
+    def _let_finish(self, name: str) -> None:
+        """A run that has just ended its execution is shown once robot and record are free again."""
+        execution = self._execution
+        if execution is None or execution.run_id != name or not execution.begun.is_set():
+            return
+        if not execution.loop_id and not State(self._runs[name].status().state).active:
+            execution.thread.join(FINISH_S)
+
+    def get(self, name: str) -> Run:
+        """The run itself, opened where it is not. Raises Problem 404 and 409 (dry run), RecordInUse."""
+        run = self._runs.get(name)
+        return self._opened(name) if run is None else run
+
+    def _opened(self, name: str) -> Run:
+        self._known(name)
+        if self._dry_runs.document(name) is not None:
+            raise Problem(
+                409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103
+            )
+        with self._opening:
+            run = self._runs.get(name)
+            if run is None:
+                run = Run.open(self._folder / name)
+                with self._mutex:
+                    self._runs[name] = run
+            return run
+
+    def path(self, name: str) -> Path:
+        """The folder of a run's record. Raises Problem 404."""
+        self._known(name)
+        return self._folder / name
+
+    def _known(self, name: str) -> None:
+        if not safe_id(name) or not (self._folder / name).is_dir():
+            raise not_found("run", name)
+
+    # -- making and executing ----------------------------------------------------------------------------
+
+    def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
+        """A dry run: everything is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
+        own = new_id()
+        self._workers.call(dry_runs.keep, self._folder / own, cell, table, name, self._simulated)
+        return own
+
+    def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: Lease) -> str:
+        """Make a run of what was planned and let the robot move. Raises Problem 409 while another uses the robot."""
+        campaign, visits = plan
+        devices = self._open_devices(cell)
+        run_id = new_id()
+        folder, title = self._folder / run_id, name or cell.name
+        run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        try:
+            with self._mutex:
+                self.refuse_busy()
+                self._runs[run_id] = run
+                self._begin(run_id, run, devices, lease)
+        except Problem:  # another was quicker
+            run.close()
+            shutil.rmtree(folder)
+            raise
+        return run_id
+
+    def resume(self, name: str, cell: Cell, lease: Lease, accepted: Acceptance | None = None) -> None:
+        """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse.
+
+        accepted: another robot or instrument than the record's.
+        """
+        run = self.get(name)
+        if (
+            run.cell.source != cell.source
+        ):  # it has the addresses, limits and boxes of that cell, not of this one
+            raise Problem(
+                409,
+                "The run was begun with another cell file.",
+                "Start the service with the cell file of the run, or use 'truepose campaign resume'.",
+                code=8109,
+            )
+        self.need_robot()
+        devices = self._open_devices(run.cell)
+        with self._mutex:
+            self.refuse_busy()
+            status = run.status()
+            if status.simulated != self._simulated:
+                was = "simulated" if status.simulated else "real"
+                raise Problem(
+                    409,
+                    f"The run was measured on {was} devices, which this service does not use.",
+                    f"Start the service {'with' if status.simulated else 'without'} --simulate.",
+                    code=8104,
+                )
+            if status.state != State.READY.value:
+                run.resume(by=lease.owner, accepted=accepted)
+            self._begin(name, run, devices, lease)
+
+    def need_robot(self) -> None:
+        """The robot is refused while it is busy; a run that was stopped, or is just ending, is waited for."""
+        execution = self._execution
+        if execution is not None and execution.stopped:
+            execution.thread.join(FINISH_S)
+        elif execution is not None:
+            self._let_finish(execution.run_id)
+        self.refuse_busy()
+
+    def refuse_busy(self) -> None:
+        """Raises Problem 409 with the ids of the run and the loop that use the robot, 503 when the service ends."""
+        if self._closed:
+            raise ending()
+        execution = self._execution
+        if execution is not None:
+            ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
+            raise Problem(
+                409,
+                f"The robot is busy with {execution.what}.",
+                "Wait until that has ended, or stop it."
+                if execution.loop_id
+                else "Wait until that has ended, or pause or stop it.",
+                code=8105,
+                headers={"Retry-After": "5"},
+                **{name: value for name, value in ids.items() if value},
+            )
+
+    @property
+    def busy_with(self) -> str | None:
+        """The id of the run that uses the robot."""
+        execution = self._execution
+        return None if execution is None else execution.run_id or None
+
+    @property
+    def lent_to(self) -> str | None:
+        """The id of the loop that uses the robot."""
+        execution = self._execution
+        return None if execution is None else execution.loop_id or None
+
+    def _begin(self, name: str, run: Run, devices: Devices, lease: Lease) -> None:
+        def work() -> None:
+            try:
+                outcome = run.execute(devices, on_event=heard, lease=lease, foresee=self.foresee)
+                if outcome.error is not None:
+                    self._errors[name] = outcome.error
+            except AcquisitionError as error:
+                self._errors[name] = error
+            finally:
+                execution.begun.set()
+                self._execution = None
+
+        def heard(_: Event) -> None:
+            execution.begun.set()
+
+        execution = Execution(threading.Thread(target=work, name=f"run {name}"), name)
+        self._errors.pop(name, None)
+        self._execution = execution
+        execution.thread.start()
+
+    # -- for a loop --------------------------------------------------------------------------------------
+
+    def lend(self, loop_id: str, work: Callable[[], None]) -> None:
+        """Let a loop use the robot until `work`, in a thread of its own, ends. Raises Problem 409."""
+
+        def whole() -> None:
+            try:
+                work()
+            finally:
+                self._execution = None
+
+        with self._mutex:
+            self.refuse_busy()
+            # Not waited for when the program ends: between its runs a loop computes for many seconds.
+            thread = threading.Thread(target=whole, name=f"loop {loop_id}", daemon=True)
+            self._execution = Execution(thread, "", loop_id)
+            thread.start()
+
+    @contextmanager
+    def run_of_loop(
+        self, name: str, title: str, cell: Cell, plan: tuple[Campaign, list[Visit]]
+    ) -> Iterator[Run]:
+        """A run of the loop that has the robot, listed and ordered about like any other."""
+        execution = self._execution
+        assert execution is not None
+        folder, (campaign, visits) = self._folder / name, plan
+        run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        with self._mutex:
+            self._runs[name] = run  # stays open: others look at it
+            execution.begun.clear()
+            execution.run_id = name
+        try:
+            yield run
+        finally:
+            execution.run_id = ""
+
+    def begun(self) -> None:
+        """The run of the loop executes: orders reach it."""
+        execution = self._execution
+        if execution is not None:
+            execution.begun.set()
+
+    def not_begun(self) -> None:
+        """The run of the loop rests: a pause waits until it executes again."""
+        execution = self._execution
+        if execution is not None:
+            execution.begun.clear()
+
+    def join(self, seconds: float) -> bool:
+        """Wait so long for whoever uses the robot; whether it is free."""
+        execution = self._execution
+        if execution is not None:
+            execution.thread.join(seconds)
+        return self._execution is None
+
+    # -- orders to whatever runs -------------------------------------------------------------------------
+
+    def pause(self, name: str, by: str, reason: str = ON_REQUEST) -> None:
+        """The run ends after the reading in hand. Raises Problem, RecordInUse, StorageError."""
+        run, execution = self.get(name), self._execution
+        if execution is not None and execution.run_id == name:
+            execution.begun.wait(FINISH_S)  # a run that has not begun yet cannot be paused, and would go on
+        run.pause(by=by, reason=reason)
+
+    def pause_all(self, by: str, reason: str) -> None:
+        """The run that uses the robot ends after the reading in hand."""
+        if (name := self.busy_with) is not None:
+            self.pause(name, by, reason)
+
+    def stop(self, name: str, by: str) -> list[AcquisitionError]:
+        """The robot halts now and the run ends. Returns what could not be stopped. Raises Problem, RecordInUse."""
+        run, execution = self.get(name), self._execution
+        if execution is not None and execution.run_id == name:
+            execution.stopped = not execution.loop_id
+        problems = run.stop(by=by)
+        lost = self._errors.get(name)
+        if self._execution is None and isinstance(lost, LinkError):
+            problems.append(LinkLost(lost.message, device=lost.device, what_to_do=MAY_MOVE))
+        return problems
+
+    def refuse_new(self) -> None:
+        """Refuse all new work from now on: the service ends."""
+        self._closed = True
+
+    def close(self) -> None:
+        """Pause what runs, let it come to rest, after a while halt the robot; give every record up."""
+        self.refuse_new()
+        by = "service ends"
+        if (name := self.busy_with) is not None:
+            self.pause(name, by, SERVICE_ENDS)
+            if not self.join(PAUSE_S):
+                self.get(name).pause(by, reason=SERVICE_ENDS, at_once=True)
+            if not self.join(REST_S):
+                self.get(name).halt()
+                self.join(STOP_S)
+        with self._mutex:
+            for run in self._runs.values():
+                run.close()
+            self._runs.clear()

@@ -1,0 +1,62 @@
+"""Runs whose record is damaged: listed like any other, with what can be saved of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from acquisition import RunStatus, State
+from acquisition.errors import DamagedRecord, StorageError
+from acquisition.record import FILE, Salvage, Store, salvage
+from drivers.errors import AcquisitionError
+from service.http.runs.run_document import run_document
+from service.wording import counted
+
+# Largest size of a file that is looked through while the service starts; a night has some 20 MB
+MOST_BYTES = 256 * 1024 * 1024
+
+
+def holds_a_record(folder: Path) -> bool:
+    """Whether there is a file of a record, whatever is in it; also where nobody may look."""
+    try:
+        return (folder / FILE).exists()
+    except OSError:
+        return True
+
+
+def look_through(folder: Path) -> None:
+    """Every row of a record is what it was. Raises RecordError, StorageError, DamagedRecord."""
+    with Store.reading(folder):
+        pass
+
+
+def unreadable(folder: Path, error: Exception) -> DamagedRecord:
+    """The error of a folder, or of a dry run in it, that cannot be read."""
+    return DamagedRecord(f"{folder}: cannot be read ({error})")
+
+
+def document_of(folder: Path, error: AcquisitionError) -> dict[str, Any]:
+    """The document of a damaged run. It has failed: nothing can be done with it but a rescue."""
+    saved, measured, name = 0, 0, folder.name
+    large = False
+    try:
+        large = (folder / FILE).stat().st_size > MOST_BYTES
+        found = Salvage(None) if large else salvage(folder)
+    except (StorageError, OSError):
+        pass  # `error` says why
+    else:
+        saved, measured = len(found.readings), found.measured
+        name = folder.name if found.campaign is None else found.campaign["name"]
+    can = "" if large else f"{saved} of {counted(measured, 'reading')} can be saved. "
+    reason = f"{error.message}. {can}{error.what_to_do}"
+    status = RunStatus(
+        id=folder.name,
+        name=name,
+        state=State.FAILED.value,
+        state_code=State.FAILED.code,
+        reason=reason,
+        version=1,
+        done=saved,
+        total=measured,
+    )
+    return run_document(folder.name, status, error=error) | {"damaged": True}

@@ -1,0 +1,74 @@
+"""Campaigns that were only checked: `RECORD/runs/ID/dry_run.json`, a run that is over before anything has moved.
+
+Planning takes seconds to minutes: what plans here is called in a worker process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from acquisition import Campaign, Cell, RunStatus, State, checked_plan
+from acquisition.campaign import Visit
+from calib.errors import DataError
+from calib.text import read_json, replace_file
+from service.files import as_json
+from service.http.runs.damage import unreadable
+from service.http.runs.run_document import run_document
+from service.http.work.campaigns import campaign_of
+from service.wording import counted
+
+FILE = "dry_run.json"
+
+
+def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]]:
+    """The campaign in the body of a request, and its plan. Raises ConfigError, UnsafePlan."""
+    campaign = campaign_of(table)
+    return campaign, checked_plan(cell, campaign)
+
+
+def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
+    """How many visits and readings of poses a campaign has. Raises ConfigError, UnsafePlan."""
+    _, visits = planned(cell, table)
+    return len(visits), sum(len(visit.targets) for visit in visits if visit.counted)
+
+
+def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulated: bool) -> None:
+    """Check a campaign and write what came of it into a new folder. Raises ConfigError, UnsafePlan."""
+    visits, total = readings_of(cell, table)
+    folder.mkdir()
+    done = State.SUCCEEDED
+    status = RunStatus(
+        id=folder.name,
+        name=name or cell.name,
+        state=done.value,
+        state_code=done.code,
+        reason=f"Checked only: {counted(visits, 'visit')}, {counted(total, 'reading')}; nothing has moved.",
+        version=1,
+        done=0,
+        total=total,
+        simulated=simulated,
+    )
+    document = run_document(folder.name, status, dry_run=True)
+    replace_file(folder / FILE, as_json(document))
+
+
+class DryRuns:
+    """The dry runs among the runs of a folder. Each is read once: nothing happens to it any more."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def document(self, name: str) -> dict[str, Any] | None:
+        """The document of a dry run; None where the run is another one. Raises DamagedRecord."""
+        if name not in self._known:
+            folder = self._folder / name
+            try:
+                if not (folder / FILE).is_file():
+                    return None
+                self._known[name] = read_json(folder / FILE)
+            except (OSError, DataError) as error:
+                raise unreadable(folder, error) from error
+        return self._known[name]

@@ -1,0 +1,228 @@
+"""A closed loop that goes on: what it has come to, and the orders that it obeys between and within its runs.
+
+It lives in one thread, which has the robot until it ends (`Book.lend`): while the loop computes its robot is at rest,
+and nothing else may move it. What takes long is computed in a worker process of its own, which ends with the loop.
+
+While it is paused it keeps what it knows and its clock, and goes on where it was. It does not outlive the service:
+the runs do, the loop is begun anew.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from acquisition import Campaign, Cell, Devices, Event, Lease, Outcome, Run, ScaledClock, State, checked_plan
+from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say, close_loop, diagnosed
+from acquisition.record import Acceptance
+from acquisition.run import ON_REQUEST
+from calib.diagnose import Diagnosis
+from calib.text import replace_file
+from drivers.errors import AcquisitionError
+from service.files import as_json
+from service.http.runs.book import SERVICE_ENDS, Book
+from service.http.runs.loop_status import LoopStatus
+from service.http.wire import problems
+from service.http.wire.problems import Problem
+from service.http.work.workers import Workers
+from service.refusals import REFUSALS
+
+ABOUT = "loop.json"
+FAULT = "A fault of this program has ended the loop; its runs are kept."
+STOPPED = "Stopped on request."
+
+
+class LoopWork:
+    """Thread-safe, but for `__call__`. `done`: what to do with the result; it returns the id of the data set."""
+
+    def __init__(
+        self,
+        folder: Path,
+        status: LoopStatus,
+        book: Book,
+        cell: Cell,
+        devices: Devices,
+        lease: Lease,
+        done: Callable[[Compute, LoopResult], str],
+    ) -> None:
+        self._folder, self._book, self._lease, self._done = folder, book, lease, done
+        self._worker = Workers(1, waiting=0)
+        self._changed = threading.Condition()  # never held while a run is asked or ordered anything
+        self._status = status
+        self._run: Run | None = None
+        self._pausing = ""  # why
+        self._ending = ""
+        self._accepted: Acceptance | None = None  # by whoever resumed it last
+        self._simulated = status.simulated
+        self._equipment = Equipment(
+            cell,
+            devices,
+            ScaledClock(cell.time_scale if self._simulated else 1.0),
+            self._simulated,
+            listen=self._listen,
+            lease=lambda: self._lease,
+            create=self._create,
+            resumed=self._resumed,
+            compute=self._compute,
+            diagnose=self._diagnose,
+            foresee=book.foresee,
+        )
+        self._tell()
+
+    # -- in the thread of the loop ------------------------------------------------------------------------
+
+    def __call__(self, campaign: Campaign, poses: int) -> None:
+        """Run the whole loop; its status says how it ended."""
+        state, reason, dataset_id = State.FAILED, FAULT, None
+        problem: dict[str, Any] | None = None
+        try:
+            result = close_loop(self._equipment, campaign, self._folder, poses=poses, say=self._say)
+            dataset_id = self._done(self._compute, result)
+            state, reason = State.SUCCEEDED, ""
+        except LoopEnded as ended:
+            stopped = ended.outcome.state is State.STOPPED
+            state, reason = State.STOPPED if stopped else State.FAILED, str(ended)
+        except REFUSALS as error:
+            problem = problems.of_error(error)
+            reason = problem["detail"]
+        except Problem as refusal:
+            problem = problems.document(refusal.status_code, refusal.detail, refusal.do, refusal.code)
+            reason = refusal.detail
+        finally:
+            self._worker.close()
+            if self._ending == STOPPED and state is State.FAILED:  # stopped before it had begun to move
+                state, reason, problem = State.STOPPED, STOPPED, None
+            problem = problem or self._status.problem  # for which it rested
+            self._tell(run_id=None, state=state, reason=reason, problem=problem, dataset_id=dataset_id)
+
+    def _say(self, step: str) -> None:
+        self._checkpoint()
+        self._tell(step=step, steps=(*self._status.steps, step))
+
+    def _compute(self, function: Callable[..., Any], *args: Any) -> Any:
+        """The function's value, computed in the worker process. Raises LoopEnded when the loop ends meanwhile."""
+        self._checkpoint()
+        try:
+            return self._worker.call(function, *args)
+        except Problem:
+            self._checkpoint()
+            raise
+
+    def _diagnose(self, data: Path, say: Say) -> Diagnosis:
+        say("diagnosis: which effects explain the readings")
+        return self._compute(diagnosed, data)
+
+    def _checkpoint(self) -> None:
+        """A point where nothing moves: wait while paused. Raises LoopEnded when the loop is to end."""
+        if self._pausing and not self._ending:
+            self._rest(self._pausing)
+        if self._ending:
+            raise LoopEnded(Outcome(State.STOPPED if self._ending == STOPPED else State.PAUSED, self._ending))
+
+    def _rest(self, reason: str, error: AcquisitionError | None = None) -> str | None:
+        """Wait for somebody to say go on: who it was; None when the loop is to end. error: what it rests for."""
+        problem = None if error is None else problems.of_error(error)
+        with self._changed:
+            self._pausing = self._pausing or reason
+            self._tell(state=State.PAUSED, reason=reason, problem=problem)
+            self._changed.wait_for(lambda: self._ending or not self._pausing)
+            if self._ending:
+                return None
+            self._tell(state=State.RUNNING, reason="", problem=None)
+            return self._lease.owner
+
+    def _resumed(self, run: Run, outcome: Outcome) -> bool:
+        self._book.not_begun()
+        by = self._rest(outcome.reason, outcome.error)
+        if by is not None:
+            run.resume(by=by, accepted=self._accepted)
+        return by is not None
+
+    @contextmanager
+    def _create(self, record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Iterator[Run]:
+        name = f"{self._status.id}-{record.name.replace('_', '-')}"
+        title = f"{self._status.name}, {record.name.replace('_', ' ')}"
+        visits = self._compute(checked_plan, cell, campaign)
+        with self._book.run_of_loop(name, title, cell, (campaign, visits)) as run:
+            self._run = run
+            self._tell(run_id=name, runs=(*self._status.runs, name))
+            try:
+                self._checkpoint()  # an order that came meanwhile has seen no run
+                yield run
+            finally:
+                self._run = None
+                self._tell(run_id=None)
+
+    def _listen(self, run: Run) -> Callable[[Event], None]:
+        def hear(_: Event) -> None:
+            self._book.begun()
+            with self._changed:
+                self._status = replace(self._status, version=self._status.version + 1)
+                self._changed.notify_all()
+
+        return hear
+
+    def _tell(self, **changes: Any) -> None:
+        with self._changed:
+            self._status = replace(self._status, version=self._status.version + 1, **changes)
+            replace_file(self._folder / ABOUT, as_json(self._status.as_dict()))
+            self._changed.notify_all()
+
+    # -- from any thread ----------------------------------------------------------------------------------
+
+    @property
+    def document(self) -> dict[str, Any]:
+        with self._changed:
+            return self._status.as_dict()
+
+    def wait(self, after: int, seconds: float) -> int:
+        """The version, waiting up to so many seconds for one beyond `after`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._status.version > after, seconds)
+            return self._status.version
+
+    def pause(self, by: str, reason: str = ON_REQUEST) -> None:
+        """Rest after the reading in hand, or after the step in hand where nothing moves."""
+        with self._changed:
+            self._pausing = self._pausing or reason
+            resting = self._status.state is State.PAUSED
+        if not resting:
+            self._book.pause_all(by, reason)
+
+    def resume(self, lease: Lease, accepted: Acceptance | None = None) -> None:
+        """Go on, by leave of whoever has the lease. Raises Problem 409 where the loop is not paused.
+
+        accepted: another robot or instrument than that of the loop's first campaign.
+        """
+        with self._changed:
+            if self._status.state is not State.PAUSED:
+                raise Problem(
+                    409,
+                    f"The loop is {self._status.state.value}; only a paused one can be resumed.",
+                    "Look at its state; begin a new loop where it has ended.",
+                    code=3104,
+                )
+            self._lease, self._accepted, self._pausing = lease, accepted, ""
+            self._changed.notify_all()
+
+    def stop(self, by: str) -> list[AcquisitionError]:
+        """Halt the robot now and end the loop. Returns what could not be stopped."""
+        self._ending = STOPPED
+        run = self._run
+        unheard = [] if run is None else run.stop(by=by)
+        self._end(STOPPED)
+        return unheard
+
+    def close(self) -> None:
+        """The service ends, and the loop with it; the run in hand is paused by the book."""
+        self._end(SERVICE_ENDS)
+
+    def _end(self, why: str) -> None:
+        with self._changed:
+            self._ending = self._ending or why
+            self._changed.notify_all()
+        self._worker.close()

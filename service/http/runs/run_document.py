@@ -1,0 +1,17 @@
+"""The document of a run, whatever has become of it: measured, only checked, or damaged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from acquisition import RunStatus
+from drivers.errors import AcquisitionError
+from service.plain import finite
+
+
+def run_document(
+    run_id: str, status: RunStatus, *, dry_run: bool = False, error: AcquisitionError | None = None
+) -> dict[str, Any]:
+    """The members of `RunShown`. run_id: by which the service knows it; error: why it ended, or cannot be read."""
+    shown = None if error is None else error.as_dict()
+    return finite(status.as_dict()) | {"id": run_id, "dry_run": dry_run, "error": shown}

@@ -1,0 +1,1 @@
+"""The messages over HTTP: bodies, headers, paths and problems."""

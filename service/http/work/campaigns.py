@@ -1,0 +1,80 @@
+"""Campaigns that were sent: checked, and kept as `RECORD/campaigns/ID.json`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from acquisition import Campaign, campaign_from
+from calib.text import replace_file
+from drivers.errors import ConfigError
+from service.files import as_json
+from service.http.wire.bodies import CampaignShown
+from service.http.wire.problems import not_found
+from service.http.work.kept import read_kept, readable
+from service.names import new_id, safe_id
+from service.plain import utc_text
+
+MOST_POSES = 5_000  # a plan is made before the answer; a night has some hundreds
+
+
+def campaign_of(table: Mapping[str, Any]) -> Campaign:
+    """A campaign from the body of a request. Raises ConfigError."""
+    refuse_untold(table, "campaign")
+    count = 0
+    for block in table.get("block", ()) if isinstance(table.get("block"), list) else ():
+        if not isinstance(block, Mapping):
+            continue
+        if block.get("select") == "file":
+            raise ConfigError("campaign, key 'block': select = 'file' reads files of the server; send a list")
+        count += block["count"] if isinstance(block.get("count"), int) else 0
+    if count > MOST_POSES:
+        raise ConfigError(f"campaign, key 'block': has {count} poses, at most {MOST_POSES} are taken")
+    return campaign_from(table, "campaign")
+
+
+def refuse_untold(value: object, where: str) -> None:
+    """JSON can say null and half a letter; a file and a record cannot. Raises ConfigError."""
+    if value is None:
+        raise ConfigError(f"key '{where}' is null: leave it out")
+    if isinstance(value, str):
+        try:
+            value.encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise ConfigError(f"key '{where}' is not valid text") from error
+    elif isinstance(value, Mapping):
+        for key, each in value.items():
+            refuse_untold(key, where)
+            refuse_untold(each, f"{where}.{key}")
+    elif isinstance(value, list):
+        for i, each in enumerate(value):
+            refuse_untold(each, f"{where}[{i}]")
+
+
+class Shelf:
+    """The campaigns of one record directory."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def put(self, table: Mapping[str, Any], name: str) -> dict[str, Any]:
+        """Keep a campaign. Raises ConfigError."""
+        campaign_of(table)
+        own = new_id()
+        document = {"id": own, "name": name, "created_utc": utc_text(time.time()), "campaign": dict(table)}
+        replace_file(self._folder / f"{own}.json", as_json(document))
+        return document
+
+    def get(self, name: str) -> dict[str, Any]:
+        """Raises Problem 404."""
+        file = self._folder / f"{name}.json"
+        if not safe_id(name) or not file.is_file():
+            raise not_found("campaign", name)
+        return read_kept(file, CampaignShown)
+
+    def all(self) -> list[dict[str, Any]]:
+        """All campaigns, newest first."""
+        return readable((file.stem for file in sorted(self._folder.glob("*.json"), reverse=True)), self.get)

@@ -1,0 +1,86 @@
+"""Data sets: uploaded, or exported from a run; `RECORD/datasets/ID/data.csv`, `data.toml`, `about.json`."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import acquisition
+from acquisition import read_status
+from acquisition.record import Acceptance, export_together
+from calib.errors import DataError
+from calib.text import decoded, parse_toml
+from service.http.wire.bodies import DatasetShown
+from service.http.wire.problems import not_found
+from service.http.work.kept import read_kept, readable
+from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset
+from service.names import safe_id
+
+
+class Datasets:
+    """The data sets of one record directory."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def upload(self, table: bytes, header: bytes, name: str) -> dict[str, Any]:
+        """Keep a data set. Raises DataError naming line or key."""
+        _refuse_paths(header)
+
+        def write(folder: Path) -> None:
+            (folder / CSV).write_bytes(table)
+            (folder / TOML).write_bytes(header)
+
+        return keep_dataset(self._folder, write, name or "upload")
+
+    def keep(self, data: Path, name: str) -> dict[str, Any]:
+        """A copy of a data set that this program has made."""
+
+        def write(folder: Path) -> None:
+            shutil.copyfile(data, folder / CSV)
+            shutil.copyfile(data.with_suffix(".toml"), folder / TOML)
+
+        return keep_dataset(self._folder, write, name)
+
+    def export(
+        self, records: Sequence[Path], name: str, accepted: Acceptance | None = None
+    ) -> dict[str, Any]:
+        """The readings of a run up to now, with those of later runs in the same cell as one data set.
+
+        accepted: another robot than that of the first run. Raises RecordError where there are none, or where they were
+        measured in different cells, OtherIndividual.
+        """
+        first, *later = records
+
+        def write(folder: Path) -> None:
+            if later:
+                export_together(records, folder / CSV, accepted)
+            else:
+                acquisition.export(first, folder / CSV)
+
+        return keep_dataset(self._folder, write, name or read_status(first).name, run_id=first.name)
+
+    def get(self, name: str) -> dict[str, Any]:
+        """Raises Problem 404."""
+        return read_kept(self.path(name) / ABOUT, DatasetShown)
+
+    def path(self, name: str) -> Path:
+        """The folder of a data set. Raises Problem 404."""
+        if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
+            raise not_found("dataset", name)
+        return self._folder / name
+
+    def all(self) -> list[dict[str, Any]]:
+        """All data sets, newest first."""
+        names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
+        return readable(names, self.get)
+
+
+def _refuse_paths(header: bytes) -> None:
+    """A robot given as a path would be looked for among the server's files; built-in ones have names."""
+    robot = parse_toml(decoded(header, TOML), TOML).get("robot", "")
+    if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
+        raise DataError("names a file of the server.", do="Name a built-in robot.", file=TOML, key="robot")

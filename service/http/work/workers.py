@@ -1,0 +1,154 @@
+"""Worker processes: what computes for long is done in them, so that nothing holds up the thread that stops a robot.
+
+Planning, dry runs, checks of uploads, exports, corrections and fits are pure computations of seconds to minutes. In
+threads of this process they would share one interpreter lock with the orders to the robot.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, TypeVar, TypeVarTuple
+
+from service.http.wire.problems import Problem
+
+MOST_S = 900.0  # of one call
+_T = TypeVar("_T")
+_Ts = TypeVarTuple("_Ts")
+
+
+class WorkerDied(RuntimeError):
+    """A worker ended in mid-call: a fault of this program, or somebody ended the process."""
+
+
+class Workers:
+    """A pool of at most `most` processes, started when they are needed and kept. Thread-safe.
+
+    waiting: how many calls may wait for a free one; more are refused.
+    """
+
+    def __init__(self, most: int, *, waiting: int) -> None:
+        self._most, self._most_waiting = most, waiting
+        self._changed = threading.Condition()
+        self._idle: list[_Worker] = []
+        self._busy: set[_Worker] = set()
+        self._waiting = 0
+        self._closed = False
+
+    def call(self, function: Callable[[*_Ts], _T], *args: *_Ts) -> _T:
+        """The result of the function, one of a module, in a worker. Blocks.
+
+        Raises what the function raises of DataError and AcquisitionError, Problem 503 when too many calls wait, the
+        time is over or the service ends, WorkerDied.
+        """
+        with self._hired() as worker:
+            return worker.do(function, args)
+
+    @contextmanager
+    def _hired(self) -> Iterator[_Worker]:
+        worker = self._hire()
+        try:
+            yield worker
+        finally:
+            with self._changed:
+                self._busy.discard(worker)
+                if worker.alive and not self._closed:
+                    self._idle.append(worker)
+                else:
+                    worker.end()
+                self._changed.notify_all()
+
+    def _hire(self) -> _Worker:
+        with self._changed:
+            if len(self._busy) >= self._most and self._waiting >= self._most_waiting:
+                raise Problem(
+                    503,
+                    "Too much is being computed already; this was not begun.",
+                    "Ask again in a while.",
+                    code=8120,
+                    headers={"Retry-After": "5"},
+                )
+            self._waiting += 1
+            try:
+                self._changed.wait_for(lambda: self._closed or len(self._busy) < self._most)
+            finally:
+                self._waiting -= 1
+            if self._closed:
+                raise ending()
+            worker = self._idle.pop() if self._idle else _Worker()
+            self._busy.add(worker)
+            return worker
+
+    def close(self) -> None:
+        """End every worker now; calls under way are refused."""
+        with self._changed:
+            self._closed = True
+            for worker in self._busy:
+                worker.kill(ending())  # closed by the thread that uses it
+            for worker in self._idle:
+                worker.end()
+            self._idle.clear()
+            self._changed.notify_all()
+
+
+class _Worker:
+    """One process and the conversation with it."""
+
+    def __init__(self) -> None:
+        # One thread of the linear algebra library: see service.cli.
+        threads = {name: os.environ.get(name, "1") for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")}
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "service.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | threads,
+            start_new_session=True,  # Ctrl-C at the terminal is for the service
+        )
+        self._killed: Problem | None = None  # why
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def do(self, function: Callable[..., _T], args: tuple[Any, ...]) -> _T:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        late = Problem(503, f"This took longer than {MOST_S:g} s.", "Ask for less at once.", code=8121)
+        impatience = threading.Timer(MOST_S, self.kill, (late,))
+        impatience.start()
+        try:
+            self._process.stdin.write(pickle.dumps((function, args)))
+            self._process.stdin.flush()
+            result, refusal = pickle.load(self._process.stdout)
+        except (EOFError, pickle.UnpicklingError, OSError) as error:  # it ended, perhaps in mid-answer
+            self._process.kill()
+            self._process.wait()
+            raise self._killed or WorkerDied("a worker process ended in mid-call") from error
+        finally:
+            impatience.cancel()
+        if refusal is not None:
+            raise refusal
+        return result
+
+    def kill(self, why: Problem) -> None:
+        """The process ends, from any thread; a call under way is refused with `why`."""
+        self._killed = why
+        self._process.kill()
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            assert stream is not None
+            with suppress(OSError):  # what it did not receive any more
+                stream.close()
+
+
+def ending() -> Problem:
+    """The refusal of what comes while the service ends."""
+    return Problem(503, "The service is being ended.", "Ask again when it runs again.", code=8122)

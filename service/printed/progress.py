@@ -1,0 +1,98 @@
+"""A campaign as it is seen at a terminal: how far, how long still, and what a person is asked."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from acquisition import Event, Run, RunStatus
+from drivers.operator import TerminalOperator
+from service.printed.terminal import Terminal, duration
+from service.wording import counted
+
+LINES = 20  # of progress in a log, where nobody wants one a reading
+_TOLD = {
+    "warm_up": "warming up",
+    "warming_up": "warming up: measuring the reference pose again",
+    "warm": "the arm is warm",
+    "nests_checked": "the nests were checked",
+    "restation": "the instrument is moved: its nests come before the next pose",
+    "reconnect": "connection lost, connecting again",
+    "nests_again": "measuring the nests again",
+    "second_stage": "stage 1 is calibrated (stage1.json in the record): what was out of stroke comes again",
+    "instrument_moved": "the instrument has moved: the nests give its new place",
+}
+
+
+class Progress:
+    """Hears the events of a run. `prompt`: what was asked last."""
+
+    def __init__(self, run: Run, terminal: Terminal) -> None:
+        self._run, self._terminal = run, terminal
+        self._told = -1
+        self.prompt: str | None = None
+
+    def __call__(self, event: Event) -> None:
+        if event.kind == "prompt":
+            self.prompt = event.data["text"]
+            self._terminal.rest()  # the spinner would write over the question
+        elif event.kind == "answer":
+            self._terminal.begin("measuring")
+        elif event.kind == "connected":
+            if not event.data["can_stop"] and event.data["role"] == "robot":
+                self._terminal.note("This robot cannot be stopped by the program: keep a hand at its button.")
+            if event.data["weakness"]:
+                self._terminal.note(f"The {event.data['role']} is not protected: {event.data['weakness']}.")
+        elif event.kind == "battery_low":
+            self._terminal.note(
+                f"The battery of the ballbar has {event.data['percent']:.0f} %: change it soon."
+            )
+        elif event.kind == "nest_doubted":
+            self._terminal.note(event.data["text"])
+        elif event.kind == "command" and event.data["verb"] == "pause":
+            self._terminal.note("Pausing after the reading in hand. Ctrl-C once more stops the robot now.")
+        elif event.kind == "reading" and event.data["set"] == "nest":
+            self._terminal.say(f"nest {event.data['target']} measured")
+        elif event.kind == "waypoint":
+            self._tell_path(event.data)
+        elif event.kind in ("reading", "skipped"):
+            self._tell(self._run.status())
+        elif event.kind in _TOLD:
+            self._terminal.say(_TOLD[event.kind])
+
+    def _tell(self, status: RunStatus) -> None:
+        step = status.done * LINES // max(status.total, 1)
+        if self._terminal.live or step != self._told:
+            self._told = step
+            drift = "" if status.drift is None else f", drift {status.drift['off_mm']:.3f} mm"
+            done = f"{status.done} of {counted(status.total, 'reading')}"
+            self._terminal.say(f"{done}{_left(status.seconds_left)}{drift}")
+
+    def _tell_path(self, path: Mapping[str, Any]) -> None:
+        lost = path["lost"]
+        samples = ", ".join(
+            f"{role} {count:,}" + (f" ({lost[role]:,} lost)" if lost[role] else "")
+            for role, count in path["samples"].items()
+        )
+        left = _left(self._run.status().seconds_left)
+        self._terminal.say(f"waypoint {path['waypoint']} of {path['of']}, samples: {samples}{left}")
+
+
+def _left(seconds: float | None) -> str:
+    return "" if seconds is None else f", {duration(seconds)} left"
+
+
+@contextmanager
+def terminal_operator() -> Iterator[TerminalOperator]:
+    """A person at this terminal; without one, asking raises NoOperator.
+
+    It reads through a file object of its own. A thread that still waits for a line when the program ends would
+    otherwise hold the lock of `sys.stdin`, which makes the interpreter abort while it shuts down.
+    """
+    if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
+        yield TerminalOperator()
+        return
+    yield TerminalOperator(reader=os.fdopen(os.dup(sys.stdin.fileno()), encoding="utf-8", errors="replace"))

@@ -1,0 +1,49 @@
+"""The output of `regress` on a terminal: the table of errors, and what it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from calib.comparison import Comparison, mae, rmse
+from service.results.regression_document import UM, waypoints
+
+COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")
+
+
+def rows(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
+    """Name, "in sample" or "by waypoint", and eight figures in um of every predictor."""
+    for scored in comparison.scored:
+        for kind, errors in (("in sample", scored.in_sample), ("by waypoint", scored.by_waypoint)):
+            figures = [*mae(errors), *rmse(errors)]
+            yield scored.predictor.name, kind, [f"{UM * value:.1f}" for value in figures]
+
+
+def shown(comparison: Comparison, findings: list[str]) -> Iterator[RenderableType]:
+    """The table and the sentences below it."""
+    table = Table(
+        title=f"Error of {len(comparison.rows)} samples at {waypoints(comparison)} waypoints, um",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+    )
+    for i, name in enumerate(("", "judged", *COLUMNS)):
+        table.add_column(name, justify="left" if i < 2 else "right", overflow="fold")
+    last = ""
+    for name, kind, figures in rows(comparison):
+        table.add_row(
+            "" if name == last else name, kind, *figures, style="" if kind == "by waypoint" else "dim"
+        )
+        last = name
+    yield table
+    yield Text(
+        "By waypoint: whole waypoints left out in five parts, everything fitted and chosen again with the rest.",
+        "dim",
+    )
+    for finding in findings:
+        yield Text(finding)

@@ -1,0 +1,242 @@
+"""Results as tables for people on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
+from calib.effects import check_of
+from calib.fit import ErrorStatistics, Identification, LeftOut
+from calib.fit import left_out as rows_left_out
+from service import wording
+from service.results import positions
+from service.results.acceptance import NAMES, RULE, Acceptance
+from service.results.parameters import Row, rows_of
+from service.results.patched import Patched
+
+_SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
+_LEFT_OUT = 20  # readings left out that are listed on a terminal
+_CHECKS = 6  # effects for which the terminal says what to check
+
+
+def grid(title: str, *columns: str, left: int = 1) -> Table:
+    """A table whose first `left` columns hold text and whose others hold numbers."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="left" if i < left else "right", overflow="fold")
+    return table
+
+
+def diagnosis(
+    result: Diagnosis, carried: CarryOver | None, patched: Patched | None
+) -> Iterable[RenderableType]:
+    """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen, what to do."""
+    yield Text.assemble(
+        (f"{wording.VERDICT_NAMES[result.verdict]}. ", "bold"), wording.verdict_in_words(result)
+    )
+    if result.effects:
+        yield effects(result.effects)
+        yield checks(result.effects)
+    if result.follow_up is not None:
+        yield follow_up(result.follow_up)
+    yield errors(
+        {
+            "nominal robot, placed": result.error_nominal,
+            "identified base model": result.error_before,
+            "with the effects found": result.error_after,
+        },
+        result.dataset.header.holdout,
+        wording.error_kind(result.dataset),
+    )
+    yield offsets(result.final)
+    if carried is not None:
+        yield errors(
+            {
+                "its own base model": carried.base,
+                "effects frozen as found": carried.frozen,
+                "amplitudes fitted anew": carried.refitted,
+            },
+            f"carried over to {carried.name}, another series",
+        )
+        yield Text(carried.finding)
+    if patched is not None:
+        yield patch(patched)
+    yield left_out(rows_left_out(result.dataset, result.final))
+    yield warnings(
+        [
+            *(wording.structure_in_words(s) for s in result.structure[:4]),
+            *wording.grouped(result.final.warnings, most=6),
+            *result.notes,
+        ]
+    )
+
+
+def effects(found: Sequence[Found]) -> RenderableType:
+    """Every effect with amplitude, uncertainty, share and rivals, strongest first, by group where there are many."""
+    table = grid("Effects found", "effect", "amplitude ± U (k = 2)", "unit", "explains", "rivals")
+    table.columns[2].justify = "left"
+    table.columns[4].justify = "left"
+    for group, members in wording.by_group(found[:_SHOWN]):
+        if group:
+            table.add_section()
+            table.add_row(Text(group, "dim"))
+        for effect in members:
+            value, uncertainty, unit = wording.amplitude(effect)
+            rivals = ", ".join(f"{label} {w:.0%}" for label, w in wording.rivals_of(effect)[:3]) or "none"
+            at = "" if effect.index is None else f" (from reading {effect.index})"
+            table.add_row(
+                effect.effect.label + at,
+                f"{value} ± {uncertainty}",
+                unit,
+                f"{effect.evidence.explained_variance:.1%}",
+                rivals,
+            )
+    if len(found) <= _SHOWN:
+        return table
+    return Group(
+        table, Text(f"… and {len(found) - _SHOWN} weaker ones; --json and --report list all.", "dim")
+    )
+
+
+def checks(found: Sequence[Found]) -> RenderableType:
+    """What a technician should check for the strongest effects."""
+    table = grid("What to check", "effect", "check", left=2)
+    for effect in found[:_CHECKS]:
+        table.add_row(effect.effect.label, check_of(effect.effect.label))
+    return table
+
+
+def follow_up(planned: FollowUp) -> RenderableType:
+    """What to measure next: for each pair of rivals how far apart the poses bring it, and what no pose can do."""
+    title = f"What {wording.counted(len(planned.joints), 'follow-up pose')} would distinguish"
+    table = grid(title, "effect", "from its rival", "expected squared distance", left=2)
+    for (label, rival), square in planned.separations.items():
+        table.add_row(label, rival, f"{square:.0f}")
+    settles = Text(f"In units of the noise; {SEPARATES:g} settles a pair.", "dim")
+    return Group(table, settles, *(Text(advice) for advice in planned.procedures))
+
+
+def left_out(rows: Sequence[LeftOut]) -> RenderableType:
+    """The readings that the fit left out, worst first, with their poses; nothing at all where there are none."""
+    if not rows:
+        return Text("")
+    table = grid(
+        f"Readings left out ({len(rows)})",
+        "reading",
+        "target",
+        "joints, deg",
+        "error, mm",
+        "times the noise",
+        left=3,
+    )
+    for row in rows[:_LEFT_OUT]:
+        joints = " ".join(f"{angle:.1f}" for angle in row.joints_deg)
+        table.add_row(
+            row.reading_id, row.target, joints, wording.millimetres(row.error_mm), f"{row.times_noise:.0f}"
+        )
+    if len(rows) <= _LEFT_OUT:
+        return table
+    return Group(table, Text(f"… and {len(rows) - _LEFT_OUT} more; --json and --report list all.", "dim"))
+
+
+def patch(patched: Patched) -> RenderableType:
+    """What a smooth map of the residual would gain, apart from everything that has a cause."""
+    table = errors({"without the patch": patched.without, "with the patch": patched.with_it}, "as above")
+    return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
+
+
+def errors(
+    rows: Mapping[str, ErrorStatistics | None], holdout: str, kind: str = wording.POSITION_ERROR
+) -> RenderableType:
+    """Errors on validation rows, with the kind of hold-out named."""
+    known = {name: e for name, e in rows.items() if e is not None}
+    if not known:
+        return Text(
+            "No measured validation rows: nothing here was judged on readings that took no part.", "yellow"
+        )
+    table = grid(f"{kind} on held-out readings, mm", "model", "n", "mean", "RMS", "95 %", "max")
+    for name, e in known.items():
+        table.add_row(name, str(e.n), *(wording.millimetres(x) for x in (e.mean, e.rms, e.p95, e.max)))
+    return Group(table, Text(f"Hold-out: {wording.holdout_in_words(holdout)}.", "dim"))
+
+
+def acceptance(found: Acceptance | None) -> RenderableType:
+    """The verdict on limits with its rule; nothing where none were given."""
+    if found is None:
+        return Text("")
+    table = grid(
+        f"Acceptance: {NAMES[found.verdict]}", "figure", "value, mm", "U, mm", "limit, mm", "verdict"
+    )
+    for each in found.criteria:
+        table.add_row(each.name, *each.shown, f"{each.limit:g}", NAMES[each.verdict])
+    by = "; ".join(f"{each.name}: {each.basis}" for each in found.criteria)
+    return Group(table, Text(f"{RULE} U by: {by}.", "dim"))
+
+
+def parameters(found: Identification) -> RenderableType:
+    """Every parameter with its change from nominal and standard error; dropped ones with their reason."""
+    table = grid("Parameters", "parameter", "nominal", "identified", "change", "std. error", "unit")
+    table.columns[5].justify = "left"
+    for row in rows_of(found):
+        table.add_row(*_cells(row))
+    return table
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    nominal = "" if row.nominal is None else f"{row.nominal:.4f}"
+    if row.value is None or row.change is None or row.std is None:
+        with_whom = ", ".join(row.confounded_with[:4])
+        reason = f"dropped: confounded with {with_whom}" if with_whom else "dropped: moves nothing here"
+        return row.name, nominal, reason, "", "", row.unit
+    change, error = wording.with_uncertainty(row.change, row.std)
+    places = len(error.partition(".")[2])
+    return row.name, nominal, f"{row.value:.{places}f}", f"{float(change):+.{places}f}", error, row.unit
+
+
+def offsets(found: Identification) -> RenderableType:
+    """Targets known to an uncertainty, beside where the file puts them; nothing where there are none."""
+    rows = positions.rows_of(found)
+    if not rows:
+        return Text("")
+    table = grid("Positions known to an uncertainty", *positions.HEADINGS)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def warnings(texts: Sequence[str]) -> RenderableType:
+    """Numbered warnings and notes; nothing at all where there are none."""
+    if not texts:
+        return Text("")
+    table = grid("Warnings and notes", "", "", left=2)
+    table.show_header = False
+    for number, text in enumerate(texts, start=1):
+        table.add_row(f"[{number}]", text)
+    return table
+
+
+def revealed(hidden: Sequence[Mapping[str, Any]], result: Diagnosis) -> RenderableType:
+    """What the simulation had hidden, beside what was found."""
+    labels = {str(effect["label"]) for effect in hidden}
+    classes = {name for found in result.effects for name in found.evidence.candidates}
+    lines: list[RenderableType] = [Text("Now revealed: what the simulation had hidden", "bold")]
+    for effect in hidden:
+        sizes = ", ".join(
+            f"{name} {p['value']:.4g} {p['unit']}".strip() for name, p in effect["parameters"].items()
+        )
+        named = any(found.effect.label == effect["label"] for found in result.effects)
+        mark = "found" if named else "among the rivals" if effect["label"] in classes else "missed"
+        lines.append(Text(f"  {effect['label']}: {sizes}. {mark}.", "green" if named else "yellow"))
+    if not hidden:
+        lines.append(Text("  nothing"))
+    for found in result.effects:
+        if found.effect.label not in labels and not labels & set(found.evidence.candidates):
+            lines.append(Text(f"  {found.effect.label} was claimed although nobody hid it.", "yellow"))
+    return Padding(Group(*lines), (1, 0))

@@ -1,0 +1,53 @@
+"""Refusals: what a person can correct, read alike wherever it was refused: by data, by devices, by the record.
+
+Numbers and devices know nothing of each other, so each room has a root error of its own (`calib.errors.DataError`,
+`drivers.errors.AcquisitionError`), and both have the same three things: a cause, a remedy and a place. They differ in
+what else they must say: data have a file, a line and a key; a device has its name, a code and an exit code.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from calib.errors import DataError
+from drivers.errors import AcquisitionError
+from service import exit_codes
+
+Refusal = AcquisitionError | DataError
+REFUSALS = (AcquisitionError, DataError)
+
+
+def sentence(refusal: Refusal) -> str:
+    """Cause, place and remedy, for the person at the terminal."""
+    if isinstance(refusal, DataError):
+        return str(refusal)
+    return refusal.sentence
+
+
+def exit_code(refusal: Refusal) -> int:
+    """The exit code of the command that met it."""
+    return exit_codes.USAGE if isinstance(refusal, DataError) else refusal.exit_code
+
+
+def cause(refusal: Refusal) -> str:
+    """What is wrong and where, without the remedy; of a file its name, never its place on the server."""
+    if not isinstance(refusal, DataError):
+        return refusal.message.rstrip(".") + "."
+    name = "" if refusal.file is None else str(refusal.file).replace("\\", "/").rsplit("/", 1)[-1]
+    line = "" if refusal.line is None else f"line {refusal.line}"
+    key = "" if refusal.key is None else f"key '{refusal.key}'"
+    place = ", ".join(part for part in (name, line, key) if part)
+    return f"{place}: {refusal.what}" if place else refusal.what
+
+
+def remedy(refusal: Refusal) -> str:
+    """The remedy of a refusal."""
+    return refusal.do if isinstance(refusal, DataError) else refusal.what_to_do
+
+
+def place(refusal: Refusal) -> dict[str, Any]:
+    """The place of a refusal, for programs: line and key of a file, or device and name of the error."""
+    if isinstance(refusal, DataError):
+        given = (("line", refusal.line), ("key", refusal.key))
+        return {name: value for name, value in given if value is not None}
+    return {"device": refusal.device, "name": type(refusal).__name__}

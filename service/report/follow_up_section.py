@@ -1,0 +1,69 @@
+"""The follow-up sections: what to measure next, and in a closed loop what was ambiguous and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from acquisition.loop import FollowedUp
+from calib.diagnose import SEPARATES, Diagnosis, FollowUp, Found
+from service import wording
+
+Weights = Sequence[tuple[str, float]]
+
+
+def section_of(follow_up: FollowUp | None) -> Mapping[str, Any] | None:
+    """What the template needs of the poses to be measured next; None where nothing is ambiguous."""
+    if follow_up is None:
+        return None
+    return {
+        "poses": wording.counted(len(follow_up.joints), "pose"),
+        "pairs": pairs_of(follow_up),
+        "settles": f"{SEPARATES:g}",
+        "procedures": follow_up.procedures,
+    }
+
+
+def pairs_of(follow_up: FollowUp) -> list[tuple[str, str, str, bool]]:
+    """(effect, rival, expected squared distance as text, whether it settles the pair)."""
+    return [
+        (label, rival, f"{square:.0f}", square >= SEPARATES)
+        for (label, rival), square in follow_up.separations.items()
+    ]
+
+
+def middle_step_of(step: FollowedUp | None, after: Diagnosis) -> Mapping[str, Any] | None:
+    """What the template needs of the middle step; None where there was none."""
+    if step is None:
+        return None
+    return {
+        "words": middle_step_in_words(step, after),
+        "pairs": pairs_of(step.poses),
+        "rows": [
+            ("before the follow-up", *row_of(step.before), step.before.error_after),
+            ("after it", *row_of(after), after.error_after),
+        ],
+    }
+
+
+def row_of(diagnosis: Diagnosis) -> tuple[str, list[Weights]]:
+    """Verdict and, for every effect, its candidates with their weights, heaviest first."""
+    return wording.VERDICT_NAMES[diagnosis.verdict], [_class_of(found) for found in diagnosis.effects]
+
+
+def middle_step_in_words(step: FollowedUp, after: Diagnosis) -> str:
+    """The middle step in a sentence or two."""
+    unsettled = [found for found in step.before.effects if not found.evidence.certain]
+    what = "; ".join(" or ".join(label for label, _ in _class_of(found)) for found in unsettled)
+    names = ", ".join(found.effect.label for found in after.effects) or "no effect"
+    left = [found.effect.label for found in after.effects if not found.evidence.certain]
+    outcome = f"still cannot distinguish {', '.join(left)} from its rivals" if left else f"name {names}"
+    return (
+        f"The first readings could not decide: {what}. "
+        f"{wording.counted(len(step.poses.joints), 'pose')} were chosen to distinguish them, driven and measured "
+        f"({wording.counted(step.readings, 'reading')}); with them the readings {outcome}."
+    )
+
+
+def _class_of(found: Found) -> Weights:
+    return [(label, w) for label, w in found.evidence.candidates.items() if w >= 0.01]

@@ -1,0 +1,55 @@
+"""The ladder at the head of a report: the error of every model, from the robot as found to the robot verified."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from calib.fit import ErrorStatistics
+from service import wording
+
+NOMINAL = "Nominal robot as found, placed by its base"
+BASE = "Identified base model"
+EFFECTS = "With the effects found"
+VERIFIED = "Verified on the robot"
+HELD_OUT = "held-out readings"
+DRIVEN = "new poses, driven corrected"
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One model, the readings that judged it, its errors, and by how much its RMS differs from the rung above."""
+
+    name: str
+    judged: str
+    errors: ErrorStatistics
+    step: str  # empty on the first rung
+
+
+def ladder_of(
+    held_out: Mapping[str, ErrorStatistics | None], verified: ErrorStatistics | None = None
+) -> list[Rung]:
+    """The rungs from top to bottom. held_out: model -> errors on the held-out readings, None where there are none.
+
+    verified: the errors of targets that the robot was driven to with the correction.
+    """
+    judged = [(name, HELD_OUT, errors) for name, errors in held_out.items() if errors is not None]
+    if verified is not None:
+        judged.append((VERIFIED, DRIVEN, verified))
+    above = [None, *(errors for _, _, errors in judged)]
+    return [
+        Rung(name, where, errors, _step(before, errors))
+        for before, (name, where, errors) in zip(above, judged, strict=False)
+    ]
+
+
+def _step(before: ErrorStatistics | None, after: ErrorStatistics) -> str:
+    """The change of the RMS in mm and as a share of what it was, e.g. "−0.653 mm (−98 %)"."""
+    if before is None:
+        return ""
+    change = after.rms - before.rms
+    if wording.millimetres(abs(change)) == wording.millimetres(0.0):
+        return "none"
+    sign = "−" if change < 0.0 else "+"
+    share = f" ({sign}{abs(change) / before.rms:.0%})".replace("%", " %") if before.rms > 0.0 else ""
+    return f"{sign}{wording.millimetres(abs(change))} mm{share}"

@@ -1,0 +1,56 @@
+"""The section of repeated poses: pose accuracy and repeatability of ISO 9283, where poses were visited again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.model import RobotModel
+from calib.units import DEG
+from calib.validation import VISITS_OF_THE_STANDARD, PoseFigures, judge_repeats
+from service import wording
+
+_MOST = 24  # poses listed; the worst repeatability first
+
+
+def section_of(dataset: Dataset, model: RobotModel, estimate: Array) -> dict[str, Any] | None:
+    """Rows of the table and what to say beside it; None where no pose was visited again."""
+    poses = judge_repeats(dataset, model, estimate).poses
+    if not poses:
+        return None
+    worst_first = sorted(poses, key=lambda pose: -_known(pose.repeatability))
+    return {
+        "rows": [_row(dataset, pose) for pose in worst_first[:_MOST]],
+        "more": max(len(poses) - _MOST, 0),
+        "summary": _summary(poses),
+        "standard": VISITS_OF_THE_STANDARD,
+        "enough": min(pose.visits for pose in poses) >= VISITS_OF_THE_STANDARD,
+    }
+
+
+def _summary(poses: Sequence[PoseFigures]) -> str:
+    spreads = [pose.repeatability for pose in poses if math.isfinite(pose.repeatability)]
+    said = f"{wording.counted(len(poses), 'pose')} visited again; AP at most {max(p.accuracy for p in poses):.3f} mm"
+    return said + (f", RP at most {max(spreads):.3f} mm." if spreads else "; no side of approach came twice.")
+
+
+def _row(dataset: Dataset, pose: PoseFigures) -> tuple[str, str, str, int, int, str, str, str]:
+    """First reading, target, joints in deg, visits, directions, AP, RP, vAP."""
+    conditions, row = dataset.conditions, pose.reading
+    return (
+        dataset.reading_id[row],
+        conditions.target_names[int(conditions.target[row])],
+        " ".join(f"{angle:.1f}".replace("-", "−") for angle in conditions.joints[row] / DEG),
+        pose.visits,
+        pose.directions,
+        f"{pose.accuracy:.3f}",
+        f"{pose.repeatability:.3f}" if math.isfinite(pose.repeatability) else "",
+        "" if pose.variation is None else f"{pose.variation:.3f}",
+    )
+
+
+def _known(value: float) -> float:
+    return value if math.isfinite(value) else -1.0

@@ -1,0 +1,1 @@
+"""Results as JSON and for reports: no route, no command."""

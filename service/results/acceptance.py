@@ -1,0 +1,187 @@
+"""The acceptance of a calibration: its error on held-out readings against limits, with guard bands.
+
+The decision rule is that of ISO 14253-1: what is within the limit by more than its expanded uncertainty is accepted,
+what is beyond it by more than that is rejected, and between the two nothing is decided.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.errors import DataError
+from calib.fit import errors_on
+from calib.model import RobotModel
+from service import wording
+
+Verdict = Literal["accepted", "rejected", "not_decided"]
+NAMES: dict[Verdict, str] = {"accepted": "Accepted", "rejected": "Rejected", "not_decided": "Not decided"}
+RULE = (
+    "Accepted where the figure plus its expanded uncertainty U (95 %) is within the limit, rejected where the figure "
+    "less U is beyond it, otherwise not decided (guard bands as in ISO 14253-1)."
+)
+BASE, EFFECTS = "identified base model", "base model with the effects found"
+_RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the same verdict
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The largest errors asked for, mm; None where a figure has no limit."""
+
+    rms: float | None
+    largest: float | None
+
+    @classmethod
+    def of(cls, rms: float | None, largest: float | None) -> Limits | None:
+        """The limits of --accept-rms and --accept-max, None where neither was given. Raises DataError."""
+        for option, value in (("--accept-rms", rms), ("--accept-max", largest)):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise DataError(f"is {value:g}.", do="Give an error above 0 mm.", file=option)
+        return None if rms is None and largest is None else cls(rms, largest)
+
+    def refuse_unjudged(self, dataset: Dataset) -> None:
+        """Raise DataError for a data set in which no reading can judge."""
+        if not dataset.validation_rows.any():
+            raise DataError(
+                "has no measured validation rows, so --accept-rms and --accept-max cannot be judged.",
+                do="Mark some rows set = validation, or leave the options out.",
+                file=dataset.path,
+                key="set",
+            )
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One figure against its limit. figure, limit, uncertainty (expanded, 95 %; infinite where unknown): mm."""
+
+    quantity: Literal["rms", "max"]
+    figure: float
+    limit: float
+    uncertainty: float
+    basis: str  # of the uncertainty
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict by the rule."""
+        if self.figure + self.uncertainty <= self.limit:
+            return "accepted"
+        return "rejected" if self.figure - self.uncertainty > self.limit else "not_decided"
+
+    @property
+    def name(self) -> str:
+        """The figure in words."""
+        return "RMS error" if self.quantity == "rms" else "Largest error"
+
+    @property
+    def shown(self) -> tuple[str, str]:
+        """Figure and uncertainty as text, mm."""
+        if not math.isfinite(self.uncertainty):
+            return f"{self.figure:.4f}", "unknown"
+        return f"{self.figure:.4f}", f"{self.uncertainty:.4f}"
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Every figure that has a limit, of one model on n readings."""
+
+    model: str
+    n: int
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Rejected where one criterion is, accepted where all are."""
+        verdicts = {each.verdict for each in self.criteria}
+        if "rejected" in verdicts:
+            return "rejected"
+        return "accepted" if verdicts == {"accepted"} else "not_decided"
+
+    @property
+    def sentences(self) -> list[str]:
+        """What was decided on every figure, and why."""
+        return [
+            f"{each.name} {each.shown[0]} mm, U {each.shown[1]} mm, limit {each.limit:g} mm: "
+            f"{NAMES[each.verdict].lower()}."
+            for each in self.criteria
+        ]
+
+    def document(self) -> dict[str, Any]:
+        """As JSON has it; an uncertainty that is unknown is null."""
+        return {
+            "verdict": self.verdict,
+            "model": self.model,
+            "readings": self.n,
+            "rule": RULE,
+            "criteria": [
+                {
+                    "quantity": each.quantity,
+                    "figure_mm": each.figure,
+                    "expanded_uncertainty_mm": each.uncertainty if math.isfinite(each.uncertainty) else None,
+                    "uncertainty_basis": each.basis,
+                    "limit_mm": each.limit,
+                    "verdict": each.verdict,
+                }
+                for each in self.criteria
+            ],
+        }
+
+
+def decide(
+    limits: Limits, dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array, name: str
+) -> Acceptance:
+    """Hold a model to limits on the measured rows of a mask (n,), of which there must be one."""
+    errors = errors_on(dataset, rows, model, estimate)
+    criteria = []
+    if limits.rms is not None:
+        poses = np.unique(dataset.conditions.pose[rows], return_inverse=True)[
+            1
+        ]  # visits of one pose err together
+        rms = float(np.sqrt(np.mean(errors**2)))
+        criteria.append(Criterion("rms", rms, limits.rms, *_of_rms(errors, poses)))
+    if limits.largest is not None:
+        criteria.append(
+            Criterion("max", float(errors.max()), limits.largest, *_of_largest(dataset, rows, len(errors)))
+        )
+    return Acceptance(name, len(errors), tuple(criteria))
+
+
+def _of_rms(errors: Array, pose: NDArray[np.int64]) -> tuple[float, str]:
+    """The expanded uncertainty of an RMS, mm, and its basis: a bootstrap over whole poses.
+
+    Poses are drawn with replacement; the standard deviation of the RMS of the draws is widened by sqrt(g / (g - 1)) for
+    g poses and by Student's factor of g - 1 degrees of freedom. With a single pose the spread is unknown.
+    """
+    squares, counts = np.bincount(pose, errors**2), np.bincount(pose)
+    g = len(counts)
+    if g < 2:
+        return math.inf, "a single pose has no spread: the uncertainty of its RMS is unknown"
+    random = np.random.default_rng(_SEED)
+    drawn = (random.integers(g, size=g) for _ in range(_RESAMPLES))
+    spread = float(np.std([math.sqrt(squares[k].sum() / counts[k].sum()) for k in drawn]))
+    factor = float(stdtrit(g - 1, 0.975))
+    return (
+        factor * math.sqrt(g / (g - 1)) * spread,
+        f"bootstrap over {g} whole poses, k = {factor:.2f} (Student, 95 %); noise of the readings is in the figure",
+    )
+
+
+def _of_largest(dataset: Dataset, rows: NDArray[np.bool_], n: int) -> tuple[float, str]:
+    """The expanded uncertainty of the largest error, mm, and its basis: the declared noise of a reading."""
+    pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
+    covariance = dataset.header.noise.of_points(dataset.points[pointed], dataset.u_point[pointed])
+    of_points = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])
+    own = dataset.u_length[spanned]
+    of_lengths = np.where(np.isfinite(own), own, dataset.header.noise.length_mm)
+    largest = float(np.concatenate([of_points, of_lengths]).max())
+    return (
+        wording.COVERAGE * largest,
+        f"{wording.COVERAGE:g} times the largest declared standard uncertainty of a reading; "
+        f"the figure is that of these {n} readings, not of all the workspace",
+    )

@@ -1,0 +1,201 @@
+"""Two streams of a moving robot on one clock, for the command and for the service: what is asked, done and reported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from calib.arm import Robot, load_robot
+from calib.convert import Table
+from calib.errors import DataError
+from calib.motion import (
+    SLOW_MM_S,
+    Aligned,
+    Band,
+    JointStream,
+    Origin,
+    PointStream,
+    Standstills,
+    align,
+    by_speed,
+    data_set,
+    read_joints,
+    read_points,
+    standstills,
+)
+
+FORMAT = "truepose-alignment/1"
+HOLDOUT, SEED = 0.2, 1
+FARTHEST_TOOL_MM = 1e4
+_GAPS = 3  # that are named one by one
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is known of two streams, and what becomes of them. tool: mm, in the flange frame; robot_in_header: the robot
+    as the data set shall name it, where that is not as it is named here."""
+
+    tool: tuple[float, float, float]
+    robot: str
+    tool_known: bool = False
+    slower_than: float = SLOW_MM_S
+    coupling: str = "none"
+    instrument: str = "unknown"
+    robot_columns: str | None = None
+    tracker_columns: str | None = None
+    every_sample: bool = False
+    holdout: float = HOLDOUT
+    seed: int = SEED
+    robot_in_header: str = ""
+
+
+@dataclass(frozen=True)
+class Result:
+    """The streams, their clocks, the standstills, the error of the path, and the data set of the standstills."""
+
+    order: Order
+    robot: Robot
+    moved: JointStream
+    tracked: PointStream
+    aligned: Aligned
+    still: Standstills
+    bands: list[Band]
+    table: Table
+
+    @property
+    def offset(self) -> float:
+        """What the robot's clock shows more than the tracker's in the middle of the recording, s, as in the files."""
+        return self.aligned.clocks.offset + self.moved.zero - self.tracked.zero
+
+    def tracker_time(self, time: float) -> float:
+        """An instant of the tracker's stream as its file has it, s."""
+        return time + self.tracked.zero
+
+    @property
+    def warnings(self) -> list[str]:
+        """What keeps these figures from meaning what they seem to mean: a jump of a clock first."""
+        out = [] if (jump := self._jump()) is None else [jump]
+        out += self.aligned.warnings
+        for who, stream in (("tracker", self.tracked), ("robot", self.moved)):
+            gaps = sorted(stream.gaps, key=lambda gap: gap.begin - gap.end)
+            out += [
+                f"Gap in the {who}'s stream: {gap.end - gap.begin:.2f} s from {gap.begin + stream.zero:.2f} s of its "
+                f"clock on, about {gap.lost} samples lost. Nothing is interpolated there."
+                for gap in gaps[:_GAPS]
+            ]
+            if rest := gaps[_GAPS:]:
+                out.append(
+                    f"{len(rest)} shorter gaps in the {who}'s stream, {sum(g.lost for g in rest)} samples lost."
+                )
+        if gross := int((self.aligned.weight == 0.0).sum()):
+            out.append(f"{gross} points are far from the path that all others agree on; they were left out.")
+        return out
+
+    def _jump(self) -> str | None:
+        clocks, u_step = self.aligned.clocks, self.aligned.u_step
+        if math.isinf(clocks.step_at):
+            return None
+        small = abs(clocks.step) < 1.0
+        size = f"{1e3 * clocks.step:+.2f} ms" if small else f"{clocks.step:+.5f} s"
+        return (
+            f"Clock jump: from {self.tracker_time(clocks.step_at):.2f} s of the tracker's clock on, the robot's clock "
+            f"is {size} (standard error {1e3 * u_step:.2f} ms) beside where it was. One of "
+            "the two was set while both were running; the fit allows for it."
+        )
+
+
+def aligned_of(
+    robot_file: Path, tracker_file: Path, order: Order, progress: Callable[[str], None] = lambda _: None
+) -> Result:
+    """Read the streams, align them, gather the standstills. Raises DataError naming file, line, column or option."""
+    if not all(abs(x) <= FARTHEST_TOOL_MM for x in order.tool):
+        raise DataError("is no point on a tool.", do="Give X Y Z in mm, flange frame.", key="--tool")
+    if not 0.0 < order.slower_than < math.inf:
+        raise DataError(f"is {order.slower_than:g}.", do="Give mm/s, above zero.", key="--slower-than")
+    if not 0.0 <= order.holdout < 1.0:
+        raise DataError(f"is {order.holdout:g}.", do="Give a share from 0 to below 1.", key="--holdout")
+    if not order.instrument.isprintable():
+        raise DataError(
+            f"is {order.instrument!r}.", do="Give a name of letters and digits.", key="--instrument"
+        )
+    robot = load_robot(order.robot)
+    if order.coupling not in ("none", *robot.joint_matrices):
+        known = ", ".join(("none", *robot.joint_matrices))
+        raise DataError(f"is '{order.coupling}'.", do=f"Use {known}.", key="--coupling")
+    progress(f"reading {robot_file}")
+    moved = read_joints(robot_file, robot, order.coupling, order.robot_columns)
+    progress(f"reading {tracker_file}")
+    tracked = read_points(tracker_file, order.tracker_columns)
+    aligned = align(robot, moved, tracked, order.tool, tool_known=order.tool_known, progress=progress)
+    still = standstills(aligned, order.slower_than)
+    origin = Origin(
+        robot_name=order.robot_in_header or order.robot,
+        coupling=order.coupling,
+        instrument=order.instrument,
+        tool=order.tool,
+        tool_known=order.tool_known,
+        remark=f"standstills of a moving robot, slower than {order.slower_than:g} mm/s; t_s by the robot's clock",
+    )
+    table = data_set(robot, aligned, still, origin, every_sample=order.every_sample)
+    if order.holdout > 0.0:
+        table = table.hold_out("random", order.holdout, order.seed)
+    bands = by_speed(aligned, order.slower_than)
+    return Result(order, robot, moved, tracked, aligned, still, bands, table)
+
+
+def document(result: Result) -> dict[str, Any]:
+    """The document of `align --json`. Uncertainties are one standard deviation."""
+    aligned, clocks = result.aligned, result.aligned.clocks
+    jump = None
+    if math.isfinite(clocks.step_at):
+        jump = {
+            "step_s": clocks.step,
+            "u_step_s": aligned.u_step,
+            "at_tracker_s": result.tracker_time(clocks.step_at),
+        }
+    return {
+        "format": FORMAT,
+        "robot": result.robot.name,
+        "tool_mm": list(result.order.tool),
+        "tool_found_mm": [float(x) for x in aligned.tool],
+        "clocks": {
+            "offset_s": result.offset,
+            "u_offset_s": aligned.u_offset,
+            "rate_ppm": 1e6 * clocks.rate,
+            "u_rate_ppm": 1e6 * aligned.u_rate,
+            "at_tracker_s": result.tracker_time(clocks.middle),
+            "offset_by_speeds_s": result.offset - clocks.offset + aligned.start.offset,
+        },
+        "jump": jump,
+        "streams": {
+            "robot": _stream(result.moved, len(result.moved.time)),
+            "tracker": _stream(result.tracked, int(aligned.used.sum())),
+        },
+        "gross_errors": int((aligned.weight == 0.0).sum()),
+        "slower_than_mm_s": result.order.slower_than,
+        "standstills": result.still.count,
+        "waypoints": result.still.waypoints,
+        "still_samples": len(result.still.sample),
+        "rows": len(result.table),
+        "validation": result.table.columns.get("set", []).count("validation"),
+        "moving_error": [asdict(band) for band in result.bands],
+        "warnings": result.warnings,
+    }
+
+
+def _stream(stream: JointStream | PointStream, used: int) -> dict[str, Any]:
+    return {
+        "samples": len(stream.time),
+        "used": used,
+        "period_s": stream.period,
+        "begin_s": stream.zero,
+        "end_s": stream.zero + float(stream.time[-1]),
+        "lost": sum(gap.lost for gap in stream.gaps),
+        "gaps": [
+            {"begin_s": gap.begin + stream.zero, "end_s": gap.end + stream.zero, "lost": gap.lost}
+            for gap in stream.gaps
+        ],
+    }

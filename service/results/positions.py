@@ -1,0 +1,88 @@
+"""Targets whose positions were known to an uncertainty, as a fit found them: for JSON, terminal and report."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from calib.arm import with_sides
+from calib.data import Dataset
+from calib.fit import Identification, Offset, offsets_of
+from service import wording
+
+HEADINGS = ("Target", "Stated ± u, mm", "Offset x, y, z ± std. error, mm", "By the others, mm", "Sigma")
+
+
+def by_the_bar(dataset: Dataset) -> str:
+    """The first three base balls with the sides that the ballbar measured, as the cell file takes them; empty without.
+
+    They are laid over the stated positions, which the robot touched (Nubiola, thesis, 4.2): a triangle that is right to
+    a micrometre, where the robot believes it to be.
+    """
+    names = list(dataset.header.base_targets)[:3]
+    sides = []
+    for pair in combinations(names, 2):  # d12, d13, d23
+        lengths = [s.length_mm for s in dataset.spans if not s.series and {s.one, s.other} == set(pair)]
+        if not lengths:
+            return ""
+        sides.append(float(np.mean(lengths)))
+    if len(sides) < 3:
+        return ""
+    stated = np.array([dataset.header.base_targets[name] for name in names])
+    found = with_sides(stated, (sides[0], sides[2], sides[1]))
+    places = ", ".join(
+        f"{name} = [{', '.join(f'{x:.3f}' for x in place)}]" for name, place in zip(names, found, strict=True)
+    )
+    off = np.linalg.norm(found - stated, axis=1).max()
+    return (
+        f"The base balls with the sides that the bar measured, up to {off:.3f} mm from the cell file, for its [world] "
+        f"before the next campaign: nests = {{ {places} }}"
+    )
+
+
+def document_of(found: Identification) -> list[dict[str, Any]]:
+    """Every target with its offset, mm, (x, y, z) as far as they were free, and standard error."""
+    return [
+        {
+            "name": offset.name,
+            "kind": offset.kind,
+            "u_mm": offset.u_mm,
+            "offset_mm": list(offset.offset_mm),
+            "std_mm": list(offset.std_mm),
+            "distance_mm": _finite(offset.judged.distance_mm),
+            "sigma": _finite(offset.judged.sigma),
+            "doubted": offset.judged.doubted,
+            "rivals": list(offset.judged.rivals),
+        }
+        for offset in offsets_of(found)
+    ]
+
+
+def rows_of(found: Identification) -> list[tuple[str, ...]]:
+    """One row of text a target, for `HEADINGS`."""
+    return [
+        (
+            f"{offset.name} ({offset.kind})",
+            f"{offset.u_mm:g}",
+            ", ".join(_with_error(x, std) for x, std in zip(offset.offset_mm, offset.std_mm, strict=True)),
+            wording.millimetres(offset.judged.distance_mm),
+            _sigma(offset),
+        )
+        for offset in offsets_of(found)
+    ]
+
+
+def _with_error(x: float, std: float) -> str:
+    value, error = wording.with_uncertainty(x, std)
+    return f"{value} ± {error}"
+
+
+def _sigma(offset: Offset) -> str:
+    return f"{offset.judged.sigma:.1f}" + (": measure anew" if offset.judged.doubted else "")
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,26 @@
+"""`--predictions P.csv`: where every validation row should read, with and without the diagnosed effects."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from calib.diagnose import Diagnosis
+
+COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm")
+
+
+def predictions_csv(diagnosis: Diagnosis) -> str:
+    """One line a validation row, measured or not, in the order of the data set; mm, world frame."""
+    dataset = diagnosis.dataset
+    rows = dataset.sets == "validation"
+    conditions = dataset.conditions.take(rows)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    if rows.any():
+        ids = [name for name, held in zip(dataset.reading_id, rows, strict=True) if held]
+        after, before = diagnosis.final.predict(conditions), diagnosis.base.predict(conditions)
+        for name, with_effects, without in zip(ids, after, before, strict=True):
+            writer.writerow([name, *(f"{x:.6f}" for x in (*with_effects, *without))])
+    return text.getvalue()

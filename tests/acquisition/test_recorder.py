@@ -1,0 +1,67 @@
+"""The recorder of streams. It would catch: a device that disarmed itself while its stream was closed, because another
+error was on its way, and that nobody arms again; the next attempt would be lost too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from acquisition.campaign.campaign import campaign_from
+from acquisition.record.store import Store
+from acquisition.run.recorder import Recorder
+from acquisition.run.rig import Rig
+from drivers.errors import LinkTimeout, MotionStopped
+from drivers.interfaces import Identity, Sample
+from tests.acquisition.fakes import a_cell
+
+
+class Streaming:
+    """A device whose stream gives nothing; `fails`: closing it does not come to an end."""
+
+    can_stop = True
+
+    def __init__(self, *, fails: bool) -> None:
+        self.fails, self.armed_times = fails, 0
+
+    def connect(self) -> None: ...
+
+    def identify(self) -> Identity:
+        return Identity("maker", "model", "serial", "1", "wire")
+
+    def position(self) -> Any:
+        return SimpleNamespace(joints_deg=(0.0,) * 6)
+
+    def arm(self) -> None:
+        self.armed_times += 1
+
+    @contextmanager
+    def stream(self, rate_hz: float) -> Iterator[Iterator[Sample | None]]:
+        del rate_hz
+        yield iter(lambda: None, 0)
+        if self.fails:
+            raise LinkTimeout("no complete answer", device="tracker", command="STREAM")
+
+
+def test_what_disarmed_itself_at_the_end_of_a_failed_path_is_armed_again(tmp_path: Path) -> None:
+    robot, tracker = Streaming(fails=False), Streaming(fails=True)
+    devices = SimpleNamespace(robot=robot, instrument=tracker)
+    control = SimpleNamespace(check_stop=lambda: None)
+    rig = Rig(cast(Any, devices), cast(Any, control), lambda _: None)
+    rig.make_ready()
+    campaign = campaign_from({"format": "truepose-campaign/1", "block": [{"count": 10}]}, "campaign.toml")
+    store = Store.create(tmp_path, "cell", a_cell().source, campaign.source, [], simulated=True)
+    rates = {"robot": 125.0, "instrument": 10.0}
+    with pytest.raises(MotionStopped, match="stopped on its way"), Recorder(store, 1, rig, rates):
+        raise MotionStopped("stopped on its way", device="robot", command="move_to")
+    rig.make_ready()
+    assert (robot.armed_times, tracker.armed_times) == (1, 2)
+    with pytest.raises(LinkTimeout, match="no complete answer"), Recorder(store, 2, rig, rates):
+        pass
+    rig.make_ready()
+    assert (robot.armed_times, tracker.armed_times) == (1, 3)
+    store.close()

@@ -1,0 +1,144 @@
+"""A robot calibrated by a ballbar alone: what the metrology chain is worth, and what fitting the legs themselves is.
+
+Every seed draws an LR Mate and puts the three base cups 0.3 mm from where the cell file has them, the tool balls by
+their stated uncertainty. 61 configurations of the example's cell are measured leg by leg, and the sides of both
+triangles by the bar (Nubiola, thesis, chapter 4). Four calibrations of it:
+
+    exact        legs, cups and balls where they really are: what no chain can better
+    chain        legs, stated positions with their uncertainty, and the measured sides
+    no sides     the same without the sides
+    poses        the chain, but poses solved from six legs and fitted as points
+
+Judged are positions against the simulated arm, as a tracker beside it would, in a frame of its own laid over the
+predicted points: within 200 mm of the point above the cups, and over all front/up configurations that the limits of
+the cell allow above the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.campaign import campaign_from
+from acquisition.campaign.plan import Visit
+from acquisition.cell.cell import Cell
+from acquisition.cell.workspace import may_stand
+from acquisition.run.run import checked_plan
+from calib.arm.start import align
+from calib.convert import IMPORTERS
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
+from calib.fit.placing import base_model_of, place_nominal
+from calib.model.model import RobotModel
+from calib.validation.branch import branches
+from mocks.world import ArmState
+from tests.benchmarks.clock import line
+from tests.benchmarks.nests import Truth, example, header_of, legs_of, predicted_mm, sides_of, truth_of
+from tests.calib.campaigns import write_files
+
+CONFIGURATIONS = 61  # 46 front/up and 15 back/down in the thesis
+NEAR_MM, FROM_CUPS_MM = 200.0, 300.0  # Figure 4.7
+FRONT_UP_MM = 0.479  # mean of the thesis, Table 4.4, identified by the poses within the stroke
+_JUDGED = 400
+Array = NDArray[np.float64]
+
+
+@cache
+def visits_of_example() -> tuple[Visit, ...]:
+    """61 configurations of the example's cell, as its campaign would visit them."""
+    cell, _ = example()
+    block = {"kind": "hexapod", "configurations": "all", "count": CONFIGURATIONS}
+    campaign = campaign_from({"format": "truepose-campaign/1", "block": [block]}, "benchmark")
+    return tuple(checked_plan(cell, campaign))
+
+
+@cache
+def judged_joints() -> dict[str, Array]:
+    """Model angles (n, N), rad: `front/up` of the whole workspace, and `near` the point above the cups."""
+    cell, _ = example()
+    rng = np.random.default_rng(0)
+    low, high = np.array(cell.robot.limits_deg).T
+    anywhere = rng.uniform(low, high, (40 * _JUDGED, len(low)))
+    anywhere = cell.robot.model_angles(anywhere[may_stand(cell, anywhere)])
+    names = branches(cell.robot.model, anywhere)
+    assert names is not None
+    front_up = anywhere[[name.startswith("front/up") for name in names]][:_JUDGED]
+    visits = visits_of_example()
+    some = np.array([visits[i].joints_deg for i in rng.integers(0, len(visits), 40 * _JUDGED)])
+    near = cell.robot.model_angles(some + rng.uniform(-30.0, 30.0, some.shape))
+    cups = np.array(list(cell.nests.values()))
+    middle = cups.mean(axis=0)
+    above = middle + np.array([0.0, 0.0, np.sqrt(FROM_CUPS_MM**2 - np.sum((cups[0] - middle) ** 2))])
+    nominal = RobotModel(cell.robot.model, (), {"main": dict(cell.tool.targets)})
+    off = np.linalg.norm(predicted_mm(nominal, np.zeros(0), near, cell) - above, axis=1)
+    return {"front/up": front_up, "near": near[off < NEAR_MM][:_JUDGED]}
+
+
+def errors_mm(model: RobotModel, estimate: Array, truth: Truth, cell: Cell) -> dict[str, float]:
+    """Mean position error of a model, mm, of each set of `judged_joints`."""
+    out = {}
+    for name, joints in judged_joints().items():
+        predicted = predicted_mm(model, estimate, joints, cell)
+        states = [ArmState(at, at, (1,) * len(at)) for at in map(tuple, np.degrees(joints).tolist())]
+        there = np.array([truth.world.true_point(state, next(iter(cell.tool.targets))) for state in states])
+        turn, shift = align(predicted, there, np.ones(len(there)))
+        out[name] = float(np.mean(np.linalg.norm(predicted @ turn.T + shift - there, axis=1)))
+    return out
+
+
+def study(seed: int, folder: Path, visits: Sequence[Visit] | None = None) -> Mapping[str, dict[str, float]]:
+    """Mean position errors, mm, of the nominal robot in its place and of each calibration of a seed."""
+    cell, _ = example()
+    truth = truth_of(cell, seed)
+    blank = {"other_target": ""}
+    legs = [row | blank for row in legs_of(truth, cell, visits_of_example() if visits is None else visits)]
+    sides = sides_of(truth, cell, legs[0])
+    u_mm = {"base_targets_u_mm": dict(cell.nests_u_mm), "tool_targets_u_mm": dict(cell.tool.u_mm)}
+    stated = header_of(cell, cell.nests, cell.tool.targets, **u_mm)
+    chain = write_files(folder, [*sides, *legs], stated, "chain")
+    IMPORTERS["hexapod-legs"](chain).write(folder / "poses.csv")
+    files = {
+        "exact": write_files(folder, legs, header_of(cell, truth.cups, truth.balls), "exact"),
+        "chain": chain,
+        "no sides": write_files(folder, legs, stated, "no_sides"),
+        "poses": folder / "poses.csv",
+    }
+    nominal = read_dataset(chain)
+    out = {"nominal": errors_mm(*place_nominal(nominal, base_model_of(nominal)), truth, cell)}
+    for name, path in files.items():
+        found = identify(read_dataset(path))
+        out[name] = errors_mm(found.model, found.estimate, truth, cell)
+    return out
+
+
+def run(count: int = 20) -> bool:
+    """Print the errors over so many seeds beside what is wanted of them."""
+    with TemporaryDirectory() as folder:
+        found = [study(seed, Path(folder)) for seed in range(1, count + 1)]
+
+    def figures(name: str, where: str) -> Array:
+        return np.array([each[name][where] for each in found])
+
+    reached = True
+    for where in ("near", "front/up"):
+        for name in found[0]:
+            errors = figures(name, where)
+            limit = {"near": 0.4, "front/up": FRONT_UP_MM}[where] if name == "chain" else None
+            ok = limit is None or float(errors.max()) < limit
+            what = f"{where}, {name}: mean error, mm, median (largest) of {count}"
+            line(
+                what, f"{np.median(errors):.4f} ({errors.max():.4f})", "" if limit is None else f"{limit}", ok
+            )
+            reached &= ok
+        ratio = float(np.median(figures("chain", where) / figures("exact", where)))
+        line(f"{where}, chain / exactly known cups", f"{ratio:.3f}", "1.1", ratio < 1.1)
+        better = int(np.sum(figures("chain", where) < figures("poses", where)))
+        more = better > count // 2
+        line(f"{where}, legs better than poses", f"{better} of {count}", f"{count // 2 + 1}", more)
+        reached &= ratio < 1.1 and more
+    return reached

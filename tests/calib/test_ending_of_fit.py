@@ -1,0 +1,67 @@
+"""Why a fit ended. These would catch: a fit cut off, or stuck, that passes for one that has arrived, or gives the
+other's reason.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.array import Array
+from calib.data.read import read_dataset
+from calib.fit.identification import Identification
+from calib.fit.identify import fit_plain, identify
+from calib.fit.least_squares import Ending, Linearisation, solve
+from calib.model.model import Design
+from mocks.campaign import make_campaign, write_campaign
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    folder: Path = tmp_path_factory.mktemp("plain")
+    write_campaign(make_campaign(seed=40, n=60, n_validation=10, effects=[]), folder)
+    return identify(read_dataset(folder / "data.csv"))
+
+
+class Backwards(Linearisation):
+    """A derivative of the wrong sign: every step leads uphill."""
+
+    @cached_property
+    def columns(self) -> Array:
+        return -super().columns
+
+
+def test_a_fit_that_arrives(found: Identification) -> None:
+    assert found.ending is Ending.CONVERGED
+    assert found.converged
+    assert not any("converge" in warning for warning in found.warnings)
+
+
+def test_a_fit_that_is_cut_off_says_so(found: Identification, tmp_path: Path) -> None:
+    write_campaign(make_campaign(seed=40, n=60, n_validation=10, effects=[]), tmp_path)
+    start = np.zeros(len(found.estimate))
+    start[:6] = found.estimate[:6] + 0.3
+    cut = fit_plain(
+        read_dataset(tmp_path / "data.csv"),
+        found.model,
+        found.readings,
+        start,
+        np.diag(found.covariance) > 0.0,
+        found.dropped,
+        max_iterations=2,
+    )
+    assert cut.ending is Ending.ROUNDS
+    assert not cut.converged
+    assert any("as many steps as it may. Do not use its parameters." in warning for warning in cut.warnings)
+
+
+def test_a_fit_whose_every_step_leads_uphill(found: Identification) -> None:
+    design = Design(found.model, found.readings.conditions)
+    away = found.estimate + 3.0 * found.standard_errors
+    start = Backwards(design, found.readings.observed, away)
+    solution = solve(start, np.diag(found.covariance) > 0.0)
+    assert solution.ending is Ending.NO_DESCENT
+    np.testing.assert_array_equal(solution.estimate, away)

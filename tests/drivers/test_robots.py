@@ -1,0 +1,233 @@
+"""What every robot driver does alike, whichever wire it speaks: arming, limits, stop, disconnect, false arrivals."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pytest
+
+from drivers import (
+    AbbDeadlines,
+    AbbSimpleDeadlines,
+    ConfigError,
+    FanucDeadlines,
+    JointLimit,
+    LinkError,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    RobotArm,
+    UrDeadlines,
+    open_robot,
+)
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for what is to fail by them."""
+
+    driver: str
+    device: str
+    patient: Any
+    quick: Any
+    query: str = ""
+    robot: str = "abb-irb120"
+    stock: bool = False
+    far: tuple[float, ...] = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
+    more: dict[str, Any] = field(default_factory=dict)
+
+    def cell(self, time_scale: float) -> CellThread:
+        file = CellFile(robot=self.robot, time_scale=time_scale, effects=("none",))
+        return CellThread(file, stock=self.stock, devices=(self.driver,))
+
+    def arm(self, cell: CellThread, **options: Any) -> Any:
+        """The driver on its simulator, connected."""
+        given = {"deadlines": self.patient, **self.more, **options}
+        arm = open_robot(self.driver, cell.url(self.device) + self.query, **given)
+        arm.connect()
+        return arm
+
+
+ABB = Bench("abb", "abb", AbbDeadlines(), AbbDeadlines())
+SIMPLE = AbbSimpleDeadlines()
+WAITS = FanucDeadlines(connect_s=30, reply_s=30, stop_s=30, settle_s=30, move_margin_s=60, gap_s=0.001)
+FANUC = Bench("fanuc", "fanuc", WAITS, replace(WAITS, settle_s=0.2), robot="fanuc-lrmate200ic")
+PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
+UR = Bench(
+    "ur",
+    "ur",
+    PATIENT,
+    PATIENT,
+    robot="ur5",
+    far=(90.0, -60.0, 30.0, 40.0, 50.0, 60.0),
+    more={"watchdog_s": 30.0},
+)
+BENCHES = {
+    "abb": ABB,
+    "abb-stock": replace(ABB, stock=True),
+    "abb-simple": Bench("abb-simple", "abb-simple", SIMPLE, replace(SIMPLE, settle_s=0.3, still_s=0.2)),
+    "mappdk": replace(FANUC, stock=True),
+    "mappdk-cal": FANUC,
+    "modbus-hmi": replace(FANUC, device="fanuc-modbus-hmi", query="?modbus=hmi"),
+    "modbus-io": replace(FANUC, device="fanuc-modbus-io", query="?modbus=io"),
+    "ur-rtde": UR,
+    "ur-realtime": replace(UR, query="?feed=realtime"),
+}
+STOPPABLE = ["abb", "abb-simple", "mappdk-cal", "modbus-hmi", "modbus-io"]  # of a UR: test_ur_stop.py
+REPORTING = [*STOPPABLE, "abb-stock", "mappdk"]  # the end of a move; a UR's is seen in its states: test_ur.py
+
+
+@pytest.fixture(params=list(BENCHES))
+def bench(request: pytest.FixtureRequest) -> Bench:
+    return BENCHES[request.param]
+
+
+@pytest.fixture
+def fast(bench: Bench) -> Iterator[CellThread]:
+    with bench.cell(5000.0) as cell:
+        yield cell
+
+
+@pytest.fixture
+def slow(bench: Bench) -> Iterator[CellThread]:
+    """Moves take most of a minute: what shall happen on the way happens there, on a busy machine too."""
+    with bench.cell(1.0) as cell:
+        yield cell
+
+
+def test_is_a_robot_arm_and_warns_once(
+    bench: Bench, fast: CellThread, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        arm = bench.arm(fast)
+        arm.connect()
+        arm.identify()
+        arm.disconnect()
+    assert isinstance(arm, RobotArm)
+    assert sum("unverified" in record.message for record in caplog.records) == 1
+
+
+def test_nothing_moves_on_connect_nor_without_arming(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast)
+    with pytest.raises(NotArmed):
+        arm.move_to((1.0,) * 6)
+    arm.arm()
+    arm.disarm()
+    with pytest.raises(NotArmed):
+        arm.move_to((1.0,) * 6)
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.disconnect()
+
+
+def test_limits_of_the_cell_are_checked_before_anything_is_sent(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast, limits_deg=[(-90, 90)] * 6)
+    arm.arm()
+    for bad in (math.nan, math.inf, 91.0, -91.0):
+        with pytest.raises(JointLimit) as caught:
+            arm.move_to((0, 0, bad, 0, 0, 0))
+        assert caught.value.exit_code == 5
+    with pytest.raises(JointLimit):
+        arm.move_to((0, 0))
+    assert fast.do("state")["joints_deg"] == (0.0,) * 6
+    arm.move_to((90, 0, 0, 0, 0, 0))
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("bench", [BENCHES[name] for name in STOPPABLE], ids=STOPPABLE)
+def test_stop_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
+    arm = bench.arm(slow, speed_deg_s=4.0)
+    assert arm.can_stop
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(bench.far))
+    until(lambda: slow.do("state")["moving"])
+    arm.stop()
+    with pytest.raises(MotionStopped):
+        move.result(PATIENCE_S)
+    state = slow.do("state")
+    assert not state["moving"]
+    assert max(state["joints_deg"]) < 60.0
+    with pytest.raises(NotArmed):
+        arm.move_to(bench.far)
+    arm.arm()
+    assert arm.position().joints_deg[0] == pytest.approx(state["joints_deg"][0], abs=0.015)
+    arm.disconnect()
+
+
+def test_disconnect_from_another_thread_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
+    arm = bench.arm(slow, speed_deg_s=4.0)
+    arm.arm()
+    move = in_thread(lambda: arm.move_to(bench.far))
+    until(lambda: slow.do("state")["moving"])
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        move.result(PATIENCE_S)
+
+
+@pytest.mark.parametrize("bench", [BENCHES[name] for name in REPORTING], ids=REPORTING)
+def test_end_of_a_move_elsewhere_is_not_believed(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast)
+    arm.arm()
+    assert fast.cell is not None
+    start = fast.cell.arm.start
+
+    def short(target: tuple[float, ...], rate_deg_s: float, tool_mm_s: float) -> None:
+        start(tuple(0.9 * q for q in target), rate_deg_s, tool_mm_s)
+
+    fast.cell.arm.start = short  # type: ignore[method-assign, assignment]
+    arm.deadlines = bench.quick
+    with pytest.raises(NotReached):
+        arm.move_to(bench.far)
+    with pytest.raises(NotArmed):
+        arm.move_to(bench.far)
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("driver", ["abb", "abb-simple", "fanuc", "ur"])
+@pytest.mark.parametrize(
+    ("url", "options"),
+    [
+        ("http://h:1", {}),
+        ("tcp://h", {}),
+        ("tcp://h:99999", {}),
+        ("tcp://h:x", {}),
+        ("tcp://h:30004", {"speed_deg_s": 0}),
+        ("tcp://h:30004", {"limits_deg": [(0, 1)]}),
+        ("tcp://h:30004", {"colour": "red"}),
+    ],
+)
+def test_what_no_driver_takes(driver: str, url: str, options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        open_robot(driver, url, **options)
+
+
+@pytest.mark.parametrize(
+    ("driver", "url", "options"),
+    [
+        ("abb", "tcp://h:5000?background=x", {}),
+        ("abb-simple", "tcp://h:11000?state=x", {}),
+        ("abb-simple", "tcp://h:11000?state=70000", {}),
+        ("fanuc", "tcp://h:18735?modbus=other", {}),
+        ("fanuc", "tcp://h:18735?logger=x", {}),
+        ("fanuc", "tcp://h:502?modbus=io&inputs=x", {}),
+        ("fanuc", "tcp://h:502?modbus=io&outputs=99999", {}),
+        ("fanuc", "tcp://h:502?modbus=io&table=coils", {}),
+        ("fanuc", "tcp://h:18735?max_deg_s=1,2,3", {}),
+        ("fanuc", "tcp://h:18735?max_deg_s=1,2,3,4,5,x", {}),
+        ("fanuc", "tcp://h:18735?max_deg_s=1,2,3,4,5,0", {}),
+        ("ur", "tcp://h:3", {}),
+        ("ur", "tcp://h:30004?realtime=x", {}),
+        ("ur", "tcp://h:30004?dashboard=70000", {}),
+        ("ur", "tcp://h:30004?feed=modbus", {}),
+        ("ur", "tcp://h:30004", {"watchdog_s": 0}),
+    ],
+)
+def test_what_one_driver_does_not_take(driver: str, url: str, options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        open_robot(driver, url, **options)

@@ -1,0 +1,77 @@
+"""`docs/extending.md` is followed word by word, each section in a copy of the sources."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "extending.md"
+PARTS = ("acquisition", "calib", "drivers", "examples", "mocks", "service", "tests")
+
+
+class Block(NamedTuple):
+    """A code block: its language, the file it belongs to, and its text."""
+
+    language: str
+    file: str
+    text: str
+
+
+def sections() -> dict[str, list[Block]]:
+    """The code blocks of every section, by its heading."""
+    parts = re.split(r"^## (.+)$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
+    block = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+    return {
+        name: [Block(*found) for found in block.findall(text)]
+        for name, text in zip(parts[1::2], parts[2::2], strict=True)
+    }
+
+
+def added(source: str, change: str) -> str:
+    """The source with the lines of `change` that begin with '+'; the others are found in it, once, and '-' goes."""
+    lines = change.splitlines()
+    old = "".join(line[1:] + "\n" for line in lines if not line.startswith("+"))
+    new = "".join(line[1:] + "\n" for line in lines if not line.startswith("-"))
+    assert source.count(old) == 1, f"is not there once:\n{old}"
+    return source.replace(old, new)
+
+
+@pytest.mark.parametrize("name", sections())
+def test_the_page_is_right(name: str, tmp_path: Path) -> None:
+    for part in PARTS:
+        shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    ran = 0
+    for block in sections()[name]:
+        if block.language == "sh":
+            for line in block.text.splitlines():
+                words = shlex.split(line)
+                assert words[0] == "python"
+                done = subprocess.run(
+                    [sys.executable, *words[1:]],
+                    cwd=tmp_path,
+                    env={**os.environ, "PYTHONPATH": str(tmp_path)},
+                    capture_output=True,
+                    text=True,
+                    check=False,
+                )
+                assert done.returncode == 0, done.stdout + done.stderr
+                ran += 1
+        elif block.language == "diff":
+            path = tmp_path / block.file
+            path.write_text(added(path.read_text("utf-8"), block.text), "utf-8")
+        else:
+            path = tmp_path / block.file
+            assert not path.exists()
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(block.text, "utf-8")
+    assert ran

@@ -1,0 +1,84 @@
+"""The operator page when the service does not answer.
+
+These would catch: a page that shows the past as the present, a Confirm that looks alive without a service, a lease that
+is still "yours", a notice that hides Stop, and a page that has to be loaded again when the service is back.
+"""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+from tests.drivers.waiting import until
+from tests.end_to_end.simulated import cell_file
+from tests.service.browser import Page, browser
+from tests.service.test_http_support import served
+from tests.service.test_operator_page import enter, in_a_browser, run_of
+
+ALARM = "NOT stopped: no connection. Use the emergency stop"
+
+
+def shown(page: Page, selector: str) -> bool:
+    return page.value(f"document.querySelector('{selector}').checkVisibility()")
+
+
+def on_top(page: Page, selector: str) -> bool:
+    """Whether a click in the middle of it would reach it."""
+    return page.value(
+        f"(() => {{ const it = document.querySelector('{selector}'), box = it.getBoundingClientRect();"
+        " return it.contains(document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)); })()"
+    )
+
+
+@in_a_browser
+def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path: Path) -> None:
+    cell = cell_file(tmp_path, time_scale=40.0)
+    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
+    with (
+        served(tmp_path / "record", "--cell", str(cell), "--simulate") as service,
+        browser(f"{service.url}/", tmp_path / "browser") as page,
+    ):
+        enter(page)
+        page.value("document.querySelector('#name').focus()")
+        page.type("bert")
+        page.value("document.querySelector('#take').click()")
+        until(lambda: page.text("#holder") == "You hold it as bert.")
+        service.client.headers["Lease-Id"] = page.value("lease.lease_id")
+        run_of(service, tmp_path)
+        until(lambda: "N1" in page.text("#question"))
+        page.value("document.querySelector('#runs').focus()")
+        assert not shown(page, "#silence")
+
+        service.process.send_signal(signal.SIGSTOP)  # it is there, and does not answer
+        try:
+            until(lambda: page.text("#alarm") == ALARM)
+            assert shown(page, "#alarm")
+            page.value("scrollTo(0, document.body.scrollHeight)")
+            assert on_top(page, "#stop")
+            assert page.value(
+                "document.querySelector('#silence').offsetWidth === document.documentElement.clientWidth"
+            )
+            assert page.value("document.querySelector('#desk').inert")
+            assert page.value("document.querySelector('#confirm').disabled")
+            assert "You hold it" not in page.text("#holder")
+            assert "What is grey is as it was at" in page.text("#since")
+            assert page.value("document.title").startswith("NO CONNECTION")
+        finally:
+            service.process.send_signal(signal.SIGCONT)
+        until(lambda: not shown(page, "#silence"))
+        until(lambda: not page.value("document.querySelector('#desk').inert"))
+        assert page.value("document.activeElement.id") == "runs"  # the focus is where it was
+        # On a machine that took long about it the lease has lapsed meanwhile, and nothing is asked any more.
+        until(
+            lambda: (
+                page.value("asking.hidden || !document.querySelector('#confirm').disabled")
+                and "Nobody knows" not in page.text("#holder")
+            )
+        )
+
+        service.process.kill()
+        until(lambda: shown(page, "#alarm"))
+        page.press("Escape")
+        until(lambda: "had no answer" in page.text("#trouble"))
+        assert page.text("#alarm") == ALARM
+        assert on_top(page, "#stop")

@@ -1,0 +1,57 @@
+"""What lets the service hear a stop at once while its workers compute: who stands back, what is not looked through."""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.server import Server, run_server
+from service.http.work.workers import Workers
+from service.worker import PATIENT, SESSION
+
+
+@contextmanager
+def a_worker() -> Iterator[int]:
+    """Its process."""
+    workers = Workers(1, waiting=0)
+    try:
+        yield workers.call(os.getpid)
+    finally:
+        workers.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows knows no such thing")
+def test_a_worker_stands_back_in_its_session() -> None:
+    with a_worker() as pid:
+        own = os.getpriority(os.PRIO_PROCESS, 0)
+        assert os.getpriority(os.PRIO_PROCESS, pid) == min(own + PATIENT, 19)
+
+
+@pytest.mark.skipif(not SESSION.exists(), reason="processors are not shared out between sessions")
+def test_the_session_of_a_worker_stands_back_for_others_and_the_service_for_none() -> None:
+    before = SESSION.read_text(encoding="ascii")
+    with a_worker() as pid:
+        of_worker = Path(f"/proc/{pid}/autogroup").read_text(encoding="ascii")
+    assert of_worker.endswith(f" nice {PATIENT}\n")
+    assert SESSION.read_text(encoding="ascii") == before
+
+
+def test_what_is_loaded_when_the_service_begins_is_not_looked_through_for_garbage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[int] = []
+    monkeypatch.setattr("sys.setswitchinterval", lambda seconds: None)  # of this process
+    monkeypatch.setattr(Server, "run", lambda self, sockets: left.append(len(gc.get_objects())))
+    try:
+        run_server(FastAPI(), Settings(tmp_path, Tokens("operator", "viewer")), 0)
+    finally:
+        gc.unfreeze()
+    assert left[0] < len(gc.get_objects()) / 10
