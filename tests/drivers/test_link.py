@@ -13,6 +13,7 @@ import pytest
 
 from drivers import ConfigError, LinkLost, LinkTimeout, ProtocolError
 from drivers.link import Address, TcpLink, WireLog, parse_url
+from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
@@ -153,11 +154,8 @@ def test_answer_without_terminator_ends_by_its_form(pair: Pair) -> None:
 
 
 def test_nobody_listens() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    link = TcpLink(Address("127.0.0.1", port), "dev")
-    with pytest.raises(LinkLost, match="not reachable"):
-        link.open(connect_s=1)
+    with nobody_listens() as port, pytest.raises(LinkLost, match="not reachable"):
+        TcpLink(Address("127.0.0.1", port), "dev").open(connect_s=1)
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from drivers import (
 from mocks.cell import CellThread
 from mocks.ur.servo import COUNT_RAD
 from tests.drivers.expected import ExpectedDevice
+from tests.drivers.nobody import nobody_listens
 from tests.drivers.ur_bench import FAR, FAST, HASTY, PATIENT, SLOW, connected, creeping
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -252,11 +253,9 @@ def test_controller_without_registers_moves_without_a_watchdog(fast: CellThread)
 
 
 def test_without_rtde_the_real_time_packet_serves(fast: CellThread, caplog: pytest.LogCaptureFixture) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        closed = taken.getsockname()[1]
     options = "&".join(f"{name}={fast.port('ur-' + name)}" for name in ("realtime", "secondary", "dashboard"))
-    arm = UrArm(f"tcp://127.0.0.1:{closed}?{options}")
-    with caplog.at_level(logging.WARNING):
+    with nobody_listens() as closed, caplog.at_level(logging.WARNING):
+        arm = UrArm(f"tcp://127.0.0.1:{closed}?{options}")
         arm.connect()
     assert arm.feed == "realtime"
     assert any("no watchdog" in record.message for record in caplog.records)
@@ -338,8 +337,8 @@ def test_controller_of_another_protocol(pairs: list[tuple[bytes, bytes]], messag
 
 
 def test_nobody_at_the_address() -> None:
-    with pytest.raises(LinkLost):
-        UrArm("tcp://127.0.0.1:99", deadlines=HASTY).connect()
+    with nobody_listens() as port, pytest.raises(LinkLost):
+        UrArm(f"tcp://127.0.0.1:{port}", deadlines=HASTY).connect()
 
 
 @pytest.mark.parametrize(("asked", "driven"), [(2.0, 2.0), (90.0, 20.0)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import socket
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -26,6 +25,7 @@ from drivers import (
 from mocks.cell import CellThread
 from mocks.shared.mbp import line
 from tests.drivers.expected import CALSRV_MAIN, MBP_MEASURE, ExpectedDevice
+from tests.drivers.nobody import nobody_listens
 from tests.end_to_end.driver_benches import (
     BAR_MM,
     BENCHES,
@@ -42,11 +42,10 @@ from tests.end_to_end.driver_benches import (
 
 @pytest.mark.parametrize("bench", BENCHES)
 def test_nobody_at_the_address(bench: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-    device = BENCHES[bench].make(f"tcp://127.0.0.1:{port}")
-    with pytest.raises(LinkLost) as caught:
-        device.connect()
+    with nobody_listens() as port:
+        device = BENCHES[bench].make(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(LinkLost) as caught:
+            device.connect()
     assert caught.value.code == 1002
     assert caught.value.device.startswith(device.name)  # a second connection has a name of its own behind it
     assert "127.0.0.1" in caught.value.message

@@ -9,9 +9,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import SimulatedCell, campaign_file, cell_file, simulated_cell
 from tests.service.test_http_support import Served, problem, served
+
+
+def at_addresses(file: Path, robot: str, tracker: str) -> str:
+    """The text of the cell file with robot and tracker at these addresses."""
+    text = file.read_text("utf-8").replace("tcp://192.168.125.1:5000", robot)
+    return text.replace("tcp://127.0.0.1:5701", tracker)
 
 
 @contextmanager
@@ -19,11 +26,8 @@ def at_a_cell(folder: Path, time_scale: float) -> Iterator[tuple[SimulatedCell, 
     """Simulators of their own, and a cell file with their addresses, as if they were the real devices."""
     file = cell_file(folder, time_scale=time_scale)
     with simulated_cell(file) as simulated:
-        text = file.read_text("utf-8")
-        text = text.replace("tcp://192.168.125.1:5000", simulated.url("abb"))
-        text = text.replace("tcp://127.0.0.1:5701", simulated.url("faro"))
         real = folder / "real.toml"
-        real.write_text(text, "utf-8")
+        real.write_text(at_addresses(file, simulated.url("abb"), simulated.url("faro")), "utf-8")
         yield simulated, real
 
 
@@ -139,14 +143,16 @@ def test_pause_and_resume(tmp_path: Path) -> None:
 
 
 def test_devices_that_are_not_there_and_a_resume_at_another_cell(tmp_path: Path) -> None:
-    with at_a_cell(tmp_path, 50.0) as (_, cell):
-        pass  # the simulators are gone, their addresses stand in the file
-    with served(tmp_path / "record", "--cell", str(cell)) as service:
-        service.lease()
-        run = start(service, order(tmp_path))
-        paused = service.until(f"/runs/{run}", "paused")
-        assert 1000 <= paused["error"]["code"] < 2000
-        assert "Check cable" in paused["reason"]
+    cell = tmp_path / "real.toml"
+    with nobody_listens() as robot, nobody_listens() as tracker:
+        urls = f"tcp://127.0.0.1:{robot}", f"tcp://127.0.0.1:{tracker}"
+        cell.write_text(at_addresses(cell_file(tmp_path, time_scale=50.0), *urls), "utf-8")
+        with served(tmp_path / "record", "--cell", str(cell)) as service:
+            service.lease()
+            run = start(service, order(tmp_path))
+            paused = service.until(f"/runs/{run}", "paused")
+            assert 1000 <= paused["error"]["code"] < 2000
+            assert "Check cable" in paused["reason"]
     cell.write_text(cell.read_text("utf-8").replace("table_z_mm = 20.0", "table_z_mm = 30.0"), "utf-8")
     with served(tmp_path / "record", "--cell", str(cell)) as service:
         service.lease()
