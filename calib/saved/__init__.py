@@ -1,9 +1,10 @@
 """A model on disk: written with a hash, read back with every number held against what a robot can be."""
 
-from calib.saved.model_file import SavedModel, load_model, model_document, save_model
+from calib.saved.model_file import SavedModel, as_saved, load_model, model_document, save_model
 
 __all__ = [
     "SavedModel",
+    "as_saved",
     "load_model",
     "model_document",
     "save_model",

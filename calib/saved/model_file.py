@@ -84,6 +84,23 @@ class SavedModel:
         )
 
 
+def as_saved(identification: Identification, diagnosis: Diagnosis | None = None) -> SavedModel:
+    """A model as it would be read back from its file, without the file."""
+    header = identification.header
+    judged = None if diagnosis is None else diagnosis.error_after
+    return SavedModel(
+        identification.model,
+        identification.estimate,
+        identification.covariance,
+        loads=header.loads,
+        gravity=header.gravity,
+        coupling=header.coupling,
+        data_sha256=identification.data_sha256,
+        holds_for=_scope_of(identification),
+        held_out_rms_mm=None if judged is None else judged.rms,
+    )
+
+
 def save_model(
     path: Path,
     identification: Identification,
@@ -104,10 +121,7 @@ def model_document(
 ) -> dict[str, Any]:
     """A model as its file has it, with its `content_sha256`."""
     model = identification.model
-    conditions = identification.readings.conditions
     errors = identification.standard_errors
-    one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
-    temperature = conditions.temperature[np.isfinite(conditions.temperature)]
     judged = None if diagnosis is None else diagnosis.error_after
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -139,13 +153,7 @@ def model_document(
         "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
         "station_mm": list(model.station),
         "data_sha256": identification.data_sha256,
-        "holds_for": {
-            "approach": [
-                ("both sides" if not one else "from below" if side[0] > 0 else "from above")
-                for one, side in zip(one_sided, conditions.side.T, strict=True)
-            ],
-            "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
-        },
+        "holds_for": _scope_of(identification),
         "held_out": None
         if judged is None or diagnosis is None
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
@@ -155,6 +163,20 @@ def model_document(
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)
     return document
+
+
+def _scope_of(identification: Identification) -> dict[str, Any]:
+    """The approach and the temperature for which a model holds: those of its readings."""
+    conditions = identification.readings.conditions
+    one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
+    temperature = conditions.temperature[np.isfinite(conditions.temperature)]
+    return {
+        "approach": [
+            ("both sides" if not one else "from below" if side[0] > 0 else "from above")
+            for one, side in zip(one_sided, conditions.side.T, strict=True)
+        ],
+        "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
+    }
 
 
 def _triangle(covariance: Array) -> list[list[float]]:

@@ -36,7 +36,11 @@ class Columns:
     @classmethod
     def read(cls, path: Path) -> Columns:
         """A CSV file read whole. Raises DataError (file, line) for what is not a table of UTF-8 text."""
-        text = read_text(path)
+        return cls.of_text(read_text(path), path)
+
+    @classmethod
+    def of_text(cls, text: str, path: Path) -> Columns:
+        """The table that CSV text holds; `path` is what messages call it. Raises DataError (file, line)."""
         lines = rows_of(text, path)
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)

@@ -1,0 +1,81 @@
+"""TruePose from Python: `read`, `identify`, `diagnose`, `validate`, `select`, `compensate`, `simulate`.
+
+    import truepose
+
+    data = truepose.read("irb120.csv")  # and irb120.toml beside it
+    found = truepose.diagnose(data, progress=print)
+    print(found.sentence)
+    found.effects  # a pandas DataFrame
+    found.model.save("irb120.json")
+
+Arguments and columns carry their units in their names: mm, deg, s. Whatever cannot be used is refused with
+`DataError`, which says where and what to do. Names that `__all__` lists stay; one that must go warns for a year.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module, metadata
+from typing import TYPE_CHECKING, Any
+
+from truepose.rooms import refuse_foreign
+
+if TYPE_CHECKING:
+    from calib.errors import DataError
+    from truepose.correction import Corrected, compensate
+    from truepose.data import Data, read
+    from truepose.diagnosis import Diagnosis, diagnose
+    from truepose.model import Model, identify, load
+    from truepose.selection import Selection, select
+    from truepose.simulation import simulate
+    from truepose.validation import Validation, validate
+
+__version__ = metadata.version("truepose")
+__all__ = [
+    "Corrected",
+    "Data",
+    "DataError",
+    "Diagnosis",
+    "Model",
+    "Selection",
+    "Validation",
+    "compensate",
+    "diagnose",
+    "identify",
+    "load",
+    "read",
+    "select",
+    "simulate",
+    "validate",
+]
+
+# Where each name is: imported when it is first asked for, which keeps `import truepose` short
+_HOMES = {
+    "Corrected": "correction",
+    "Data": "data",
+    "Diagnosis": "diagnosis",
+    "Model": "model",
+    "Selection": "selection",
+    "Validation": "validation",
+    "compensate": "correction",
+    "diagnose": "diagnosis",
+    "identify": "model",
+    "load": "model",
+    "read": "data",
+    "select": "selection",
+    "simulate": "simulation",
+    "validate": "validation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        refuse_foreign()
+    if name == "DataError":
+        return import_module("calib.errors").DataError
+    if name in _HOMES:
+        return getattr(import_module(f"truepose.{_HOMES[name]}"), name)
+    raise AttributeError(f"truepose has no {name!r}; there are {', '.join(__all__)}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

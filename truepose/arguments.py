@@ -1,0 +1,49 @@
+"""Arguments checked: arrays of joint angles in degrees."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+
+from calib.array import Array
+from calib.errors import DataError
+from calib.saved import SavedModel
+from calib.units import DEG
+
+_MANY = 5  # targets, within so small angles that they look like radians
+
+
+def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
+    """(n, N) model angles, rad, of angles as the controller counts them, deg, an array or a DataFrame (n, N).
+
+    Raises DataError for another shape or numbers that are not finite. Warns of degrees that look like radians.
+    """
+    robot = saved.model.robot
+    if hasattr(joints_deg, "columns"):
+        names = [f"j{k + 1}_deg" for k in range(robot.joints)]
+        missing = [name for name in names if name not in joints_deg.columns]
+        if missing:
+            raise DataError(
+                f"column '{missing[0]}' is missing.", do=f"Give {', '.join(names)}.", key="joints_deg"
+            )
+        joints_deg = joints_deg[names].to_numpy()
+    angles = np.asarray(joints_deg, dtype=np.float64)
+    if angles.ndim == 1:
+        angles = angles[None]
+    if angles.ndim != 2 or angles.shape[1] != robot.joints:
+        raise DataError(
+            f"has the shape {angles.shape}.", do=f"Give (n, {robot.joints}) angles.", key="joints_deg"
+        )
+    if not np.all(np.isfinite(angles)):
+        raise DataError("holds numbers that are not finite.", do="Leave those rows out.", key="joints_deg")
+    if len(angles) >= _MANY and np.any(angles) and np.max(np.abs(angles)) <= math.pi:
+        warnings.warn("joints_deg: all angles lie within 3.15 deg; radians?", stacklevel=3)
+    return robot.model_angles(angles * DEG, saved.coupling)
+
+
+def angles_of(joints: Array, saved: SavedModel) -> Array:
+    """(n, N) angles as the controller counts them, deg, of model angles, rad."""
+    return saved.model.robot.controller_angles(joints, saved.coupling) / DEG

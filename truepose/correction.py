@@ -1,0 +1,114 @@
+"""Corrected targets: joint angles that make the real robot land where the nominal one would."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.compensate import Correction, model_sides, nominal_of
+from calib.compensate.correct import correct
+from calib.errors import DataError
+from calib.model.stated import FLANGE
+from calib.units import DEG
+from truepose.arguments import angles_of, joints_of
+from truepose.frames import frame
+from truepose.model import Model
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """n corrected targets. joints_deg (n, N) as the controller counts, NaN where refused: never drive those."""
+
+    joints_deg: Array
+    wanted_deg: Array
+    found: Correction
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """(n,) targets that may be driven."""
+        return self.found.good
+
+    @property
+    def targets(self) -> pandas.DataFrame:
+        """One row a target: j1_deg and so on to drive, status, why it was refused."""
+        columns: dict[str, Any] = {
+            f"j{k + 1}_deg": self.joints_deg[:, k] for k in range(self.joints_deg.shape[1])
+        }
+        status = [str(status) for status in self.found.status]
+        return frame({**columns, "status": status, "reason": list(self.found.reasons)})
+
+    def __repr__(self) -> str:
+        return f"<{len(self.good)} targets, {int(self.good.sum())} corrected>"
+
+
+def compensate(
+    model: Model,
+    *,
+    joints_deg: Any,
+    target: str = FLANGE,
+    side: tuple[int, ...] | int = 1,
+    approach_deg: float = 5.0,
+    temperature_c: float | None = None,
+    time_s: float | None = None,
+    series: str | None = None,
+    limits_deg: Any = None,
+    inverse: bool = False,
+) -> Corrected:
+    """Correct joint targets; `truepose compensate` does the same to a program.
+
+    joints_deg: (n, N), or a DataFrame with j1_deg and so on, as the controller counts. target: the tool target that
+    shall land, or the flange, which carries all. side: from where every joint arrives, +1 from below, -1 from above;
+    approach_deg: how far before the target its last move begins. temperature_c, time_s: of the air, and since the
+    start of the campaign, for effects that need them. limits_deg: (N, 2), default the robot's. inverse: from targets
+    that were taught on the real robot to the nominal one. Raises DataError.
+    """
+    saved = model.saved
+    joints = joints_of(joints_deg, saved)
+    count = saved.model.robot.joints
+    stated = model.stated(
+        side=_sides(side, model),
+        temperature_c=temperature_c,
+        time_s=time_s,
+        series=series,
+        approach_rad=approach_deg * DEG,
+    )
+    limits = None if limits_deg is None else np.asarray(limits_deg, dtype=np.float64) * DEG
+    if limits is not None and limits.shape != (count, 2):
+        raise DataError(f"has the shape {limits.shape}.", do=f"Give ({count}, 2).", key="limits_deg")
+    try:
+        found = (nominal_of if inverse else correct)(
+            saved.model,
+            saved.estimate,
+            joints,
+            stated,
+            target=target,
+            limits=limits,
+            coupling=saved.coupling,
+            regression=saved.regression,
+        )
+    except ValueError as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{error}.", do="Use one of those.", key="target") from error
+    return Corrected(angles_of(found.joints, saved), angles_of(joints, saved), found)
+
+
+def _sides(side: tuple[int, ...] | int, model: Model) -> tuple[float, ...]:
+    """One side for each joint of the model, of sides as the controller counts."""
+    saved = model.saved
+    count = saved.model.robot.joints
+    given = np.asarray(side, dtype=np.float64)
+    if given.shape not in ((), (count,)) or not np.all(np.isin(given, (-1.0, 1.0))):
+        raise DataError(f"is {side!r}.", do=f"Give +1 or -1, once or {count} times.", key="side")
+    try:
+        turned = model_sides(saved.model.robot, np.broadcast_to(given, (count,)), saved.coupling)
+    except ValueError as error:
+        raise DataError(f"{error}.", do="State the same side for the coupled joints.", key="side") from error
+    return tuple(float(each) for each in turned)

@@ -1,0 +1,96 @@
+"""A data set in Python: read from its two files, or made of a pandas DataFrame and a header."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomli_w
+
+from calib.data import Dataset, dataset_of, header_of, read_dataset
+from calib.data.header import read_header
+from calib.errors import DataError
+from calib.text import Columns
+from calib.units import DEG
+from truepose.frames import frame
+
+if TYPE_CHECKING:
+    import pandas
+
+_IN_MEMORY = Path("DataFrame")
+
+
+@dataclass(frozen=True)
+class Data:
+    """Readings of one robot and what holds for all of them; frozen. `dataset`: the same for the rooms below."""
+
+    dataset: Dataset
+
+    def __len__(self) -> int:
+        return len(self.dataset)
+
+    def __repr__(self) -> str:
+        sets = self.dataset
+        return (
+            f"<{sets.name}: {len(sets)} readings of {sets.header.robot.name}, {int(sets.fit_rows.sum())} to fit, "
+            f"{int(sets.validation_rows.sum())} to validate>"
+        )
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulator measured it."""
+        return self.dataset.header.simulated
+
+    @property
+    def readings(self) -> pandas.DataFrame:
+        """One row a reading, by reading_id, in the columns of its file: deg as the controller counts, mm, s, degC."""
+        of, conditions = self.dataset, self.dataset.conditions
+        angles = of.header.robot.controller_angles(conditions.joints, of.header.coupling) / DEG
+        columns: dict[str, Any] = {
+            "set": of.sets,
+            "status": of.status,
+            "series": np.array(conditions.series_names)[conditions.series],
+            "tool_target": np.array(conditions.target_names)[conditions.target],
+            **{f"j{k + 1}_deg": angles[:, k] for k in range(angles.shape[1])},
+            **{f"{axis}_mm": of.points[:, k] for k, axis in enumerate("xyz")},
+            "length_mm": of.lengths,
+            "t_s": conditions.time,
+            "t_air_c": conditions.temperature,
+        }
+        return frame(columns, of.reading_id, "reading_id")
+
+
+def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str | Path | None = None) -> Data:
+    """Read a data set.
+
+    source: `NAME.csv`, with `NAME.toml` beside it; or a DataFrame with the columns of such a file, units in their names
+    (`j1_deg`, `x_mm`), whose index, where it has a name, is the reading_id. header: for a DataFrame, the table that
+    the .toml would hold, or the file itself. Raises DataError (file, line or key, what to do).
+    """
+    if isinstance(source, str | Path):
+        if header is not None:
+            raise DataError(
+                "has its header beside it.",
+                do="Give a header with a DataFrame only.",
+                file=source,
+                key="header",
+            )
+        return Data(read_dataset(source))
+    if header is None:
+        raise DataError(
+            "a DataFrame needs a header.", do="Give header=, a table or a .toml file.", key="header"
+        )
+    table = source if source.index.name is None else source.reset_index()
+    text = table.to_csv(index=False)
+    if isinstance(header, Mapping):
+        written, path = tomli_w.dumps(dict(header)), _IN_MEMORY.with_suffix(".toml")
+        return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), header_of(header, path, written)))
+    return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), read_header(Path(header))))
+
+
+def data_of(source: Data | str | Path) -> Data:
+    """The data set that is meant: itself, or the file of that name. Raises DataError."""
+    return source if isinstance(source, Data) else read(source)

@@ -1,0 +1,129 @@
+"""A diagnosis in Python: what the base model lacks, with its evidence, its rivals and its power."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from calib.diagnose import Diagnosis as Findings
+from calib.diagnose import diagnose as search
+from calib.fit import ErrorStatistics
+from calib.fit.identify import silent
+from calib.saved import as_saved
+from calib.text import replace_file
+from calib.units import to_display
+from service import wording
+from service.results import documents
+from truepose.data import Data, data_of
+from truepose.frames import frame_of_rows
+from truepose.model import Model
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The findings of a diagnosis. `findings`: the same for the rooms below."""
+
+    findings: Findings
+
+    def __repr__(self) -> str:
+        return f"<diagnosis of {self.findings.dataset.name}: {self.sentence}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.sentence}</p>{self.effects.to_html(float_format=lambda x: f'{x:.4g}')}"
+
+    @property
+    def verdict(self) -> str:
+        """complete, attributed, ambiguous, unexplained or excess_noise."""
+        return self.findings.verdict
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words, with what it gains."""
+        return wording.verdict_in_words(self.findings)
+
+    @property
+    def model(self) -> Model:
+        """The robot with the effects that were found."""
+        found = self.findings
+        return Model(as_saved(found.final, found), found.final, Data(found.dataset), found)
+
+    @property
+    def base(self) -> Model:
+        """The robot before the search: its base model."""
+        found = self.findings
+        return Model(as_saved(found.base), found.base, Data(found.dataset))
+
+    @property
+    def effects(self) -> pandas.DataFrame:
+        """One row a parameter of an effect found: label, parameter, value, std, unit, p_value, explained variance,
+        and the rivals that these readings cannot distinguish it from, with their weights."""
+        rows = [
+            {
+                "effect": found.effect.label,
+                "parameter": parameter.name,
+                "value": to_display(float(value), parameter.unit),
+                "std": to_display(float(variance) ** 0.5, parameter.unit),
+                "unit": parameter.unit,
+                "p_value": found.evidence.p_value,
+                "explained_variance": found.evidence.explained_variance,
+                "rivals": {k: w for k, w in found.evidence.candidates.items() if k != found.effect.label},
+            }
+            for found in self.findings.effects
+            for parameter, value, variance in zip(
+                found.effect.parameters, found.values, found.covariance.diagonal(), strict=True
+            )
+        ]
+        columns = ("parameter", "value", "std", "unit", "p_value", "explained_variance", "rivals")
+        return frame_of_rows(rows, columns, "effect")
+
+    @property
+    def errors(self) -> pandas.DataFrame:
+        """The ladder on validation rows, mm: nominal, base model, with effects; n, rms, mean, p95, max."""
+        found = self.findings
+        steps: dict[str, ErrorStatistics | None] = {
+            "nominal": found.error_nominal,
+            "base model": found.error_before,
+            "with effects": found.error_after,
+        }
+        columns = ("n", "rms", "mean", "p95", "max")
+        rows = [
+            {"model": name, **{key: getattr(step, key) for key in columns}}
+            for name, step in steps.items()
+            if step is not None
+        ]
+        return frame_of_rows(rows, columns, "model")
+
+    @property
+    def power(self) -> pandas.DataFrame:
+        """The smallest size of every effect looked for that these readings would have shown, 95 times in 100."""
+        rows = [{"effect": v.label, "smallest": v.size, "unit": v.unit} for v in self.findings.power]
+        return frame_of_rows(rows, ("smallest", "unit"), "effect")
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The document that `truepose diagnose --json` writes."""
+        return documents.of_diagnosis(self.findings)
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report, one HTML file. Raises OSError."""
+        from service.report import diagnosis_report  # drawing takes long to import
+
+        replace_file(Path(path), diagnosis_report(self.findings, self.document))
+        return Path(path)
+
+    def plot_residuals(self) -> Figure:
+        """A picture of the errors before and after on all measured readings."""
+        from truepose.pictures import before_and_after
+
+        return before_and_after(self.base.residuals, self.model.residuals)
+
+
+def diagnose(data: Data | str | Path, *, progress: Callable[[str], None] | None = None) -> Diagnosis:
+    """Find what the base model of a data set lacks. progress: is told each step. Raises DataError."""
+    return Diagnosis(search(data_of(data).dataset, progress=progress or silent))

@@ -1,0 +1,32 @@
+"""Tables as pandas has them. Pandas is an extra, `truepose[pandas]`: everything else works without it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def pandas_module() -> ModuleType:
+    """The module pandas. Raises ImportError, which says how to install it."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise ImportError("tables need pandas: pip install 'truepose[pandas]'") from error
+    return pandas
+
+
+def frame(columns: Mapping[str, Any], index: Sequence[Any] | None = None, name: str = "") -> pandas.DataFrame:
+    """A table of columns of equal length; index: one label a row, under `name`."""
+    pd = pandas_module()
+    labels = None if index is None else pd.Index(list(index), name=name or None)
+    return pd.DataFrame(dict(columns), index=labels)
+
+
+def frame_of_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], index: str) -> pandas.DataFrame:
+    """A table of rows, one mapping each, in the order of `columns`; `index` names the column of labels."""
+    own = {column: [row.get(column) for row in rows] for column in columns}
+    return frame(own, [row[index] for row in rows], index)

@@ -1,0 +1,215 @@
+"""A model of one robot in Python: identified from readings, or loaded from its file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calib.array import Array
+from calib.data import LEVELS
+from calib.diagnose import Diagnosis as Findings
+from calib.errors import DataError
+from calib.fit import Identification, statistics_of
+from calib.fit.held_out import errors_on
+from calib.fit.identify import identify as fit
+from calib.fit.identify import silent
+from calib.model import StatedConditions
+from calib.model.model import Design
+from calib.model.stated import FLANGE, conditions_at, series_of
+from calib.saved import SavedModel, as_saved, load_model, save_model
+from calib.units import to_display
+from truepose.arguments import joints_of
+from truepose.data import Data, data_of
+from truepose.frames import frame
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Model:
+    """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded."""
+
+    saved: SavedModel
+    fitted: Identification | None = None
+    data: Data | None = None
+    findings: Findings | None = None
+
+    def __repr__(self) -> str:
+        model = self.saved.model
+        found = [effect.label for effect in model.effects if effect.group != "base model"]
+        beside = f" with {', '.join(found)}" if found else ""
+        return f"<model of {model.robot.name}{beside}: {len(model.parameters)} parameters>"
+
+    def _repr_html_(self) -> str:
+        return self.parameters.to_html(float_format=lambda x: f"{x:.5g}")
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit ended where it should; one that was loaded did."""
+        return self.fitted is None or self.fitted.converged
+
+    @property
+    def parameters(self) -> pandas.DataFrame:
+        """One row a parameter, by name: value (the change from nominal), standard error std, unit, effect, owner.
+
+        A parameter that the readings do not determine has the standard error 0 and the value 0.
+        """
+        saved = self.saved
+        errors = np.sqrt(np.diag(saved.covariance))
+        owners = [
+            (effect.label, effect.owner, p) for effect in saved.model.effects for p in effect.parameters
+        ]
+        return frame(
+            {
+                "value": [
+                    to_display(float(v), p.unit) for v, (_, _, p) in zip(saved.estimate, owners, strict=True)
+                ],
+                "std": [to_display(float(e), p.unit) for e, (_, _, p) in zip(errors, owners, strict=True)],
+                "unit": [p.unit for _, _, p in owners],
+                "effect": [label for label, _, _ in owners],
+                "owner": [owner for _, owner, _ in owners],
+            },
+            [p.name for _, _, p in owners],
+            "parameter",
+        )
+
+    @property
+    def residuals(self) -> pandas.DataFrame:
+        """One row a measured reading, by reading_id: set, error_mm, and measured less predicted dx, dy, dz_mm.
+
+        Raises DataError for a model that was loaded: it knows no readings; `validate` judges it on some.
+        """
+        data = self._data()
+        of = data.dataset
+        rows = of.usable
+        design = Design(self.saved.model, of.conditions.take(rows))
+        apart = (
+            of.points[rows]
+            - np.broadcast_to(design.frames(self.saved.estimate, ()).p, (3, int(rows.sum()))).T
+        )
+        return frame(
+            {
+                "set": of.sets[rows],
+                "error_mm": errors_on(of, rows, self.saved.model, self.saved.estimate),
+                **{f"d{axis}_mm": apart[:, k] for k, axis in enumerate("xyz")},
+            },
+            [name for name, used in zip(of.reading_id, rows, strict=True) if used],
+            "reading_id",
+        )
+
+    @property
+    def error_mm(self) -> dict[str, float]:
+        """n, rms, mean, p95 and max of the error on the validation rows, mm; empty where there are none."""
+        data = self._data()
+        errors = errors_on(data.dataset, data.dataset.validation_rows, self.saved.model, self.saved.estimate)
+        found = statistics_of(errors)
+        return {} if found is None else {k: getattr(found, k) for k in ("n", "rms", "mean", "p95", "max")}
+
+    def predict(
+        self,
+        *,
+        joints_deg: Any,
+        target: str = FLANGE,
+        temperature_c: float | None = None,
+        time_s: float | None = None,
+        series: str | None = None,
+    ) -> Array:
+        """(n, 3) points of a tool target, mm, in the frame of the readings.
+
+        joints_deg: (n, N) as the controller counts. Raises DataError for the wrong shape, an unknown target or series.
+        """
+        joints = joints_of(joints_deg, self.saved)
+        stated = self.stated(temperature_c=temperature_c, time_s=time_s, series=series)
+        model = self.saved.model
+        known = (FLANGE, *model.targets[series_of(model, stated)])
+        if target not in known:
+            raise DataError(
+                f"'{target}' is no target of the model.", do=f"Use {', '.join(known[1:])}.", key="target"
+            )
+        name = series_of(model, stated)
+        targets = {**model.targets, name: {FLANGE: (0.0, 0.0, 0.0), **model.targets[name]}}
+        design = Design(replace(model, targets=targets), conditions_at(model, joints, stated, target))
+        return np.array(np.broadcast_to(design.frames(self.saved.estimate, ()).p, (3, len(joints))).T)
+
+    def stated(
+        self,
+        *,
+        side: tuple[float, ...] | float = 1.0,
+        temperature_c: float | None = None,
+        time_s: float | None = None,
+        series: str | None = None,
+        approach_rad: float | None = None,
+    ) -> StatedConditions:
+        """Conditions for a prediction or a correction; what is None is that of the readings. Raises DataError."""
+        names = tuple(self.saved.model.targets)
+        if series not in names and (series is not None or len(names) > 1):
+            raise DataError(
+                "the model holds several series."
+                if series is None
+                else f"'{series}' is no series of the model.",
+                do=f"Use {', '.join(names)}.",
+                key="series",
+            )
+        usual = self.saved.usual
+        return replace(
+            usual,
+            side=side,
+            temperature_c=usual.temperature_c if temperature_c is None else temperature_c,
+            time_s=math.nan if time_s is None else time_s,
+            series=series,
+            approach=usual.approach if approach_rad is None else approach_rad,
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the model file, which the command line and the service read. Raises DataError, OSError."""
+        if self.fitted is None:
+            raise DataError("was loaded from a file: copy that.", do="Copy the file.", key="save")
+        save_model(Path(path), self.fitted, self.findings)
+        return Path(path)
+
+    def plot_residuals(self) -> Figure:
+        """A picture of the errors: a dot a reading in the order of measurement, and their distribution by set."""
+        from truepose.pictures import residuals
+
+        return residuals(self.residuals)
+
+    def _data(self) -> Data:
+        if self.data is None:
+            raise DataError(
+                "the model was loaded and knows no readings.",
+                do="Judge it with truepose.validate(model, data).",
+            )
+        return self.data
+
+
+def identify(
+    data: Data | str | Path,
+    *,
+    level: int | None = None,
+    progress: Progress | None = None,
+) -> Model:
+    """Identify the parameters of the base model, without any search for missing effects.
+
+    level: 1 joints, 2 geometry, 3 and gravity, instead of what the header frees (Roth, Mooring and Ravani 1987).
+    progress: is told each step. Raises DataError.
+    """
+    of = data_of(data)
+    if level is not None and level not in LEVELS:
+        raise DataError(f"is {level}.", do="Use 1, 2 or 3.", key="level")
+    groups = None if level is None else LEVELS[level]
+    fitted = fit(of.dataset, groups=groups, progress=progress or silent)
+    return Model(as_saved(fitted), fitted, of)
+
+
+def load(path: str | Path, *, robot: str | Path | None = None) -> Model:
+    """A model from its file. robot: the robot's own file, which it must agree with. Raises DataError."""
+    return Model(load_model(Path(path), robot_file=None if robot is None else Path(robot)))

@@ -1,0 +1,37 @@
+"""Pictures of residuals by matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    import pandas
+
+_BINS = 30
+
+
+def residuals(found: pandas.DataFrame) -> Figure:
+    """The errors of `Model.residuals`: a dot a reading, and their histogram, by set."""
+    drawn = Figure(figsize=(9.0, 3.2), layout="constrained")
+    by_reading, histogram = drawn.subplots(1, 2, width_ratios=(2, 1))
+    place = {name: number for number, name in enumerate(found.index)}
+    for name, part in found.groupby("set"):
+        by_reading.plot([place[each] for each in part.index], part["error_mm"], ".", label=str(name))
+        histogram.hist(part["error_mm"], bins=_BINS, histtype="step", label=str(name))
+    by_reading.set(xlabel="reading", ylabel="error, mm", ylim=(0.0, None))
+    histogram.set(xlabel="error, mm", ylabel="readings")
+    by_reading.legend(title="set")
+    return drawn
+
+
+def before_and_after(before: pandas.DataFrame, after: pandas.DataFrame) -> Figure:
+    """The errors of two models on the same readings, a dot a reading, the later ones in front."""
+    drawn = Figure(figsize=(9.0, 3.2), layout="constrained")
+    axes = drawn.subplots()
+    for found, label in ((before, "base model"), (after, "with effects")):
+        axes.plot(range(len(found)), found["error_mm"], ".", label=label)
+    axes.set(xlabel="reading", ylabel="error, mm", ylim=(0.0, None))
+    axes.legend()
+    return drawn

@@ -1,0 +1,44 @@
+"""A campaign on the simulated cell: every device speaks its wire protocol, in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import acquisition
+from acquisition import Event, Run, read_campaign, read_cell
+from acquisition.errors import RecordError
+from acquisition.record import State
+from calib.fit import silent
+from service.simulated_cell import simulated_cell
+from truepose.data import Data, read
+
+
+def simulate(
+    cell: str | Path,
+    campaign: str | Path,
+    record: str | Path,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> Data:
+    """Measure a campaign on the simulators of its cell and read the data set that comes of it.
+
+    cell, campaign: their files. record: a new folder, for the durable record and `data.csv`, `data.toml`. Prompts are
+    answered where the cell file says `[simulation] operator = "confirms"`. Raises ConfigError, UnsafePlan,
+    RecordError, or the fault for which the campaign paused.
+    """
+    say = progress or silent
+    folder = Path(record)
+
+    def listen(event: Event) -> None:
+        say(event.kind.replace("_", " "))
+
+    with Run.create(folder, read_cell(Path(cell)), read_campaign(Path(campaign)), simulated=True) as run:
+        say("starting the simulators of the cell")
+        with simulated_cell(run.cell) as simulators:
+            outcome = run.execute(simulators.open(run.cell), on_event=listen)
+    if outcome.error is not None:
+        raise outcome.error
+    if outcome.state is not State.SUCCEEDED:
+        raise RecordError(f"{folder}: {outcome.reason}", what_to_do="Resume it on the command line.")
+    return read(acquisition.export(folder, folder / "data.csv"))

@@ -1,0 +1,67 @@
+"""A model judged in Python on readings that took no part in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calib.fit import base_model_of, place_nominal
+from calib.units import DEG
+from calib.validation import Judgement, place, refuse_other_robot
+from calib.validation.judge import judge
+from truepose.data import Data, data_of
+from truepose.frames import frame_of_rows
+from truepose.model import Model
+
+if TYPE_CHECKING:
+    import pandas
+
+_FIGURES = ("n", "mean", "std", "rms", "p95", "max")
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Judgements of the nominal robot, placed, and of the model, on the same readings."""
+
+    judgements: tuple[Judgement, ...]
+
+    def __repr__(self) -> str:
+        nominal, judged = (each.error for each in self.judgements)
+        return f"<{judged.n} readings: {nominal.rms:.4f} mm RMS nominal, {judged.rms:.4f} mm with the model>"
+
+    def _repr_html_(self) -> str:
+        return self.errors.to_html(float_format=lambda x: f"{x:.4g}")
+
+    @property
+    def errors(self) -> pandas.DataFrame:
+        """One row a model and quantity: position mm, length mm, orientation deg; n, mean, std, rms, p95, max."""
+        rows: list[dict[str, Any]] = []
+        for each in self.judgements:
+            of = {"position": (each.position, "mm", 1.0), "length": (each.length, "mm", 1.0)}
+            of["orientation"] = (each.orientation, "deg", DEG)
+            for quantity, (summary, unit, size) in of.items():
+                if summary is not None:
+                    own = {k: getattr(summary, k) / (1.0 if k == "n" else size) for k in _FIGURES}
+                    rows.append({"model": each.name, "quantity": quantity, "unit": unit, **own})
+        return frame_of_rows(rows, ("quantity", "unit", *_FIGURES), "model")
+
+
+def validate(
+    model: Model, data: Data | str | Path, *, place_it: bool = False, everything: bool = False
+) -> Validation:
+    """Judge a model on the validation rows of a data set, or on `everything` that was measured.
+
+    place_it: fit base, and tool where the model frees it, to the calibration rows first, for readings in another
+    frame. Raises DataError.
+    """
+    dataset = data_of(data).dataset
+    refuse_other_robot(model.saved, dataset, Path("the model"))
+    rows = dataset.usable if everything else dataset.validation_rows
+    own = (model.saved.model, model.saved.estimate)
+    placed = place(dataset, *own) if place_it else own
+    nominal = place_nominal(dataset, base_model_of(dataset))
+    names: dict[str, tuple[Any, np.ndarray]] = {"nominal robot, placed": nominal, "model": placed}
+    return Validation(tuple(judge(name, dataset, rows, *each) for name, each in names.items()))
