@@ -1,0 +1,72 @@
+"""The wheel: all that the program needs and nothing else, run without the sources beside it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("acquisition", "calib", "drivers", "mocks", "service", "truepose")
+MOST_BYTES = 2_000_000
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built from a copy of what is in the tree, without a network."""
+    folder, source = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
+    done = subprocess.run(build, capture_output=True, text=True, check=False, cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("*.whl"))
+
+
+def test_it_holds_every_file_and_no_more(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    own = {name for name in names if ".dist-info/" not in name}
+    wanted = {
+        path.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    assert own == wanted
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert wheel.stat().st_size < MOST_BYTES
+
+
+def test_it_runs_where_there_are_no_sources(wheel: Path, tmp_path: Path) -> None:
+    """In an environment of its own, whose other packages are those of this one."""
+    home = tmp_path / "environment"
+    venv.create(home, with_pip=False)
+    scripts = home / ("Scripts" if os.name == "nt" else "bin")
+    site = next(home.rglob("site-packages"))
+    install = [sys.executable, "-m", "pip", "--python", str(scripts / "python"), "install", "--no-index"]
+    subprocess.run([*install, "--no-deps", "--quiet", str(wheel)], check=True)
+    (site / "others.pth").write_text(sysconfig.get_path("purelib"), "utf-8")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+    def truepose(*arguments: str) -> str:
+        command = [str(scripts / "truepose"), *arguments]
+        done = subprocess.run(
+            command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert truepose("--version").startswith("truepose ")
+    assert "backlash:j4" in truepose("demo", "--in-memory", "--effect", "backlash:j4", "--out", "d")
+    asked = [str(scripts / "python"), "-c", "import calib, truepose; print(calib.__file__, truepose.read)"]
+    done = subprocess.run(asked, capture_output=True, text=True, cwd=tmp_path, env=environment, check=True)
+    assert str(site) in done.stdout
