@@ -1,8 +1,14 @@
-"""The drivers that there are, one line a maker: a new one is its folder and its line here."""
+"""The drivers that there are, one line a maker: a new one is its folder and its line here.
+
+Other packages bring theirs by entry points of the group `truepose.drivers`: modules with `DRIVERS`, as a maker's
+`declaration.py`. They are looked for when a name is asked for that is not in the tables.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
 from drivers.abb import declaration as abb
@@ -16,6 +22,7 @@ from drivers.leica import declaration as leica
 from drivers.renishaw import declaration as renishaw
 from drivers.ur import declaration as ur
 
+GROUP = "truepose.drivers"
 _D = TypeVar("_D", RobotDriver, InstrumentDriver)
 _T = TypeVar("_T")
 
@@ -32,12 +39,12 @@ INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
 
 def robot_driver(name: str) -> RobotDriver:
     """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
-    return _known("robot", ROBOTS, name)
+    return _known("robot", ROBOTS, RobotDriver, name)
 
 
 def instrument_driver(name: str) -> InstrumentDriver:
     """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
-    return _known("instrument", INSTRUMENTS, name)
+    return _known("instrument", INSTRUMENTS, InstrumentDriver, name)
 
 
 def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
@@ -50,10 +57,30 @@ def open_instrument(driver: str, url: str, **options: Any) -> PointMeter | Lengt
     return _make("instrument", driver, instrument_driver(driver).make, url, options)
 
 
-def _known(kind: str, table: Mapping[str, _D], name: str) -> _D:
-    if name not in table:
-        raise ConfigError(f"{kind} driver {name!r} unknown; there are {', '.join(sorted(table))}")
-    return table[name]
+def _known(kind: str, table: Mapping[str, _D], of: type[_D], name: str) -> _D:
+    if name in table:
+        return table[name]
+    more = {driver.name: driver for driver in _installed() if isinstance(driver, of)}
+    if name in more:
+        return more[name]
+    raise ConfigError(f"{kind} driver {name!r} unknown; there are {', '.join(sorted({*table, *more}))}")
+
+
+@cache
+def _installed() -> tuple[RobotDriver | InstrumentDriver, ...]:
+    """The drivers of other packages. Raises ConfigError for a package that cannot be used."""
+    return tuple(driver for point in entry_points(group=GROUP) for driver in _drivers_of(point))
+
+
+def _drivers_of(point: EntryPoint) -> Iterable[RobotDriver | InstrumentDriver]:
+    package = point.dist.name if point.dist is not None else point.value
+    try:
+        return point.load().DRIVERS
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"drivers '{point.name}' of the package {package} cannot be loaded: {error}",
+            what_to_do="Mend or remove the package.",
+        ) from error
 
 
 def _make(kind: str, name: str, make: Callable[..., _T], url: str, options: Mapping[str, Any]) -> _T:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.compensate import Correction, model_sides, nominal_of
-from calib.compensate.correct import correct
+from calib.compensate import Correction, correct, model_sides, nominal_of
 from calib.errors import DataError
-from calib.model.stated import FLANGE
+from calib.model import FLANGE
 from calib.units import DEG
 from truepose.arguments import angles_of, joints_of
 from truepose.frames import frame

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from calib.data import Dataset, dataset_of, header_of, read_dataset
-from calib.data.header import read_header
+from calib.data import Dataset, dataset_of, header_of, read_dataset, read_header
 from calib.errors import DataError
 from calib.text import Columns
 from calib.units import DEG

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.diagnose import Diagnosis as Findings
 from calib.diagnose import diagnose as search
-from calib.fit import ErrorStatistics
-from calib.fit.identify import silent
+from calib.fit import ErrorStatistics, silent
 from calib.saved import as_saved
 from calib.text import replace_file
 from calib.units import to_display

@@ -14,13 +14,9 @@ from calib.array import Array
 from calib.data import LEVELS
 from calib.diagnose import Diagnosis as Findings
 from calib.errors import DataError
-from calib.fit import Identification, statistics_of
-from calib.fit.held_out import errors_on
-from calib.fit.identify import identify as fit
-from calib.fit.identify import silent
-from calib.model import StatedConditions
-from calib.model.model import Design
-from calib.model.stated import FLANGE, conditions_at, series_of
+from calib.fit import Identification, errors_on, silent, statistics_of
+from calib.fit import identify as fit
+from calib.model import FLANGE, Design, StatedConditions, conditions_at, series_of
 from calib.saved import SavedModel, as_saved, load_model, save_model
 from calib.units import to_display
 from truepose.arguments import joints_of

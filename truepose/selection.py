@@ -13,8 +13,7 @@ from acquisition import read_cell
 from acquisition.campaign import DECIMALS, draw_poses, setup_of
 from calib.array import Array
 from calib.data import DEFAULT_GROUPS
-from calib.selection import Choice, Curve, candidates_of, curve_of
-from calib.selection.choose import choose
+from calib.selection import Choice, Curve, candidates_of, choose, curve_of
 from truepose.frames import frame
 
 if TYPE_CHECKING:

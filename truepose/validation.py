@@ -10,8 +10,7 @@ import numpy as np
 
 from calib.fit import base_model_of, place_nominal
 from calib.units import DEG
-from calib.validation import Judgement, place, refuse_other_robot
-from calib.validation.judge import judge
+from calib.validation import Judgement, judge, place, refuse_other_robot
 from truepose.data import Data, data_of
 from truepose.frames import frame_of_rows
 from truepose.model import Model

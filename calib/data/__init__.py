@@ -3,7 +3,7 @@
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
-from calib.data.header import LEAST, Header, header_of
+from calib.data.header import LEAST, Header, header_of, read_header
 from calib.data.noise import Noise
 from calib.data.plausible import assumed_in_words
 from calib.data.read import dataset_of, read_dataset
@@ -24,4 +24,5 @@ __all__ = [
     "dataset_of",
     "header_of",
     "read_dataset",
+    "read_header",
 ]

@@ -31,6 +31,7 @@ from calib.effects import (
     tracker_scale,
     warm_up,
 )
+from calib.effects.installed import installed
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.scan.fixed import Candidate
@@ -79,16 +80,21 @@ LIBRARY: tuple[Entry, ...] = (
 )
 
 
+def entries() -> tuple[Entry, ...]:
+    """The library, and what other packages bring. Raises DataError where one of them cannot be used."""
+    return (*LIBRARY, *installed())
+
+
 def offers(survey: Survey) -> list[Family]:
     """Everything the library can propose for these readings, less what their base model has already."""
-    proposals = [proposal for entry in LIBRARY for proposal in entry.offer(survey)]
+    proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     return [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
 
 
 def kind_of(label: str) -> Kind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
     name = label.partition(":")[0]
-    kinds = {kind.name: kind for entry in (*LIBRARY, gear_orders) for kind in entry.KINDS}
+    kinds = {kind.name: kind for entry in (*entries(), gear_orders) for kind in entry.KINDS}
     return kinds[name]
 
 
@@ -97,4 +103,4 @@ def check_of(label: str) -> str:
     return kind_of(label).check_of(label)
 
 
-__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "kind_of", "offers"]
+__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "entries", "kind_of", "offers"]

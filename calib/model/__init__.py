@@ -11,9 +11,10 @@ from calib.model.regressors import (
     Side,
     Sine,
 )
-from calib.model.stated import StatedConditions, conditions_at
+from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
 
 __all__ = [
+    "FLANGE",
     "Constant",
     "Cosine",
     "Design",
@@ -27,4 +28,5 @@ __all__ = [
     "check_effect",
     "conditions_at",
     "effect",
+    "series_of",
 ]

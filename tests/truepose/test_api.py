@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+import re
 import subprocess
 import sys
 import tomllib
@@ -220,3 +221,19 @@ def test_poses_are_selected_for_a_cell() -> None:
     assert chosen.poses.shape == (20, 6)
     assert chosen.u_by_count["largest_mm"].is_monotonic_decreasing
     assert "20 poses" in repr(chosen)
+
+
+def test_the_blocks_of_the_documentation_run(
+    csv: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = Path(__file__).parents[2]
+    text = (root / "docs" / "python.md").read_text("utf-8")
+    for ending in (".csv", ".toml"):
+        (tmp_path / f"irb120{ending}").write_bytes(csv.with_suffix(ending).read_bytes())
+    (tmp_path / "cell.toml").write_bytes((root / "examples" / "irb120_faro" / "cell.toml").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(block, "docs/python.md", "exec"), names)
+    assert "backlash:j4" in capsys.readouterr().out
+    assert (tmp_path / "report.html").is_file()
