@@ -61,7 +61,7 @@ def simulated_cell(cell: Cell) -> Iterator[SimulatedDevices]:
             [sys.executable, "-m", "service.guard", *command_of("cell", str(file), "--port", "0")],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             start_new_session=True,  # Ctrl-C at the terminal is for the campaign; it still needs its devices
         )
         try:

@@ -8,12 +8,8 @@ names: it sits there, whatever is asked (the operator's mix-up).
 
 from __future__ import annotations
 
-import asyncio
 import math
-import os
-import tty
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,16 +27,6 @@ STROKE_MM = 1.0
 EXPANSION_PER_K = 11.7e-6
 SINGLE_SIGMA_MM, MEAN_SIGMA_MM = 0.0005, 0.0003
 ZERO_DRIFT_MM, ZERO_DRIFT_S = 0.003, 1800.0
-
-
-@dataclass(frozen=True)
-class PtyEndpoint(Endpoint):
-    """Where a simulated serial device is found. It has no port."""
-
-    url: str = ""
-
-    def line(self) -> dict[str, str | int]:
-        return {"device": self.device, "protocol": self.protocol, "url": self.url}
 
 
 class BallbarDevice:
@@ -158,21 +144,12 @@ class BallbarBridge:
 
     # -- serial line --------------------------------------------------------------------------------------
 
-    async def open_pty(self) -> PtyEndpoint:
-        """Serve on a pseudo-terminal as well. Its other end stays open, so that clients may come and go."""
-        ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        loop, reader = asyncio.get_running_loop(), asyncio.StreamReader()
-        read, _ = await loop.connect_read_pipe(
-            lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(os.dup(ours), "rb", 0)
-        )
-        write, flow = await loop.connect_write_pipe(
-            asyncio.streams.FlowControlMixin, os.fdopen(ours, "wb", 0)
-        )
-        writer = asyncio.StreamWriter(write, flow, None, loop)
-        serving = asyncio.create_task(self.serial.serve_serial(reader, writer))
-        self._closing = [serving.cancel, read.close, write.close, lambda: os.close(theirs)]
-        return PtyEndpoint("qc20w-serial", "mbp1", port=0, url=os.ttyname(theirs))
+    async def open_pty(self) -> Endpoint:
+        """Serve on a pseudo-terminal as well. Raises ImportError on Windows, which has none."""
+        from mocks.renishaw.serial_line import open_line
+
+        end, self._closing = await open_line(self.serial.serve_serial)
+        return end
 
     def close_pty(self) -> None:
         """Unplug the serial line."""

@@ -218,7 +218,9 @@ def _simulate(seed: int, out: Path, effect: str | None) -> None:
     command += ["--out", str(out)]
     if effect is not None:
         command += ["--effect", effect]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=SIMULATION_TIMEOUT_S, check=False)
+    done = subprocess.run(
+        command, capture_output=True, encoding="utf-8", timeout=SIMULATION_TIMEOUT_S, check=False
+    )
     if done.returncode == exit_codes.USAGE:
         raise DataError(
             done.stderr.strip() or "the simulation refused.", do="Choose another seed.", key="--seed"

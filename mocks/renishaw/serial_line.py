@@ -1,0 +1,41 @@
+"""A serial line of POSIX, a pseudo-terminal: a real driver opens its other end as it opens `/dev/rfcomm0`.
+
+Windows has none; imported where one is asked for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tty
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from mocks.shared.sockets import Endpoint
+
+Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class PtyEndpoint(Endpoint):
+    """Where a simulated serial device is found. It has no port."""
+
+    url: str = ""
+
+    def line(self) -> dict[str, str | int]:
+        return {"device": self.device, "protocol": self.protocol, "url": self.url}
+
+
+async def open_line(serve: Serve) -> tuple[PtyEndpoint, list[Callable[[], object]]]:
+    """Serve on a new line; what to call to unplug it. Its other end stays open, so that clients may come and go."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    loop, reader = asyncio.get_running_loop(), asyncio.StreamReader()
+    read, _ = await loop.connect_read_pipe(
+        lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(os.dup(ours), "rb", 0)
+    )
+    write, flow = await loop.connect_write_pipe(asyncio.streams.FlowControlMixin, os.fdopen(ours, "wb", 0))
+    writer = asyncio.StreamWriter(write, flow, None, loop)
+    serving = asyncio.ensure_future(serve(reader, writer))
+    closing = [serving.cancel, read.close, write.close, lambda: os.close(theirs)]
+    return PtyEndpoint("qc20w-serial", "mbp1", port=0, url=os.ttyname(theirs)), closing
