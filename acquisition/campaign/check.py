@@ -13,7 +13,7 @@ import numpy as np
 
 from acquisition.campaign.plan import Visit
 from acquisition.cell.cell import Cell
-from acquisition.cell.transit import Transit, clear_ways
+from acquisition.cell.transit import Transit, clear_moves
 from acquisition.errors import NoClearWay, UnsafePlan
 
 
@@ -43,9 +43,9 @@ def _moves(cell: Cell, stops: Sequence[Visit]) -> None:
         if contact is not None:
             raise _unsafe(f"the last move to {visit.name} ({_angles(visit.joints_deg)}): {contact.during}")
     transit = Transit(cell)
-    for i in np.flatnonzero(~clear_ways(cell, poses[:-1], approaches[1:])).tolist():
+    for i in np.flatnonzero(~clear_moves(cell, poses[:-1], approaches[1:])).tolist():
         try:
-            transit.way(poses[i], approaches[i + 1])
+            transit.path(poses[i], approaches[i + 1])
         except NoClearWay as error:
             there = f"{stops[i + 1].name} ({_angles(poses[i + 1])})"
             raise _unsafe(f"between {stops[i].name} and {there}: {error.message}") from error

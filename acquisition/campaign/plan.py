@@ -132,18 +132,18 @@ def _units(cell: Cell, campaign: Campaign, number: int) -> list[list[Visit]]:
     visits = [
         Visit(
             0,
-            f"{stand.what} of block {number + 1} ({block.set})",
-            "pose" if stand.joints_deg else "nest",
+            f"{visit.what} of block {number + 1} ({block.set})",
+            "pose" if visit.joints_deg else "nest",
             block.set,
             number,
-            tuple(target for target, _ in stand.distances) or site.targets,
-            stand.joints_deg,
-            stand.sides,
-            stand.approach_deg,
-            tuple(base for _, base in stand.distances),
-            stand.waypoints,
+            tuple(target for target, _ in visit.distances) or site.targets,
+            visit.joints_deg,
+            visit.sides,
+            visit.approach_deg,
+            tuple(base for _, base in visit.distances),
+            visit.waypoints,
         )
-        for stand in block.recipe.stands(site)
+        for visit in block.recipe.visits_at(site)
     ]
     return [visits] if block.recipe.ordered else [[visit] for visit in visits]
 

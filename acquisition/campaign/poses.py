@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
-from acquisition.cell.workspace import facing, may_stand
+from acquisition.cell.workspace import facing, is_allowed
 from drivers.errors import ConfigError
 
 _BATCH, _LOOKED_AT = 500, 50
@@ -79,7 +79,7 @@ def draw_poses(
         seen = facing(cell, joints, targets)
         joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
         # Within the limits they were drawn; rounding may have left them.
-        clear = may_stand(cell, joints) & may_stand(cell, before)
+        clear = is_allowed(cell, joints) & is_allowed(cell, before)
         joints, sides, lengths, before = joints[clear], sides[clear], lengths[clear], before[clear]
         # The moves cost most: only as many are looked at as are likely to be wanted.
         for i in range(0, len(joints), _LOOKED_AT):

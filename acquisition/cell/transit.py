@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from acquisition.cell.cell import Cell
 from acquisition.cell.clearance import NEAREST_MM, Clearance, Contact
 from acquisition.cell.obstacles import Table
-from acquisition.cell.workspace import Array, lowest_of, may_stand
+from acquisition.cell.workspace import Array, is_allowed, lowest_of
 from acquisition.errors import NoClearWay
 
 # How far a robot that is too low may go before it is clear; half of it is its thickness.
@@ -36,17 +36,17 @@ class Transit:
         self._cell = cell
         self._home = home_of(cell)
 
-    def way(self, start_deg: Sequence[float], goal_deg: Sequence[float]) -> list[Joints]:
+    def path(self, start_deg: Sequence[float], goal_deg: Sequence[float]) -> list[Joints]:
         """The poses to go to one after the other; `goal_deg` comes last. Raises NoClearWay."""
         start, goal = np.array([start_deg]), np.array([goal_deg])
-        contact = contacts_on_ways(self._cell, start, goal)[0]
+        contact = contacts_on_moves(self._cell, start, goal)[0]
         if contact is None:
             return [tuple(goal_deg)]
         tried = [f"straight, {contact.during}"]
         if self._home is not None:
             home = np.array([self._home])
             legs = (("to home", start, home), ("from home on", home, goal))
-            over = [(where, contacts_on_ways(self._cell, one, other)[0]) for where, one, other in legs]
+            over = [(where, contacts_on_moves(self._cell, one, other)[0]) for where, one, other in legs]
             if all(found is None for _, found in over):
                 return [self._home, tuple(goal_deg)]
             tried += [f"{where}, {found.during}" for where, found in over if found is not None]
@@ -60,7 +60,7 @@ def home_of(cell: Cell) -> Joints | None:
         return cell.robot.home_deg
     low, high = np.array(cell.robot.limits_deg).T
     postures = np.round(np.random.default_rng(0).uniform(low, high, (_POSTURES, len(low))), 1)
-    postures = postures[may_stand(cell, postures)]
+    postures = postures[is_allowed(cell, postures)]
     if not len(postures):
         return None
     return tuple(float(q) for q in postures[np.argmax(lowest_of(cell, postures))])
@@ -68,7 +68,7 @@ def home_of(cell: Cell) -> Joints | None:
 
 def may_visit(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
     """(n,) poses and their approach points, both (n, N), within limits and clear; so are the moves between and home."""
-    good = may_stand(cell, joints_deg) & may_stand(cell, approach_deg)
+    good = is_allowed(cell, joints_deg) & is_allowed(cell, approach_deg)
     home = home_of(cell)
     if home is None:
         return good
@@ -80,12 +80,12 @@ def may_visit(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.
     return good
 
 
-def clear_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
+def clear_moves(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
     """(n,) whether the straight moves from (n, N) to (n, N) are clear, both ends included."""
-    return np.array([contact is None for contact in contacts_on_ways(cell, start_deg, goal_deg)], dtype=bool)
+    return np.array([contact is None for contact in contacts_on_moves(cell, start_deg, goal_deg)], dtype=bool)
 
 
-def contacts_on_ways(cell: Cell, start_deg: Array, goal_deg: Array) -> list[Contact | None]:
+def contacts_on_moves(cell: Cell, start_deg: Array, goal_deg: Array) -> list[Contact | None]:
     """Contacts of straight moves from (n, N) to (n, N); None where one is clear, or rises from the table."""
     found = cell.clearance.contacts(start_deg, goal_deg)
     for i, contact in enumerate(found):

@@ -39,7 +39,7 @@ def within_limits(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
     return np.all((joints_deg >= low) & (joints_deg <= high), axis=1)
 
 
-def may_stand(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
+def is_allowed(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
     """(n,) joint angles (n, N) within the limits, arm and tool clear of table, boxes and fixtures."""
     good = within_limits(cell, joints_deg)
     good[good] = cell.clearance.clear_at(joints_deg[good])

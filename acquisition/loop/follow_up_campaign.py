@@ -19,7 +19,7 @@ from acquisition.campaign.plan import DECIMALS
 from acquisition.campaign.poses import draw_poses, too_few
 from acquisition.cell.cell import Cell
 from calib.data import Conditions
-from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rival, separating, stands
+from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rival, later_visits, separating
 from calib.errors import DataError
 from calib.fit import Identification
 from calib.units import DEG
@@ -66,7 +66,7 @@ def candidates_in(cell: Cell, found: Identification, seed: int = 0) -> Condition
                 targets += [name] * len(drawn)
     if len(joints) < POSES:
         raise too_few(cell, len(joints), POSES, names)
-    return stands(found, np.array(joints) * DEG, np.array(sides), np.array(approach), targets)
+    return later_visits(found, np.array(joints) * DEG, np.array(sides), np.array(approach), targets)
 
 
 def fits(cell: Cell, found: Identification) -> bool:

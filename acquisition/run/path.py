@@ -44,7 +44,7 @@ class PathDrive:
                 self._control.wait(path.rest_s)
                 for waypoint in waypoints:
                     self._control.check()
-                    for joints_deg in self._transit.way(self._rig.stands_deg(), waypoint):
+                    for joints_deg in self._transit.path(self._rig.joints_at_rest_deg(), waypoint):
                         self._rig.move(joints_deg)
                     reached += 1
                     self._control.wait(path.rest_s)

@@ -60,7 +60,7 @@ class Rig:
         self._seen: set[str] = set()  # connected at least once
         self._lost: set[str] = set()  # its link broke, or could not be made, and is not there again
         self._can_stop = True
-        self._stands = False  # since its last move nothing happened that may have set it moving
+        self._at_rest = False  # since its last move nothing happened that may have set it moving
         self.moving = False
         self.lost_in_move = False
         self._halting = threading.Condition()
@@ -101,7 +101,7 @@ class Rig:
         """Go there and come to rest. Raises AcquisitionError, Stopping."""
         self._control.check_stop()
         self.lost_in_move = False
-        self._stands = False
+        self._at_rest = False
         with self.using("robot"):
             self.moving = True
             try:
@@ -113,18 +113,18 @@ class Rig:
             finally:
                 self.moving = False
         self._control.check_stop()
-        self._stands = True
+        self._at_rest = True
         return reached
 
-    def stands_deg(self) -> tuple[float, ...]:
+    def joints_at_rest_deg(self) -> tuple[float, ...]:
         """Joint angles now, deg; a robot that may be moving is waited for. Raises AcquisitionError, Stopping."""
-        if self._stands:
+        if self._at_rest:
             return self.position().joints_deg
         return until_still(self.position, self._control.settle).joints_deg
 
     def may_have_moved(self) -> None:
         """Note that somebody may have jogged the robot, or be at it."""
-        self._stands = False
+        self._at_rest = False
 
     def position(self) -> JointReading:
         """The joint angles that the robot reads back. Raises AcquisitionError."""
@@ -180,11 +180,11 @@ class Rig:
             self._lost.add(role)
             self._connected.discard(role)
             self._armed.discard(role)
-            self._stands = False
+            self._at_rest = False
             raise
         except AcquisitionError:
             self._armed.discard(role)
-            self._stands = False
+            self._at_rest = False
             raise
 
     def halt(self) -> list[AcquisitionError]:

@@ -166,7 +166,7 @@ class Sequencer:
                 self._arrival = arrival if answer is Answer.SKIP else None
                 return
             if planned.base_target is not None and arrival is not None:
-                self._stands_still(arrival)
+                self._check_not_displaced(arrival)
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
             self._measure(planned, attempt)
@@ -204,7 +204,7 @@ class Sequencer:
         The attempt is None where a person has to put the ballbar on before.
         """
         visit = planned.visit
-        path = self._transit.way(self._rig.stands_deg(), visit.approach_deg)
+        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)
         if len(path) > 1:
             self._store.tell("detour", visit=visit.number, over_deg=path[0])
         arrival = self._attempts.begin_arrival(visit)
@@ -240,7 +240,7 @@ class Sequencer:
                 raw=reached.raw,
             )
 
-    def _stands_still(self, arrival: _Arrival) -> None:
+    def _check_not_displaced(self, arrival: _Arrival) -> None:
         """Check that the robot has not been moved after people had their hands on it. Raises Displaced."""
         off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
         if off > DISPLACED_DEG:

@@ -7,7 +7,7 @@ from calib.compensate.carried import Carried, carried, constant_slots, joint_ori
 from calib.compensate.controller import model_sides
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
-from calib.compensate.targets import PoseCorrection, correct_poses, stands_of
+from calib.compensate.targets import PoseCorrection, correct_poses, postures_of
 
 __all__ = [
     "REASONS",
@@ -25,6 +25,6 @@ __all__ = [
     "joint_origins",
     "model_sides",
     "nominal_of",
+    "postures_of",
     "refuse_unlikely",
-    "stands_of",
 ]

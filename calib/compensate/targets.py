@@ -53,7 +53,7 @@ def correct_poses(
     robot = model.robot
     tool = np.eye(4) if tool is None else np.asarray(tool, dtype=np.float64)
     poses = np.asarray(poses, dtype=np.float64)
-    nominal, of_branch = stands_of(
+    nominal, of_branch = postures_of(
         robot, poses @ inverse_poses(tool), branch=branch, seed=seed, limits=limits, coupling=coupling
     )
     correction = correct(model, estimate, nominal, stated, limits=limits, coupling=coupling)
@@ -63,7 +63,7 @@ def correct_poses(
     return PoseCorrection(nominal, of_branch, correction, shifted)
 
 
-def stands_of(
+def postures_of(
     robot: Robot,
     flange: Array,
     *,

@@ -2,7 +2,7 @@
 
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
-from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rival, separating, stands
+from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rival, later_visits, separating
 from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.patch import Patch, error_with_patch, error_without_patch, patch_of
 from calib.diagnose.places import QUICK
@@ -33,7 +33,7 @@ __all__ = [
     "error_with_patch",
     "error_without",
     "error_without_patch",
+    "later_visits",
     "patch_of",
     "separating",
-    "stands",
 ]

@@ -71,7 +71,7 @@ class FollowUp:
         return max(self.separations.values()) >= HELPS
 
 
-def stands(
+def later_visits(
     found: Identification, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
 ) -> Conditions:
     """Conditions of visits at joints (n, N) rad as the controller counts them, after everything that was measured.
@@ -113,7 +113,7 @@ def candidates(found: Identification, limits: Array, count: int = _CANDIDATES, s
     high = np.maximum(limits[:, 1] - reach * (sides[:, None] < 0.0), low)
     names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])
     targets = [names[i] for i in rng.integers(0, len(names), count)]
-    return stands(found, rng.uniform(low, high), sides, approach, targets)
+    return later_visits(found, rng.uniform(low, high), sides, approach, targets)
 
 
 def choose(

@@ -19,9 +19,9 @@ from calib.errors import DataError
 from calib.model import StatedConditions
 from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
+from service.programs.postures import leaves_window, postures
 from service.programs.program import Driven, Program, Target, rewritten
 from service.programs.read import parse
-from service.programs.stands import leaves_window, stands
 
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
 
@@ -72,7 +72,7 @@ def compensate(
     targets = program.targets
     if not targets:
         raise DataError("holds no target.", do="Give a program with targets.", file=path)
-    angles, why = stands(targets, robot, coupling)
+    angles, why = postures(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
     door = nominal_of if inverse else correct
     done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling, regression=saved.regression)
@@ -117,7 +117,7 @@ def _read_back(
     again = parse(text, path, robot, known).targets
     if [t.name for t in again] != [t.name for t in targets]:
         raise RuntimeError("the corrected program reads otherwise than the program it was made from")
-    return robot.model_angles(stands(again, robot, coupling)[0], coupling)
+    return robot.model_angles(postures(again, robot, coupling)[0], coupling)
 
 
 def _flanges(robot: Robot, joints: Array) -> Array:

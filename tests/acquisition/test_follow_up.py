@@ -15,7 +15,7 @@ from acquisition.loop import rehearsal
 from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, in_cell
 from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.diagnose.follow_up import POSES, FollowUp, choose, stands
+from calib.diagnose.follow_up import POSES, FollowUp, choose, later_visits
 from calib.errors import DataError
 from calib.units import DEG
 from drivers.errors import ConfigError
@@ -83,7 +83,7 @@ def test_chosen_poses_separate_far_better_than_random_ones(diagnosis: Diagnosis,
     final = diagnosis.final
     rng = np.random.default_rng(1)
     joints = rng.uniform(-30.0, 30.0, (POSES, 6)) * DEG + planned.joints.mean(axis=0)
-    random = stands(final, joints, np.ones(POSES), np.full(POSES, 5.0 * DEG), ["T1"] * POSES)
+    random = later_visits(final, joints, np.ones(POSES), np.full(POSES, 5.0 * DEG), ["T1"] * POSES)
     _, brought = choose(final, planned.rivals, random, POSES)
     assert min(planned.separations.values()) > 3.0 * float(brought.min())
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from acquisition.campaign.check import check_plan
 from acquisition.campaign.plan import make_plan
-from acquisition.cell.transit import Transit, clear_ways, home_of, may_visit
-from acquisition.cell.workspace import lowest_of, may_stand
+from acquisition.cell.transit import Transit, clear_moves, home_of, may_visit
+from acquisition.cell.workspace import is_allowed, lowest_of
 from acquisition.errors import NoClearWay, UnsafePlan
 from acquisition.record.event import Event
 from drivers.errors import ConfigError
@@ -30,25 +30,25 @@ def dipping() -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Two stands of the cell whose straight way is not clear, found at random."""
     rng = np.random.default_rng(5)
     low, high = np.array(CELL.robot.limits_deg).T
-    stands = np.round(rng.uniform(low + 6.0, high, (3000, 6)), 1)
-    stands = stands[may_visit(CELL, stands, stands - 5.0)]
-    bad = np.flatnonzero(~clear_ways(CELL, stands[:-1], stands[1:] - 5.0))
+    postures = np.round(rng.uniform(low + 6.0, high, (3000, 6)), 1)
+    postures = postures[may_visit(CELL, postures, postures - 5.0)]
+    bad = np.flatnonzero(~clear_moves(CELL, postures[:-1], postures[1:] - 5.0))
     assert (
-        0.02 < len(bad) / len(stands) < 0.3
+        0.02 < len(bad) / len(postures) < 0.3
     )  # that is how often a campaign without ways would hit the table
-    one, other = stands[bad[0]], stands[bad[0] + 1]
+    one, other = postures[bad[0]], postures[bad[0] + 1]
     return tuple(one.tolist()), tuple(other.tolist())
 
 
 def buried() -> tuple[float, ...]:
-    """A stand in the table out of which no straight way rises."""
+    """A posture in the table out of which no straight move rises."""
     low, high = np.array(CELL.robot.limits_deg).T
-    stands = np.random.default_rng(1).uniform(low, high, (400, 6))
-    stands = stands[lowest_of(CELL, stands) < -50.0]
+    postures = np.random.default_rng(1).uniform(low, high, (400, 6))
+    postures = postures[lowest_of(CELL, postures) < -50.0]
     first = make_plan(CELL, a_campaign())[3].approach_deg
     for goal in (first, home_of(CELL)):
-        stands = stands[~clear_ways(CELL, stands, np.broadcast_to(np.array(goal), stands.shape))]
-    return tuple(stands[0].tolist())
+        postures = postures[~clear_moves(CELL, postures, np.broadcast_to(np.array(goal), postures.shape))]
+    return tuple(postures[0].tolist())
 
 
 def lowest(start: tuple[float, ...], goal: tuple[float, ...]) -> float:
@@ -62,9 +62,9 @@ def test_a_way_through_the_table_goes_over_home() -> None:
     start, goal = dipping()
     goal = tuple(q - 5.0 for q in goal)
     assert lowest(start, goal) < CELL.robot.table_z_mm
-    way = Transit(CELL).way(start, goal)
-    assert way == [home_of(CELL), goal]
-    for one, other in zip([start, *way], way, strict=False):
+    path = Transit(CELL).path(start, goal)
+    assert path == [home_of(CELL), goal]
+    for one, other in zip([start, *path], path, strict=False):
         assert lowest(one, other) >= CELL.robot.table_z_mm
 
 
@@ -78,9 +78,9 @@ def test_from_every_drawn_stand_to_every_other(seed: int) -> None:
     for one in visits:
         for other in visits[::3]:  # also in an order that nobody planned
             at = one.joints_deg
-            for stand in transit.way(at, other.approach_deg):
-                assert lowest(at, stand) >= CELL.robot.table_z_mm
-                at = stand
+            for joints_deg in transit.path(at, other.approach_deg):
+                assert lowest(at, joints_deg) >= CELL.robot.table_z_mm
+                at = joints_deg
 
 
 def test_home_is_high_and_the_cells_own_where_it_has_one() -> None:
@@ -95,11 +95,11 @@ def test_home_is_high_and_the_cells_own_where_it_has_one() -> None:
 
 def test_a_parked_robot_may_rise_but_not_sink() -> None:
     low, high = np.array(CELL.robot.limits_deg).T
-    stands = np.random.default_rng(1).uniform(low, high, (4000, 6))
-    height = lowest_of(CELL, stands)
-    parked = stands[(height < 10.0) & (height > -60.0)]
+    postures = np.random.default_rng(1).uniform(low, high, (4000, 6))
+    height = lowest_of(CELL, postures)
+    parked = postures[(height < 10.0) & (height > -60.0)]
     home = np.broadcast_to(np.array(home_of(CELL)), parked.shape)
-    good = clear_ways(CELL, parked, home)
+    good = clear_moves(CELL, parked, home)
     assert 0.1 < good.mean() < 1.0  # some must sink first, or sideways: these need a person
     for one, may in zip(parked[:60], good[:60], strict=True):
         share = np.linspace(0.0, 1.0, 500)[:, None]
@@ -116,23 +116,23 @@ def test_a_tool_does_not_leave_the_table_through_its_lowest_point() -> None:
     cell = a_cell(tool__targets=only, robot__table_z_mm=low + 5.0)
     for turned, clear in ((10.0, True), (119.0, False)):
         goal = np.array([[0.0, 0.0, 0.0, 0.0, turned, 0.0]])
-        assert not may_stand(cell, start)[0]
+        assert not is_allowed(cell, start)[0]
         assert cell.clearance.clear_at(goal)[0]
-        assert clear_ways(cell, start, goal)[0] == clear
+        assert clear_moves(cell, start, goal)[0] == clear
 
 
 def test_a_box_in_the_way_is_gone_round() -> None:
     cell = a_cell(robot__keep_out=[[[350.0, -30.0, 0.0], [900.0, 30.0, 600.0]]])
-    assert may_stand(cell, np.array([LEFT, RIGHT])).all()
-    assert Transit(CELL).way(LEFT, RIGHT) == [RIGHT]
-    assert Transit(cell).way(LEFT, RIGHT) == [home_of(cell), RIGHT]
+    assert is_allowed(cell, np.array([LEFT, RIGHT])).all()
+    assert Transit(CELL).path(LEFT, RIGHT) == [RIGHT]
+    assert Transit(cell).path(LEFT, RIGHT) == [home_of(cell), RIGHT]
 
 
 def test_nowhere_to_go_is_said_before_anything_moves() -> None:
     wall = [[150.0, -30.0, 0.0], [900.0, 30.0, 1200.0]]
     behind = a_cell(robot__keep_out=[wall], robot__home_deg=[-90, 0, 0, 0, 0, 0])
     poses = [list(LEFT), list(RIGHT)]
-    assert may_stand(behind, np.array(poses)).all()
+    assert is_allowed(behind, np.array(poses)).all()
     visits = make_plan(behind, a_campaign(block=[{"select": "list", "joints_deg": poses}]))
     with pytest.raises(UnsafePlan, match=r"between pose 1 of block 1 .* and pose 2 of block 1") as caught:
         check_plan(behind, visits)
@@ -143,7 +143,7 @@ def test_nowhere_to_go_is_said_before_anything_moves() -> None:
     ):
         assert word in caught.value.message
     with pytest.raises(NoClearWay, match=r"no way from .* is clear: straight, the tool at T3 comes"):
-        Transit(behind).way(poses[0], poses[1])
+        Transit(behind).path(poses[0], poses[1])
 
 
 def test_the_last_move_to_a_pose_is_straight_and_has_to_be_clear() -> None:
@@ -191,24 +191,24 @@ def test_a_robot_with_no_way_out_is_jogged_by_a_person(tmp_path: Path) -> None:
 def test_ends_count() -> None:
     """A way that ends in the table is none, whatever lies before."""
     low = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
-    assert not clear_ways(CELL, np.zeros((1, 6)), low)[0]
-    assert clear_ways(CELL, np.zeros((0, 6)), np.zeros((0, 6))).shape == (0,)
+    assert not clear_moves(CELL, np.zeros((1, 6)), low)[0]
+    assert clear_moves(CELL, np.zeros((0, 6)), np.zeros((0, 6))).shape == (0,)
 
 
 def test_out_of_a_box_there_is_no_way() -> None:
     """What stands in a box may touch it already: nobody but a person knows where to."""
     cell = a_cell(robot__keep_out=[[[-600.0, -900.0, 300.0], [900.0, -200.0, 900.0]]])
     inside = (-50.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert not may_stand(cell, np.array([inside]))[0]
+    assert not is_allowed(cell, np.array([inside]))[0]
     with pytest.raises(NoClearWay):
-        Transit(cell).way(inside, RIGHT)
+        Transit(cell).path(inside, RIGHT)
 
 
 def test_a_robot_far_below_does_not_sweep() -> None:
     deep = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
     assert lowest_of(CELL, deep)[0] < -200.0
     for turned in (60.0, -60.0):
-        assert not clear_ways(CELL, deep, np.array([[turned, 0.0, 0.0, 0.0, 0.0, 0.0]]))[0]
+        assert not clear_moves(CELL, deep, np.array([[turned, 0.0, 0.0, 0.0, 0.0, 0.0]]))[0]
 
 
 def test_the_way_begins_where_the_robot_stands_now(tmp_path: Path) -> None:

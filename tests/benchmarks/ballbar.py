@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from acquisition.campaign.campaign import campaign_from
 from acquisition.campaign.plan import Visit
 from acquisition.cell.cell import Cell
-from acquisition.cell.workspace import may_stand
+from acquisition.cell.workspace import is_allowed
 from acquisition.run.run import checked_plan
 from calib.arm.start import align
 from calib.convert import IMPORTERS
@@ -64,7 +64,7 @@ def judged_joints() -> dict[str, Array]:
     rng = np.random.default_rng(0)
     low, high = np.array(cell.robot.limits_deg).T
     anywhere = rng.uniform(low, high, (40 * _JUDGED, len(low)))
-    anywhere = cell.robot.model_angles(anywhere[may_stand(cell, anywhere)])
+    anywhere = cell.robot.model_angles(anywhere[is_allowed(cell, anywhere)])
     names = branches(cell.robot.model, anywhere)
     assert names is not None
     front_up = anywhere[[name.startswith("front/up") for name in names]][:_JUDGED]

@@ -17,7 +17,7 @@ from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
 from calib.arm.kinematics import forward
 from calib.arm.robot import Robot, load_robot
 from calib.array import Array
-from calib.compensate import correct, correct_poses, stands_of
+from calib.compensate import correct, correct_poses, postures_of
 from calib.data.groups import DEFAULT_GROUPS
 from calib.model import base_model
 from calib.model.model import RobotModel
@@ -112,7 +112,7 @@ def _compensation(robot: Robot) -> bool:
         done = correct_poses(model, estimate, poses[part], stated, branch=asked[part], limits=ANYWHERE)
         return done.correction.landed[done.correction.good]
 
-    good = stands_of(robot, poses, branch=asked, limits=ANYWHERE)[0]
+    good = postures_of(robot, poses, branch=asked, limits=ANYWHERE)[0]
     driven = correct(model, estimate, good, stated, limits=ANYWHERE).good
     after_four = correct(model, estimate, joints[driven], stated, limits=ANYWHERE, most_iterations=4).landed
     share = float(np.mean(after_four <= 1e-6))

@@ -15,7 +15,7 @@ from calib.arm.inverse_kinematics import BRANCHES
 from calib.arm.kinematics import forward
 from calib.arm.robot import Robot, load_robot
 from calib.array import Array
-from calib.compensate import Status, correct, correct_poses, model_sides, nominal_of, stands_of
+from calib.compensate import Status, correct, correct_poses, model_sides, nominal_of, postures_of
 from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
 from calib.model import base_model
@@ -48,7 +48,7 @@ def test_the_tool_lands_in_the_poses_that_were_asked_for(seed: int) -> None:
     assert np.max(np.linalg.norm((reached - wanted[good])[:, :3, 3], axis=1)) < 2e-6
     assert np.max(np.abs((reached - wanted[good])[:, :3, :3])) < 1e-8
     # The pose to be sent is the one that a nominal controller turns into those joints, in the same branch.
-    sent, branch = stands_of(
+    sent, branch = postures_of(
         ROBOT, done.poses[good] @ np.linalg.inv(TOOL), branch=[BRANCHES[k] for k in done.branch[good]]
     )
     np.testing.assert_allclose(sent, done.correction.joints[good], atol=1e-9)
@@ -94,7 +94,7 @@ def test_without_branches_the_nearest_to_the_seed_is_meant() -> None:
 def test_turns_follow_the_seed() -> None:
     joints = random_targets(20, 2)
     seed = joints + np.radians([0.0, 0.0, 0.0, 0.0, 0.0, 300.0])
-    found, _ = stands_of(ROBOT, forward(ROBOT, joints), branch=names_of(ROBOT, joints), seed=seed)
+    found, _ = postures_of(ROBOT, forward(ROBOT, joints), branch=names_of(ROBOT, joints), seed=seed)
     turned = joints[:, 5] + 2.0 * np.pi
     inside = turned <= ROBOT.upper[5]
     assert inside.any()

@@ -15,7 +15,7 @@ from calib import effects
 from calib.arm.robot import load_robot
 from calib.data.dataset import Dataset
 from calib.diagnose.diagnosis import diagnose
-from calib.diagnose.follow_up import Rival, separating, stands
+from calib.diagnose.follow_up import Rival, later_visits, separating
 from calib.diagnose.refine import refine
 from calib.diagnose.select import refit
 from calib.effects import LIBRARY, Survey, check_of, offers
@@ -77,7 +77,7 @@ def test_a_made_up_effect_conforms_and_is_told_apart_as_its_file_says(leaning: D
     check_effect(leaning_axis(3), fitted.model, leaning.conditions)
     assert LABEL in {each.label for each in offers(survey)}
     rival = Rival("coupling:j3-j4", LABEL, fitted)  # a rival that predicts the same is separated by no pose
-    few = stands(fitted, np.zeros((2, 6)), np.ones(2), np.full(2, 0.1), ["T1", "T1"])
+    few = later_visits(fitted, np.zeros((2, 6)), np.ones(2), np.full(2, 0.1), ["T1", "T1"])
     assert separating(fitted, [rival], few).procedures == (
         f"To distinguish coupling:j3-j4 from {LABEL}: {APART}",
     )

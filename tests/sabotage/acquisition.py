@@ -94,8 +94,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/run/sequencer.py",
-        "        path = self._transit.way(self._rig.stands_deg(), visit.approach_deg)",
-        "        path = self._transit.way(self._rig.stands_deg(), visit.joints_deg)",
+        "        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)",
+        "        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.joints_deg)",
         "no pose is approached from its side",
         _SEQUENCER,
     ),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from acquisition.campaign.blocks.block import Site, Stand
+from acquisition.campaign.blocks.block import BlockVisit, Site
 from acquisition.cell.bars import bar_between
 from acquisition.cell.cell import Cell
 from calib.text import TomlTable
@@ -30,7 +30,7 @@ class BallbarGeometry:
     ordered = True
     lengths = True
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         cell, base = site.cell, self.base or tuple(site.cell.nests)
         for name in base:
             if name not in cell.nests:
@@ -46,7 +46,7 @@ class BallbarGeometry:
         lengths = list(dict.fromkeys(length for length, _, _ in spans))
         spans.sort(key=lambda span: lengths.index(span[0]))
         return [
-            Stand(f"distance {one} to {other}", (), (), (), ((one, other),))
+            BlockVisit(f"distance {one} to {other}", (), (), (), ((one, other),))
             for _, one, other in spans
             for _ in range(self.repeats)
         ]

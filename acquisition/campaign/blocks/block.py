@@ -68,7 +68,7 @@ class Settle:
 
 
 @dataclass(frozen=True)
-class Stand:
+class BlockVisit:
     """A pose to be visited, before it has its place in the order. `what` names it within its block.
 
     distances: target and ball on the base of each, where a ballbar measures them, or two balls of one body where the
@@ -97,16 +97,18 @@ class Site:
         """A random generator that belongs to this block alone."""
         return np.random.default_rng([self.seed, stream, self.number])
 
-    def stand(
+    def visit(
         self,
         what: str,
         joints_deg: Joints,
         sides: tuple[int, ...],
         distances: Sequence[tuple[str, str]] = (),
         reach_deg: float | None = None,
-    ) -> Stand:
+    ) -> BlockVisit:
         """A visit with the approach of its block, or with a length of its own."""
-        return Stand(what, joints_deg, sides, self.approach.point(joints_deg, sides, reach_deg), distances)
+        return BlockVisit(
+            what, joints_deg, sides, self.approach.point(joints_deg, sides, reach_deg), distances
+        )
 
     def sides(self) -> tuple[int, ...]:
         """The usual side on every joint, or one drawn for each."""
@@ -136,7 +138,7 @@ class Recipe(Protocol):
     @property
     def lengths(self) -> bool: ...
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         """Raises ConfigError for what this cell cannot do."""
         ...
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.blocks.block import DECIMALS, Site, Stand
+from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Site
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import Array
@@ -43,7 +43,7 @@ class Hexapod:
     ordered = True
     lengths = True
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         base = self.base or tuple(site.cell.nests)[:3]
         if len(base) != 3 or len(site.targets) != 3 or not set(base) <= set(site.cell.nests):
             raise ConfigError(
@@ -57,7 +57,7 @@ class Hexapod:
             joints = configurations(cell, found.flange[found.outward])
         except (DataError, ValueError) as error:
             raise ConfigError(f"block {site.number + 1}: {error}") from error
-        which, joints = self._standing(site, joints)
+        which, joints = self._allowed(site, joints)
         if not len(which):
             raise ConfigError(
                 f"block {site.number + 1}: the arm reaches no stance of the legs between {', '.join(base)} and "
@@ -66,7 +66,7 @@ class Hexapod:
         legs = list(zip(found.base[found.outward][which], found.tool[found.outward][which], strict=True))
         sides = site.sides()
         return [
-            site.stand(
+            site.visit(
                 f"hexapod pose {i}",
                 tuple(float(q) for q in pose),
                 sides,
@@ -75,7 +75,7 @@ class Hexapod:
             for i, (pose, leg) in enumerate(zip(joints, legs, strict=True), start=1)
         ]
 
-    def _standing(self, site: Site, joints_deg: Array) -> tuple[NDArray[np.int64], Array]:
+    def _allowed(self, site: Site, joints_deg: Array) -> tuple[NDArray[np.int64], Array]:
         """Stance (k,) and joints (k, N), deg, of those that may be driven, of configurations (n, 8, N)."""
         n, branches, axes = joints_deg.shape
         flat = np.round(joints_deg.reshape(-1, axes), DECIMALS)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.campaign.blocks.block import Site, Stand
+from acquisition.campaign.blocks.block import BlockVisit, Site
 from acquisition.campaign.blocks.poses import DRAWN, Source, read_source
 from acquisition.campaign.blocks.poses import KEYS as SOURCE_KEYS
 from calib.text import TomlTable
@@ -36,7 +36,7 @@ class WaypointPath:
     ordered = True
     lengths = False
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
             raise ConfigError(
                 f"block {site.number + 1}: a path is followed by one target; "
@@ -51,7 +51,7 @@ class WaypointPath:
         first, *rest = (pose.joints_deg for pose in self.source.poses(site, None))
         sides = site.sides()
         return [
-            Stand(
+            BlockVisit(
                 f"path of {len(rest) + 1} waypoints",
                 first,
                 sides,

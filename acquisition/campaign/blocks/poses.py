@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast
 
-from acquisition.campaign.blocks.block import DECIMALS, Joints, Site, Stand, Stream
+from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, Site, Stream
 from acquisition.campaign.observability import CANDIDATES, select_poses
 from acquisition.campaign.poses import Pose, draw_poses
 from acquisition.errors import as_config_error
@@ -69,11 +69,11 @@ class Poses:
     ordered = False
     lengths = False
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         drawn = self.source.select in DRAWN
         longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg
         return [
-            site.stand(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
+            site.visit(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
             for i, pose in enumerate(self.source.poses(site, longest), start=1)
         ]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.campaign.blocks import poses
-from acquisition.campaign.blocks.block import Site, Stand
+from acquisition.campaign.blocks.block import BlockVisit, Site
 from calib.text import TomlTable
 
 VISITS, POSES = 30, 5  # of ISO 9283
@@ -28,7 +28,7 @@ class Repeat:
     ordered = True
     lengths = False
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         found = list(enumerate(self.source.poses(site, None), start=1))
         turns = range(1, self.visits + 1)
         order = (
@@ -36,7 +36,7 @@ class Repeat:
             if self.interleaved
             else [(i, pose, k) for i, pose in found for k in turns]
         )
-        return [site.stand(f"visit {k} to pose {i}", pose.joints_deg, pose.sides) for i, pose, k in order]
+        return [site.visit(f"visit {k} to pose {i}", pose.joints_deg, pose.sides) for i, pose, k in order]
 
 
 def read(table: TomlTable, folder: Path | None) -> Repeat:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.campaign.blocks.block import DECIMALS, Joints, Site, Stand, rounded
+from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, Site, rounded
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import facing
@@ -52,7 +52,7 @@ class Sphere:
     def lengths(self) -> bool:
         return self.base is not None
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
             raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
         if self.base is not None and self.base not in site.cell.nests:
@@ -68,12 +68,12 @@ class Sphere:
         poses = self._poses(site)
         sides = site.sides()
         distances = [] if self.base is None else [(site.targets[0], self.base)]
-        stands = [site.stand(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
+        visits = [site.visit(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
         if self.suppress:
-            return stands
-        return stands[:1] + [
-            replace(stand, sides=_moved(before, stand.joints_deg, sides), approach_deg=before)
-            for before, stand in ((a.joints_deg, b) for a, b in pairwise(stands))
+            return visits
+        return visits[:1] + [
+            replace(visit, sides=_moved(before, visit.joints_deg, sides), approach_deg=before)
+            for before, visit in ((a.joints_deg, b) for a, b in pairwise(visits))
         ]
 
     def _poses(self, site: Site) -> list[Joints]:

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.blocks.block import Joints, Site, Stand, Stream, rounded
+from acquisition.campaign.blocks.block import BlockVisit, Joints, Site, Stream, rounded
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
-from acquisition.cell.workspace import facing, may_stand
+from acquisition.cell.workspace import facing, is_allowed
 from calib.array import Array
 from calib.fit import FEWEST, LEAST_RANGE
 from calib.text import TomlTable
@@ -47,7 +47,7 @@ class Sweep:
     ordered = True
     lengths = False
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         if self.joint > site.cell.robot.model.joints:
             raise _no_joint(site, self.joint)
         low, high = self.range_deg or self._widest(site)
@@ -55,7 +55,7 @@ class Sweep:
         sides = site.sides()
         at = self.at_deg
         posture = site.posture("at_deg", at) if at is not None else _drawn(site, [turn], sides)
-        return list(turn.stands(site, posture, sides))
+        return list(turn.visits_at(site, posture, sides))
 
     def _widest(self, site: Site) -> tuple[float, float]:
         reach = abs(site.approach.offset_deg)
@@ -78,7 +78,7 @@ class CirclePoint:
     ordered = True
     lengths = False
 
-    def stands(self, site: Site) -> list[Stand]:
+    def visits_at(self, site: Site) -> list[BlockVisit]:
         count = site.cell.robot.model.joints
         joints = self.joints or (1, 2, count - 1, count)
         if max(joints) > count:
@@ -88,7 +88,7 @@ class CirclePoint:
         sides = site.sides()
         at = self.at_deg
         posture = site.posture("at_deg", at) if at is not None else _drawn(site, turns, sides)
-        return [stand for turn in turns for stand in turn.stands(site, posture, sides)]
+        return [visit for turn in turns for visit in turn.visits_at(site, posture, sides)]
 
 
 @dataclass(frozen=True)
@@ -112,14 +112,14 @@ class _Turn:
         k = self.joint - 1
         return [(*usual[:k], side, *usual[k + 1 :]) for side in ((1, -1) if self.both_ways else (usual[k],))]
 
-    def stands(self, site: Site, posture: Joints, usual: tuple[int, ...]) -> Iterator[Stand]:
+    def visits_at(self, site: Site, posture: Joints, usual: tuple[int, ...]) -> Iterator[BlockVisit]:
         poses = [rounded(row) for row in self.joints(np.array([posture]))[0]]
         for sides in self.sides(usual):
             side = sides[self.joint - 1]
             for pose in poses if side > 0 else reversed(poses):
                 direction = "up" if side > 0 else "down"
                 what = f"joint {self.joint} at {pose[self.joint - 1]:g} deg going {direction}"
-                yield site.stand(what, pose, sides)
+                yield site.visit(what, pose, sides)
 
 
 def _steps(low: float, high: float, step: float) -> Array:
@@ -136,7 +136,7 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
         for turn in turns:
             postures = postures[_at_all(turn.joints(postures), lambda q: facing(site.cell, q, site.targets))]
         for turn in turns:
-            postures = postures[_all_good(site, turn, postures, usual, _both_stand)]
+            postures = postures[_all_good(site, turn, postures, usual, _both_allowed)]
         for posture in postures:
             if all(_all_good(site, turn, posture[None], usual, may_visit)[0] for turn in turns):
                 return rounded(posture)
@@ -159,8 +159,8 @@ def _all_good(
     return good
 
 
-def _both_stand(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
-    return may_stand(cell, joints_deg) & may_stand(cell, approach_deg)
+def _both_allowed(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
+    return is_allowed(cell, joints_deg) & is_allowed(cell, approach_deg)
 
 
 def _at_all(poses: Array, test: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.bool_]:

@@ -19,7 +19,7 @@ from calib.array import Array
 from service.programs.program import Target
 
 
-def stands(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
+def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
     """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
 
     Poses without a branch are solved nearest to the target before them. Raises DataError for poses of a robot that
