@@ -58,7 +58,7 @@ class InstrumentDriver:
     instrument. stroke_mm: of a ballbar, to either side; None for an instrument that measures points. finds_by_name:
     it finds a target by its name, before the world is known. needs_weather: its wavelength depends on the air.
     body_mm, extensions_mm: of a ballbar without extension bars, and of these.
-    untold: what its protocol does not say, and a person has to look at. details, clock_s, streams: as for a
+    unreported: what its protocol does not say, and a person has to look at. details, clock_s, streams: as for a
     `RobotDriver`.
     """
 
@@ -74,7 +74,7 @@ class InstrumentDriver:
     finds_by_name: bool = True
     needs_weather: bool = False
     streams: bool = False
-    untold: tuple[str, ...] = ()
+    unreported: tuple[str, ...] = ()
     details: Callable[[Any, InstrumentStatus], Details] = _nothing_more
     clock_s: Callable[[Any], float | None] = _no_clock
 

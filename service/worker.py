@@ -30,7 +30,7 @@ SESSION = Path("/proc/self/autogroup")
 def main() -> None:
     """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
     if os.name == "posix":
-        _stand_back()
+        _lower_priority()
     calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     requests = os.fdopen(os.dup(0), "rb")
@@ -48,7 +48,7 @@ def main() -> None:
         answers.flush()
 
 
-def _stand_back() -> None:
+def _lower_priority() -> None:
     """Let the service go first, in this worker's session as well as before others.
 
     Where Linux shares the processors out between sessions, a process is nice to its own session alone, and a worker is

@@ -30,7 +30,7 @@ class Bar:
         return self.body_mm + sum(self.extensions_mm)
 
     def in_words(self) -> str:
-        """The sentence that tells a person how to build the bar."""
+        """The sentence that says to a person how to build the bar."""
         if not self.extensions_mm:
             return f"the ballbar of {self.length_mm:g} mm, without extension bars"
         bars = " and ".join(f"{each:g}" for each in self.extensions_mm)

@@ -33,15 +33,15 @@ def examine(
     *,
     record: Path = Path(),
     simulated: bool = False,
-    tell: Callable[[str], None] = lambda step: None,
+    progress: Callable[[str], None] = lambda step: None,
 ) -> Examination:
     """Everything that can be found out about the cell now. `record`: where its records are to be made.
 
     simulated: the devices are simulators, whose clocks run as fast as the cell file says.
-    tell: hears what is asked next; from several threads.
+    progress: hears what is asked next; from several threads.
     """
     begun, calendar = time.monotonic(), time.time()
-    charts = [Chart(name, tell) for name in ("robot", "instrument", "computer")]
+    charts = [Chart(name, progress) for name in ("robot", "instrument", "computer")]
     robot, instrument, computer = charts
     places = [
         Place("its simulator", True, cell.time_scale) if simulated else Place(url)
@@ -66,7 +66,7 @@ def examine(
             done.result()
             del under_way[done]
             if len(under_way) == 1:
-                tell(f"waiting for the {next(iter(under_way.values())).device}")
+                progress(f"waiting for the {next(iter(under_way.values())).device}")
     seconds = time.monotonic() - begun
     step_s = time.time() - calendar - seconds
     if abs(step_s) > _CALENDAR_STEP_S:

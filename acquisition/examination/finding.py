@@ -15,7 +15,7 @@ from acquisition.errors import StorageError
 from drivers.errors import AcquisitionError, ConfigError, LinkError, SafetyStop
 
 Level = Literal["ok", "note", "fault"]
-Tell = Callable[[str], None]
+Progress = Callable[[str], None]
 _T = TypeVar("_T")
 
 HEALTHY, FAILED, WRONG_CELL, NOT_AVAILABLE, UNSAFE = 0, 1, 2, 4, 5
@@ -42,16 +42,16 @@ class Finding:
 
 
 class Chart:
-    """The findings of one device, in the order in which they were made. `tell` hears what is asked next."""
+    """The findings of one device, in the order in which they were made. `progress` hears what is asked next."""
 
-    def __init__(self, device: str, tell: Tell) -> None:
+    def __init__(self, device: str, progress: Progress) -> None:
         self.device = device
         self.findings: list[Finding] = []
-        self._tell = tell
+        self._progress = progress
 
-    def tell(self, check: str) -> None:
+    def begin(self, check: str) -> None:
         """Report what is asked now, for people who wait."""
-        self._tell(f"{self.device}: {check}")
+        self._progress(f"{self.device}: {check}")
 
     def ok(self, check: str, found: str) -> None:
         self.findings.append(Finding(self.device, check, "ok", found))
@@ -75,7 +75,7 @@ class Chart:
 
     def ask(self, check: str, question: Callable[[], _T]) -> _T | None:
         """The answer, or None after writing down why there is none. Raises LinkError, written down as well."""
-        self.tell(check)
+        self.begin(check)
         try:
             return question()
         except LinkError as error:

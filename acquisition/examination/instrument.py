@@ -55,10 +55,10 @@ def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float
             _bar(chart, details.bar_mm, cell.instrument.nominal_mm, declared.stroke_mm)
         if details.bodies:
             _bodies(cell, chart, details)
-    untold = [] if compare_clocks(clock, chart, first, time_scale) else ["clock"]
-    untold.extend(declared.untold)
-    if untold:
-        chart.ok("untold", f"this protocol does not report: {', '.join(untold)}")
+    unreported = [] if compare_clocks(clock, chart, first, time_scale) else ["clock"]
+    unreported.extend(declared.unreported)
+    if unreported:
+        chart.ok("untold", f"this protocol does not report: {', '.join(unreported)}")
 
 
 def _state(chart: Chart, state: str) -> None:

@@ -29,7 +29,7 @@ def meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity],
     """Connect and compare with the cell file; whether there is more to ask. Raises LinkError."""
     begun = time.monotonic()
     try:
-        chart.tell("link")
+        chart.begin("link")
         device.connect()
     except AcquisitionError as error:
         chart.fault("safety" if isinstance(error, SafetyStop) else "link", error)

@@ -55,7 +55,7 @@ def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> No
     if status is not None and first_read is not None and second_read is not None:
         _motion(chart, status, _apart(first_read.joints_deg, second_read.joints_deg))
     if status is not None:
-        _untold(chart, status, has_clock=has_clock)
+        _note_unreported(chart, status, has_clock=has_clock)
 
 
 def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
@@ -167,14 +167,14 @@ def _warmth(chart: Chart, details: Details) -> None:
         chart.ok("warm_up", f"joints at {low if low == high else f'{low} to {high}'} degC")
 
 
-def _untold(chart: Chart, status: RobotStatus, *, has_clock: bool) -> None:
+def _note_unreported(chart: Chart, status: RobotStatus, *, has_clock: bool) -> None:
     """Silence is not taken for good news."""
     unfit = {
         "mode": status.mode == "unknown",
         "emergency stop": status.emergency_stop is None,
         "motors": status.motors_on is None,
     }
-    silent = [name for name, untold in unfit.items() if untold]
+    silent = [name for name, unreported in unfit.items() if unreported]
     missing = ", ".join([*silent, *([] if has_clock else ["clock"])])
     if silent:
         chart.note("untold", f"this protocol does not report: {missing}", "Look at the pendant.")

@@ -49,7 +49,7 @@ class Part:
 def export_together(records: Sequence[Path], out: Path, accepted: Acceptance | None = None) -> Path:
     """Write the data set of several records of one cell, the first of which has the clock and the world frame.
 
-    The calendar tells how much later each of the others began. accepted: another robot, as in `merge`.
+    The calendar says how much later each of the others began. accepted: another robot, as in `merge`.
     Raises RecordError, OtherIndividual, StorageError, OSError.
     """
     first, *others = records

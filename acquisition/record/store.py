@@ -151,7 +151,7 @@ class Store:
         ).fetchone()
         self._fresh.append(Event(row[0], now.utc, now.t_s, kind, data))
 
-    def tell(self, kind: str, **data: Any) -> None:
+    def add_event(self, kind: str, **data: Any) -> None:
         """An event by itself."""
         with self.changing() as db:
             self.note(db, kind, **data)
@@ -168,9 +168,9 @@ class Store:
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
         """Events with a greater id than `after`, oldest first."""
         rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
-        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._told(r["data"])) for r in rows]
+        return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._data_of(r["data"])) for r in rows]
 
-    def _told(self, text: str) -> dict[str, Any]:
+    def _data_of(self, text: str) -> dict[str, Any]:
         """The data of an event, which has no checksum of its own."""
         try:
             return json.loads(text)
@@ -199,7 +199,7 @@ class Store:
     def _last_of(self, kind: Literal["reading", "waypoint"]) -> dict[str, Any] | None:
         # The kind is in the query: only then SQLite uses the index of its events.
         rows = self.database.query(f"SELECT data FROM event WHERE kind = '{kind}' ORDER BY id DESC LIMIT 1")
-        return self._told(rows[0][0]) if rows else None
+        return self._data_of(rows[0][0]) if rows else None
 
     # -- state --------------------------------------------------------------------------------------------
 

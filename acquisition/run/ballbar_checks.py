@@ -36,7 +36,7 @@ class BallbarChecks:
     def __init__(self, store: Store, cell: Cell) -> None:
         self._store = store
         self._cell = cell
-        self._told_battery = False
+        self._battery_reported = False
 
     @cached_property
     def _stage(self) -> tuple[SavedModel, float]:
@@ -106,6 +106,6 @@ class BallbarChecks:
     def battery(self, reading: LengthReading) -> None:
         """Say once that the battery of the bar is low."""
         left = reading.battery_percent
-        if left is not None and left < LOW_PERCENT and not self._told_battery:
-            self._told_battery = True
-            self._store.tell("battery_low", percent=left)
+        if left is not None and left < LOW_PERCENT and not self._battery_reported:
+            self._battery_reported = True
+            self._store.add_event("battery_low", percent=left)

@@ -55,7 +55,7 @@ class Control:
         if not self._any.is_set():
             self._reason = reason
         self._any.set()
-        self._tell()
+        self._notify()
 
     def rest(self, reason: str) -> None:
         """Nobody answers for the robot any more: it ends the move it makes, and nothing else begins."""
@@ -63,13 +63,13 @@ class Control:
             self._reason = reason
         self._now.set()
         self._any.set()
-        self._tell()
+        self._notify()
 
     def stop(self) -> None:
         self._stop.set()
         self._now.set()
         self._any.set()
-        self._tell()
+        self._notify()
 
     def new_station(self, reason: str) -> None:
         """The instrument is moved: before the next pose its nests are to be measured."""
@@ -82,7 +82,7 @@ class Control:
             reason, self._station = self._station, None
             return reason
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         for watcher in tuple(self._watchers):
             watcher()
 

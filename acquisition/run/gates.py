@@ -129,7 +129,7 @@ class Gates:
         self._measured_nests(f"check after {self._since_nests} readings: has the instrument moved?")
         off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
         worst = max(off, key=lambda name: off[name])
-        self._store.tell("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
+        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
         if off[worst] > check.limit_mm:
             self._ask(
                 f"Nest {worst} is {off[worst]:.3f} mm from where the world frame has it, "
@@ -159,13 +159,13 @@ class Gates:
                     f"After {now_s - self._warming_since_s:.0f} s the reference pose still moves by "
                     f"{spread or 0.0:.3f} mm, {gate.below_mm:g} mm are allowed. Confirm to measure all the same."
                 )
-        self._store.tell("warm", readings=len(self._points), spread_mm=spread)
+        self._store.add_event("warm", readings=len(self._points), spread_mm=spread)
         self._warming = None
         return True
 
     def _again(self, gate: WarmUp, pose: int, spread_mm: float | None) -> None:
         if self._points:
-            self._store.tell("warming_up", readings=len(self._points), spread_mm=spread_mm)
+            self._store.add_event("warming_up", readings=len(self._points), spread_mm=spread_mm)
             self._control.wait(gate.every_s)
         reason = "warming up" if self._points else "resumed: is the arm still warm?"
         self._store.measure_again([pose], reason)

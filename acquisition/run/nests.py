@@ -66,7 +66,7 @@ class Nests:
             change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
             if not change.moved:
                 return kept
-            self._store.tell("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
+            self._store.add_event("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
         self._store.set_world(found, nests, moved=kept is not None)
         self._doubt(nests)
         return found
@@ -84,7 +84,7 @@ class Nests:
             names, u_mm, judge_points(seen, stated, np.array(u_mm), noise, names), strict=True
         ):
             if judged.doubted:
-                self._store.tell("nest_doubted", nest=name, text=judged.in_words(f"Nest {name}", u))
+                self._store.add_event("nest_doubted", nest=name, text=judged.in_words(f"Nest {name}", u))
 
     def _nests_of(self, world: WorldFrame) -> Mapping[str, Sequence[float]]:
         """The nests as they were measured; for a record of version 1, where they ought to have been."""

@@ -40,7 +40,7 @@ class PathDrive:
                 Recorder(self._store, attempt, self._rig, path.rates_hz) as recorder,
             ):
                 recorder.wait_until_both_flow()
-                self._tell(recorder, attempt, reached, len(waypoints) + 1)
+                self._record_waypoint(recorder, attempt, reached, len(waypoints) + 1)
                 self._control.wait(path.rest_s)
                 for waypoint in waypoints:
                     self._control.check()
@@ -49,7 +49,7 @@ class PathDrive:
                     reached += 1
                     self._control.wait(path.rest_s)
                     recorder.look()
-                    self._tell(recorder, attempt, reached, len(waypoints) + 1)
+                    self._record_waypoint(recorder, attempt, reached, len(waypoints) + 1)
         except (Pausing, Stopping):
             left = MotionStopped(
                 f"the path was left after waypoint {reached} of {len(waypoints) + 1}; its streams are incomplete",
@@ -59,9 +59,9 @@ class PathDrive:
             Attempts(self._store).failed(attempt, left)
             raise
 
-    def _tell(self, recorder: Recorder, attempt: int, reached: int, of: int) -> None:
+    def _record_waypoint(self, recorder: Recorder, attempt: int, reached: int, of: int) -> None:
         feeds = recorder.feeds.values()
-        self._store.tell(
+        self._store.add_event(
             "waypoint",
             attempt=attempt,
             waypoint=reached,

@@ -256,7 +256,7 @@ class Run:
         Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
         record, RobotInUse.
         """
-        self._store.tell(
+        self._store.add_event(
             "connected",
             role=met.role,
             **asdict(met.who),

@@ -66,7 +66,7 @@ class SecondStage:
             self._keep(fitted)
             joints = self._corrected(fitted, visits)
         except (DataError, RecordError) as error:  # too few readings, or none
-            self._store.tell("second_stage_refused", readings=len(left), reason=str(error))
+            self._store.add_event("second_stage_refused", readings=len(left), reason=str(error))
             return
         number = max(planned.visit.number for planned in self._store.plan())
         with self._store.changing():
@@ -78,7 +78,7 @@ class SecondStage:
                         [planned for planned in left if planned.visit == visit],
                         self._moved(visit, pose, number),
                     )
-            self._store.tell(
+            self._store.add_event(
                 "second_stage",
                 rms_mm=_rms_mm(fitted),
                 readings_fitted=len(fitted.readings.conditions.joints),

@@ -132,7 +132,7 @@ class Sequencer:
         """Again in every execution: a cell that is resumed next morning has cooled down."""
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
-            self._store.tell("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
+            self._store.add_event("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
             self._control.wait(self._campaign.warm_up_s)
 
     # -- one reading --------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ class Sequencer:
         visit = planned.visit
         path = self._transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)
         if len(path) > 1:
-            self._store.tell("detour", visit=visit.number, over_deg=path[0])
+            self._store.add_event("detour", visit=visit.number, over_deg=path[0])
         arrival = self._attempts.begin_arrival(visit)
         try:
             for joints_deg in path:
@@ -312,7 +312,7 @@ class Sequencer:
 
         def read() -> None:
             self._rig.make_ready()
-            self._store.tell("zeroed", zero_mm=self._rig.zero(), bar_mm=bar.length_mm)
+            self._store.add_event("zeroed", zero_mm=self._rig.zero(), bar_mm=bar.length_mm)
 
         self._insist(read)
         return True
@@ -346,7 +346,7 @@ class Sequencer:
         if self._rig.lost_in_move or self._link_faults > LINK_TRIES:
             raise error
         back_off_s = FIRST_BACK_OFF_S * 2.0 ** (self._link_faults - 1)
-        self._store.tell("reconnect", attempt=self._link_faults, error=error.as_dict())
+        self._store.add_event("reconnect", attempt=self._link_faults, error=error.as_dict())
         self._control.wait(back_off_s * self._clock.time_scale)
 
     def _refuse_again(self, error: AcquisitionError) -> Answer:

@@ -21,7 +21,7 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.header import Header
 from calib.effects import kind_of
-from calib.effects.kind import SECOND_TARGET, told_apart
+from calib.effects.kind import SECOND_TARGET, distinguishing
 from calib.fit.identification import Identification
 from calib.model.model import Design
 from calib.model.stated import StatedConditions, conditions_at
@@ -201,7 +201,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _advice(rival: Rival, found: Identification) -> list[str]:
-    procedures = told_apart(kind_of(rival.instead_of), kind_of(rival.label))
+    procedures = distinguishing(kind_of(rival.instead_of), kind_of(rival.label))
     if len(set(found.readings.conditions.target.tolist())) > 1:
         procedures = [each for each in procedures if each != SECOND_TARGET]
     return procedures or ["no pose within the limits does; they are one effect for every use of the model."]

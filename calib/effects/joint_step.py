@@ -40,7 +40,7 @@ def joint_step(joint: int, rank: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Steps]:
-    """One scan a joint that moved; a step of joint 1 is one of the base about its axis, told by fewer parameters."""
+    """One scan a joint that moved; a step of joint 1 is one of the base about its axis, with fewer parameters."""
     ranks = change_points(survey)
     if not len(ranks):
         return []

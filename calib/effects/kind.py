@@ -42,7 +42,7 @@ class Kind:
         return self.check.format(joint=joint, name=name)
 
 
-def told_apart(one: Kind, other: Kind) -> list[str]:
+def distinguishing(one: Kind, other: Kind) -> list[str]:
     """The procedures that distinguish two kinds, those that several kinds share first."""
     proposed = dict.fromkeys([*one.apart, *other.apart])
     if one.by_clock and other.by_clock:

@@ -25,7 +25,7 @@ from calib.text.toml_table import FARTHEST_MM
 from calib.units import DEG, FACTORS, to_internal
 
 _WRITE_AGAIN = "Write the model again with 'truepose diagnose DATA.csv --model'."
-_TOLD = ("name", "maker", "source", "capsules")  # of a robot: words, and its girth, which move nothing
+_DESCRIPTION = ("name", "maker", "source", "capsules")  # of a robot: words, and its girth, which move nothing
 _SAME = 1e-9  # rad and mm
 _SHAPES = {"joint": int, "axis": int, "order": (int, float), "series": str, "target": str, "anchor": str}
 
@@ -39,7 +39,7 @@ def content_hash(document: Mapping[str, Any]) -> str:
 
 def robot_hash(robot: Robot) -> str:
     """SHA-256 of everything of a robot that moves it."""
-    table = {key: value for key, value in asdict(robot).items() if key not in _TOLD}
+    table = {key: value for key, value in asdict(robot).items() if key not in _DESCRIPTION}
     return hashlib.sha256(json.dumps(table, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -64,7 +64,7 @@ def refuse_other_table(robot: Robot, reference: Robot, path: Path) -> None:
     """Raise DataError, naming the first number, where the robot of a model is not the one of the robot file."""
     own, other = asdict(robot), asdict(reference)
     for key, value in own.items():
-        if key not in _TOLD and not _same(value, other[key]):
+        if key not in _DESCRIPTION and not _same(value, other[key]):
             where = key
             if key in ("lower", "upper") and len(robot.lower) == len(reference.lower):
                 k = next(k for k, pair in enumerate(zip(value, other[key], strict=True)) if not _same(*pair))

@@ -2,7 +2,7 @@
 
 The derivative of A cos(H theta) + B sin(H theta) by H is theta (B cos - A sin). One Gauss-Newton step for all
 orders at once, projected on what the model leaves, moves them; an order whose nearest whole number lies within
-what the readings can tell becomes whole.
+what the readings determine becomes whole.
 """
 
 from __future__ import annotations

@@ -126,7 +126,7 @@ def figures_of_pose(
     )
 
 
-def one_way(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
+def unidirectional(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
     """The visits among `rows` that came from the direction from which most did; sides: (n, N)."""
     _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
     return rows[direction == np.bincount(direction).argmax()]

@@ -30,8 +30,8 @@ from calib.validation.iso9283 import (
     PoseFigures,
     figures_between,
     figures_of_pose,
-    one_way,
     repeated_poses,
+    unidirectional,
 )
 from calib.validation.orientation import rotation_vectors
 from calib.validation.pairs import pair_errors
@@ -163,7 +163,9 @@ def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repea
     commands[usable] = predicted
     turned[usable] = angles
     between = [
-        figures_between(one_way(a, conditions.side), one_way(b, conditions.side), dataset.points, commands)
+        figures_between(
+            unidirectional(a, conditions.side), unidirectional(b, conditions.side), dataset.points, commands
+        )
         for a, b in itertools.pairwise(poses)
         if conditions.series[a[0]] == conditions.series[b[0]]
         and conditions.target[a[0]] == conditions.target[b[0]]

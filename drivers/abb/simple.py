@@ -159,7 +159,7 @@ class AbbSimpleArm:
         Raises LinkError, SafetyStop, WrongMode, NotReady (the motion program does not run), Busy (it moves).
         """
         with self._lock:
-            raise_if_unfit(self._standing("arm"), self.name, "arm")
+            raise_if_unfit(self._state_at_rest("arm"), self.name, "arm")
             if not self._motion.is_open:
                 raise LinkLost("not connected", device=self.name, command="arm")
             self._motion.stopped.clear()
@@ -183,7 +183,7 @@ class AbbSimpleArm:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
             undo.callback(self.disarm)  # wherever the robot is now, somebody has to look first
-            here = self._standing("move_to")
+            here = self._state_at_rest("move_to")
             raise_if_unfit(here, self.name, "move_to")
             seconds = self._duration(here, target)
             self._motion.say(START, here.joints_rad, here.external, seconds, "move_to")
@@ -211,7 +211,7 @@ class AbbSimpleArm:
             off = apart_deg(now.joints_deg, target)
             if now.flags == before.flags:
                 raise_if_unfit(now, self.name, "move_to")
-                if _stand(before, now):
+                if _is_at_rest(before, now):
                     rest_since = min(rest_since, self._clock())
                     if is_there(_reading(now), target, self._hold_deg) and self._clock() >= credible:
                         return now
@@ -230,10 +230,10 @@ class AbbSimpleArm:
 
     def position(self) -> JointReading:
         """Where the robot is: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
-        return _reading(self._standing("position"))
+        return _reading(self._state_at_rest("position"))
 
-    def _standing(self, command: str) -> AbbState:
-        return self._confirmed(command, _stand)
+    def _state_at_rest(self, command: str) -> AbbState:
+        return self._confirmed(command, _is_at_rest)
 
     def _confirmed(self, command: str, good: Callable[[AbbState, AbbState], bool]) -> AbbState:
         """The next state that agrees with the one before it. Raises LinkError, Busy."""
@@ -274,7 +274,7 @@ class AbbSimpleArm:
         return self._caps.seconds(turns) + _RAMP_S
 
 
-def _stand(before: AbbState, now: AbbState) -> bool:
+def _is_at_rest(before: AbbState, now: AbbState) -> bool:
     """Whether two states in a row are those of a robot that does not move."""
     external = zip(before.external, now.external, strict=True)
     return (

@@ -210,7 +210,9 @@ class MbpSession:
             self.client.link.close()
             raise
 
-    def void_if_told(self, kinds: Mapping[str, type[AcquisitionError]], since_s: float, raw: bytes) -> None:
+    def void_if_reported(
+        self, kinds: Mapping[str, type[AcquisitionError]], since_s: float, raw: bytes
+    ) -> None:
         """Raise the error of the first event of `kinds` that came during the last question, or happened at or after
         `since_s` (device clock)."""
         acked = self.client.acked

@@ -184,7 +184,7 @@ class CTrack:
         seen = int(value("visible", 0, self._bodies[target]))
         seen_base = int(value("rvisible", 0, self._bodies[self._reference]))
         advanced = self.session.advanced(t_s)
-        self.session.void_if_told(_VOID, t_s - samples / self._rate_hz, reply.raw)
+        self.session.void_if_reported(_VOID, t_s - samples / self._rate_hz, reply.raw)
         if (seen, seen_base) != (max(seen, self._least[0]), max(seen_base, self._least[1])):
             raise TargetNotSeen(
                 f"{seen} targets of {target} and {seen_base} of {self._reference} visible, "

@@ -13,7 +13,7 @@ DRIVERS = (
         instrument="faro-ion",
         make=FaroTracker,
         needs_weather=True,
-        untold=("which SMR is seated",),
+        unreported=("which SMR is seated",),
         details=battery_of,
         clock_s=clock_of,
     ),

@@ -23,7 +23,7 @@ DRIVERS = (
         options=(Option("reflector_mm"),),
         needs_weather=True,
         streams=True,
-        untold=("which SMR is seated",),
+        unreported=("which SMR is seated",),
         details=battery_of,
         clock_s=clock_of,
     ),
@@ -34,7 +34,7 @@ DRIVERS = (
         make=EmsconTracker,
         finds_by_name=False,
         needs_weather=True,
-        untold=("which SMR is seated",),
+        unreported=("which SMR is seated",),
         details=_emscon_details,
     ),
 )

@@ -207,7 +207,7 @@ class Qc20w:
         d, sd = value("d", -100.0, 100.0), value("sd", 0.0, 100.0)
         t_s, age_s, temp = value("t", -1e12, 1e12), value("age", -1e12, 1e12), value("temp", -40.0, 80.0)
         advanced = self.session.advanced(t_s)
-        self.session.void_if_told(_VOID, t_s - samples / self._rate_hz, reply.raw)
+        self.session.void_if_reported(_VOID, t_s - samples / self._rate_hz, reply.raw)
         if value("over", -1, 1) != 0 or abs(d) > STROKE_MM:
             raise OutOfRange(
                 f"deviation of {d:+.4f} mm, the stroke is +-{STROKE_MM:g} mm",

@@ -254,7 +254,7 @@ class UrArm:
             mode="unknown",
             motors_on=state.robot_mode == RUNNING,
             emergency_stop=state.safety_mode in (6, 7),
-            moving=not state.stands,
+            moving=not state.at_rest,
             error_number=state.safety_mode if state.safety_mode > 2 else None,
             raw=state.raw,
         )

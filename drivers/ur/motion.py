@@ -28,7 +28,7 @@ from drivers.errors import (
 )
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.realtime import Realtime
-from drivers.ur.rtde import FIRST_TOLD, GO_REGISTER, REGISTER, Rtde
+from drivers.ur.rtde import FIRST_ARGUMENT, GO_REGISTER, REGISTER, Rtde
 from drivers.ur.state import AGREE_RAD, PAUSED, PLAYING, STOPPED, UrState, Vector, Witness, unfit
 
 _LEVERS = (1.0, 1.0, 0.6, 0.3, 0.3, 0.15)  # from each axis to the end of the tool, arm outstretched
@@ -79,7 +79,7 @@ class Program:
         }
 
     @property
-    def told(self) -> Vector:
+    def arguments(self) -> Vector:
         """The numbers that the controller must show before it may move."""
         return (*(float(f"{q:.8f}") for q in self.goal_rad), *map(float, self._named.values()))
 
@@ -97,7 +97,7 @@ class Program:
                 f'rtde_set_watchdog("input_int_register_{REGISTER}", guard, "stop")',
                 *(
                     f"write_output_float_register({i}, {name})"
-                    for i, name in enumerate(given, start=FIRST_TOLD)
+                    for i, name in enumerate(given, start=FIRST_ARGUMENT)
                 ),
                 f"write_output_integer_register({REGISTER}, number)",
                 f"while read_input_integer_register({GO_REGISTER}) != number:",
@@ -111,7 +111,7 @@ class Program:
 def not_ready(state: UrState) -> AcquisitionError | None:
     """Why no program may be sent now, or None."""
     problem = unfit(state, moving=False)
-    if problem is None and not (state.runtime_state == STOPPED and state.stands):
+    if problem is None and not (state.runtime_state == STOPPED and state.at_rest):
         return Busy(
             "a program runs or is paused on the controller, or the arm moves",
             raw=state.shown,
@@ -172,7 +172,7 @@ class Motion:
                     with self._sending:
                         send(f"stopj({_STOP_RAD_S2:g})\n")
                 state = witness.state()
-                if state.stands and state.runtime_state in (STOPPED, PAUSED):
+                if state.at_rest and state.runtime_state in (STOPPED, PAUSED):
                     return
         raise LinkTimeout(
             f"the arm did not come to rest within stop_s = {seconds:g} s", device=self._name, command="stop"
@@ -215,7 +215,7 @@ class Motion:
                 moved = not _same(state.target_rad, here.target_rad, 2 * AGREE_RAD)
                 if state.runtime_state == PLAYING or moved:
                     return None
-            elif state.echo == program.number and _same(state.told, program.told, _WRITTEN):
+            elif state.echo == program.number and _same(state.arguments, program.arguments, _WRITTEN):
                 return None
             elif state.echo != here.echo:
                 return ProtocolError("another program arrived than was sent; nothing moved", raw=state.shown)
@@ -243,7 +243,7 @@ class Motion:
             if problem is not None:
                 return state, problem
             now = self._clock()
-            if state.runtime_state == STOPPED and state.stands:
+            if state.runtime_state == STOPPED and state.at_rest:
                 rest_since = min(rest_since, now)
                 settled = state.off_rad(state.target_rad) <= self._limits.hold
                 if settled or now - rest_since > self._deadlines.settle_s:
@@ -273,8 +273,8 @@ class Motion:
     def _capped(self, here: UrState, goal: Vector) -> float:
         """Speed of the leading joint, rad/s. movej knows no speed of the tool: the sum of all levers bounds it."""
         far = [abs(a - b) for a, b in zip(here.actual_rad, goal, strict=True)]
-        way_mm = self._limits.reach_mm * sum(lever * q for lever, q in zip(_LEVERS, far, strict=True))
-        return min(self._limits.speed, self._limits.speed_mm_s * max(far) / max(way_mm, 1e-9))
+        distance_mm = self._limits.reach_mm * sum(lever * q for lever, q in zip(_LEVERS, far, strict=True))
+        return min(self._limits.speed, self._limits.speed_mm_s * max(far) / max(distance_mm, 1e-9))
 
     def _move_seconds(self, here: UrState, goal: Vector) -> float:
         speed = self._capped(here, goal)

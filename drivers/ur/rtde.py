@@ -27,7 +27,7 @@ from drivers.ur.state import UrState, Witness, check_state, naming
 _LOG = logging.getLogger(__name__)
 
 REGISTER, GO_REGISTER = 46, 47
-FIRST_TOLD, TOLD = 24, 10  # doubles that a program shows of what it was given
+FIRST_ARGUMENT, ARGUMENTS = 24, 10  # doubles that a program shows of what it was given
 FREQUENCY_HZ = 125.0  # of a CB3; faster controllers accept it
 _VERSION, _CONTROLLER, _OUTPUTS, _INPUTS = b"V"[0], b"v"[0], b"O"[0], b"I"[0]
 _START, _PAUSE, _DATA, _TEXT = b"S"[0], b"P"[0], b"U"[0], b"M"[0]
@@ -35,7 +35,7 @@ _KINDS = (_VERSION, _CONTROLLER, _OUTPUTS, _INPUTS, _START, _PAUSE, _DATA, _TEXT
 _LONGEST = 4096
 _ECHO = (
     (f"output_int_register_{REGISTER}", "INT32"),
-    *((f"output_double_register_{i}", "DOUBLE") for i in range(FIRST_TOLD, FIRST_TOLD + TOLD)),
+    *((f"output_double_register_{i}", "DOUBLE") for i in range(FIRST_ARGUMENT, FIRST_ARGUMENT + ARGUMENTS)),
 )
 _INPUT_NAMES = f"input_int_register_{REGISTER},input_int_register_{GO_REGISTER}"
 _FIELDS: tuple[tuple[str, str], ...] = (
@@ -49,7 +49,7 @@ _FIELDS: tuple[tuple[str, str], ...] = (
     ("runtime_state", "UINT32"),
 )
 _VALUES = ">B25diiI"  # recipe, timestamp, four vectors, three modes
-_REGISTERS = f"i{TOLD}d"
+_REGISTERS = f"i{ARGUMENTS}d"
 _BEAT_S = 0.2
 _CLAIM_PAUSE_S = 0.05
 
@@ -77,7 +77,7 @@ def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
         safety_mode=safety_mode,
         runtime_state=runtime_state,
         echo=echo[0] if echo else None,
-        told=tuple(echo[1:]),
+        arguments=tuple(echo[1:]),
         raw=payload,
     )
     check_state(state)

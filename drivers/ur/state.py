@@ -70,7 +70,7 @@ Vector = tuple[float, ...]
 class UrState:
     """Joint angles (rad), speeds (rad/s), modes. `echo`: number of the last program begun; None: not reported.
 
-    `told`: what that program says it was given (`drivers.ur.motion`).
+    `arguments`: what that program says it was given (`drivers.ur.motion`).
     """
 
     t_s: float
@@ -82,7 +82,7 @@ class UrState:
     safety_mode: int
     runtime_state: int
     echo: int | None
-    told: Vector = ()
+    arguments: Vector = ()
     raw: bytes = b""
 
     @property
@@ -91,7 +91,7 @@ class UrState:
         return self.raw[:64]
 
     @property
-    def stands(self) -> bool:
+    def at_rest(self) -> bool:
         """Whether the arm is neither ordered to move nor moving."""
         return max(map(abs, self.target_rad_s + self.actual_rad_s)) < STILL_RAD_S
 
@@ -117,7 +117,7 @@ def check_state(state: UrState) -> None:
 
 def agree(before: UrState, now: UrState) -> bool:
     """Whether `now` can be what follows `before`. Raises ProtocolError when it is not newer."""
-    modes = ("robot_mode", "safety_mode", "runtime_state", "echo", "told")
+    modes = ("robot_mode", "safety_mode", "runtime_state", "echo", "arguments")
     carried = carries(before, now)
     return carried and all(getattr(before, mode) == getattr(now, mode) for mode in modes)
 

@@ -86,9 +86,9 @@ class EmsconServer:
         self._changed.set()
         codes = {"BEAM_BROKEN": LOST, "TARGET_LOST": LOST, "TARGET_FOUND": READY}
         if name in codes:
-            self._tell(8, i32(codes[name]))
+            self._send(8, i32(codes[name]))
 
-    def _tell(self, kind: int, body: bytes) -> None:
+    def _send(self, kind: int, body: bytes) -> None:
         if self._writer is not None:
             self._writer.write(packet(kind, body))
 
@@ -98,24 +98,24 @@ class EmsconServer:
         command, arguments = numbers(body[:4])[0], body[4:]
         if command == 52:
             await self._end_job()
-            self._tell(0, i32(52, 0))
+            self._send(0, i32(52, 0))
             return
         if self._job is not None and not self._job.done():
-            self._tell(0, i32(command, 1))
+            self._send(0, i32(command, 1))
             return
         tables: dict[int, Callable[[], bytes]] = {1: self._system, 2: self._ready, 21: self._air}
         if command in tables:
-            self._tell(0, i32(command, 0) + tables[command]())
+            self._send(0, i32(command, 0) + tables[command]())
         elif command == 42:
             for number, name in REFLECTORS:
                 text = name.encode("utf-16-le").ljust(64, b"\0")
-                self._tell(0, i32(42, 0, len(REFLECTORS), number, 0) + f64(0.0) + text)
+                self._send(0, i32(42, 0, len(REFLECTORS), number, 0) + f64(0.0) + text)
         elif command in (7, 49, 55):
             self._job = asyncio.create_task(self._run(command, arguments))
         elif command in ANSWERED:
             self._set(command, arguments)
         else:
-            self._tell(0, i32(command, 2))
+            self._send(0, i32(command, 2))
 
     def _set(self, command: int, arguments: bytes) -> None:
         if command == 28:
@@ -124,8 +124,8 @@ class EmsconServer:
             self.reflector = numbers(arguments)[0]
         known = self.reflector in dict(REFLECTORS) and self.time_ms > 0
         if command in CHANGES:
-            self._tell(8, i32(CHANGES[command]))
-        self._tell(0, i32(command, 0 if known else 3))
+            self._send(8, i32(CHANGES[command]))
+        self._send(0, i32(command, 0 if known else 3))
 
     def _system(self) -> bytes:
         weather = 2 if self.tracker.weather else 0
@@ -151,10 +151,10 @@ class EmsconServer:
         acts = {7: self._initialise, 49: self._measure, 55: self._go}
         try:
             result = await acts[command](arguments)
-            self._tell(*result)
+            self._send(*result)
         except BadRequest as bad:
             kind = 1 if command == 49 else 0
-            self._tell(kind, i32(command, STATUS.get(bad.code, 36)))
+            self._send(kind, i32(command, STATUS.get(bad.code, 36)))
 
     async def _initialise(self, arguments: bytes) -> tuple[int, bytes]:
         if self.tracker.state == "WARMING":
@@ -171,7 +171,7 @@ class EmsconServer:
 
     async def _measure(self, arguments: bytes) -> tuple[int, bytes]:
         tracker = self.tracker
-        self._tell(0, i32(49, 0))
+        self._send(0, i32(49, 0))
         tracker.check_ready()
         name = tracker.choose(None)
         before = tracker.arm.joints_deg()

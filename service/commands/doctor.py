@@ -49,7 +49,7 @@ def doctor_command(
         else:
             devices = open_devices(the_cell)
         stack.enter_context(_quiet_drivers())
-        found = examine(the_cell, devices, record=record, simulated=simulate, tell=terminal.say)
+        found = examine(the_cell, devices, record=record, simulated=simulate, progress=terminal.say)
         terminal.rest()
         terminal.out.print(_table(found))
         terminal.out.print(Text(verdict_of(found), style=_STYLES["fault" if found.faults else "ok"]))

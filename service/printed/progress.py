@@ -14,7 +14,7 @@ from service.printed.terminal import Terminal, duration
 from service.wording import counted
 
 LINES = 20  # of progress in a log, where nobody wants one a reading
-_TOLD = {
+_SENTENCES = {
     "warm_up": "warming up",
     "warming_up": "warming up: measuring the reference pose again",
     "warm": "the arm is warm",
@@ -32,7 +32,7 @@ class Progress:
 
     def __init__(self, run: Run, terminal: Terminal) -> None:
         self._run, self._terminal = run, terminal
-        self._told = -1
+        self._step_shown = -1
         self.prompt: str | None = None
 
     def __call__(self, event: Event) -> None:
@@ -57,21 +57,21 @@ class Progress:
         elif event.kind == "reading" and event.data["set"] == "nest":
             self._terminal.say(f"nest {event.data['target']} measured")
         elif event.kind == "waypoint":
-            self._tell_path(event.data)
+            self._show_path(event.data)
         elif event.kind in ("reading", "skipped"):
-            self._tell(self._run.status())
-        elif event.kind in _TOLD:
-            self._terminal.say(_TOLD[event.kind])
+            self._show(self._run.status())
+        elif event.kind in _SENTENCES:
+            self._terminal.say(_SENTENCES[event.kind])
 
-    def _tell(self, status: RunStatus) -> None:
+    def _show(self, status: RunStatus) -> None:
         step = status.done * LINES // max(status.total, 1)
-        if self._terminal.live or step != self._told:
-            self._told = step
+        if self._terminal.live or step != self._step_shown:
+            self._step_shown = step
             drift = "" if status.drift is None else f", drift {status.drift['off_mm']:.3f} mm"
             done = f"{status.done} of {counted(status.total, 'reading')}"
             self._terminal.say(f"{done}{_left(status.seconds_left)}{drift}")
 
-    def _tell_path(self, path: Mapping[str, Any]) -> None:
+    def _show_path(self, path: Mapping[str, Any]) -> None:
         lost = path["lost"]
         samples = ", ".join(
             f"{role} {count:,}" + (f" ({lost[role]:,} lost)" if lost[role] else "")

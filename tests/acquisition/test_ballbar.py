@@ -68,7 +68,7 @@ class Bar:
         devices = devices_of(self.bench, self.operator)
         return self.run.execute(devices, JumpingClock(), self.events.append).state.value
 
-    def told(self, kind: str) -> list[Any]:
+    def events_of(self, kind: str) -> list[Any]:
         return [dict(event.data) for event in self.events if event.kind == kind]
 
 
@@ -118,7 +118,7 @@ def test_hands_and_robot_take_turns(bars: Any) -> None:
         f"Attach the ballbar between {base} and {target}" for target, base in first.readings
     ]
     assert bar.operator.asked[7].startswith("Take the ballbar off")
-    reading = bar.told("reading")[0]
+    reading = bar.events_of("reading")[0]
     assert (reading["target"], reading["base_target"]) == first.readings[0]
     assert reading["length_mm"] == pytest.approx(300.0, abs=0.003)
 
@@ -140,7 +140,7 @@ def test_a_redo_goes_back_with_the_bar_off(bars: Any) -> None:
     bar = bars(*[Answer.CONFIRM] * 2, Answer.REDO)  # off, leg 1, and when leg 2 is asked for
     assert bar.execute() == "succeeded"
     assert bar.bench.log.count("move") == 6
-    assert len(bar.told("measure_again")) == 1
+    assert len(bar.events_of("measure_again")) == 1
     assert bar.run.status().done == 12
 
 
@@ -180,7 +180,7 @@ def test_the_zero_is_read_between_poses(bars: Any, every: int) -> None:
     assert bar.execute() == "succeeded"
     expected = 2 if every <= 6 else 1
     assert bar.bench.zeroed == expected
-    assert bar.told("zeroed") == [{"zero_mm": 0.001, "bar_mm": 300.0}] * expected
+    assert bar.events_of("zeroed") == [{"zero_mm": 0.001, "bar_mm": 300.0}] * expected
     first = bar.bench.log.index("zero")
     assert first < bar.bench.log.index("move")
 
@@ -217,15 +217,15 @@ def test_a_wrong_extension_bar_is_told_to_the_operator(bars: Any) -> None:
 def test_what_is_out_of_stroke_comes_again_at_corrected_joints(bars: Any) -> None:
     bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "set": "calibration"}])
     assert bar.execute() == "succeeded"
-    (stage,) = bar.told("second_stage")
-    put_off = bar.told("deferred")
+    (stage,) = bar.events_of("second_stage")
+    put_off = bar.events_of("deferred")
     assert 20 < len(put_off) < 0.5 * bar.run.status().total
     assert stage["refused"] == 0
     assert bar.run.status().skipped == 0  # all of them could be had then
-    again = sum(len(each["poses"]) for each in bar.told("replanned"))
+    again = sum(len(each["poses"]) for each in bar.events_of("replanned"))
     assert again == len(put_off)
     # Each is tried once per stage: a bar that shows its stop shows it again.
-    assert len(bar.told("attempt_failed")) == len(put_off)
+    assert len(bar.events_of("attempt_failed")) == len(put_off)
     dataset = read_dataset(export(bar.folder, bar.folder / "out.csv"))
     assert dataset.usable.sum() == bar.run.status().total
     assert dataset.header.instrument == "qc20w"
@@ -239,7 +239,7 @@ def test_what_is_out_of_stroke_comes_again_at_corrected_joints(bars: Any) -> Non
 def test_one_stage_leaves_the_others_out(bars: Any) -> None:
     bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "stages": 1, "count": 8}])
     assert bar.execute() == "succeeded"
-    assert bar.told("second_stage") == []
+    assert bar.events_of("second_stage") == []
     assert bar.run.status().skipped > 0
 
 
@@ -249,7 +249,7 @@ def test_too_few_readings_for_a_second_stage_are_told(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))  # a stage is planned without a file
     bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "count": 3}])
     assert bar.execute() == "succeeded"
-    (refused,) = bar.told("second_stage_refused")
+    (refused,) = bar.events_of("second_stage_refused")
     assert refused["readings"] == bar.run.status().skipped
     assert "readings" in refused["reason"]
     assert refused["reason"].startswith(str(bar.folder / "data.csv"))
@@ -268,7 +268,7 @@ def test_a_second_stage_survives_the_end_of_the_program(bars: Any) -> None:
     bar.run = Run.open(bar.folder)
     bar.run.resume()
     assert bar.execute() == "succeeded"
-    assert len(bar.told("second_stage")) == 1
+    assert len(bar.events_of("second_stage")) == 1
     assert bar.run.status().skipped == 0
 
 
@@ -336,7 +336,7 @@ def test_nothing_within_the_stroke_is_an_end_and_not_a_dead_end(bars: Any) -> No
     bar = bars(off_deg=(3.0, 3.0, 3.0, 0.0, 0.0, 0.0))
     assert bar.execute() == "failed"
     assert bar.run.status().reason == "Not one pose could be measured."
-    (refused,) = bar.told("second_stage_refused")
+    (refused,) = bar.events_of("second_stage_refused")
     assert "holds no reading" in refused["reason"]
 
 
@@ -352,8 +352,8 @@ def test_a_robot_that_was_pushed_while_the_bar_was_put_on_approaches_anew(bars: 
 
     bar.operator = Pushing(bar.bench)
     assert bar.execute() == "succeeded"
-    (told,) = [text for text in bar.operator.asked if "was turned by 0.050 deg" in text]
-    assert "approaches the pose anew" in told
+    (prompt,) = [text for text in bar.operator.asked if "was turned by 0.050 deg" in text]
+    assert "approaches the pose anew" in prompt
     assert bar.run.status().done == 12
     rows = bar.run._store.database.query(
         "SELECT count(*) FROM attempt WHERE kind = 'arrive' AND status = 'good'"

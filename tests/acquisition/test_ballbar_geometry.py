@@ -94,7 +94,7 @@ def test_each_bar_is_built_once_and_zeroed_and_the_arm_stays(bars: Any) -> None:
         "zero",
         *(f"measure {other} {one}" for one, other in SIDES[3:]),
     ]
-    assert [zero["bar_mm"] for zero in bar.told("zeroed")] == [150.0, 300.0]
+    assert [zero["bar_mm"] for zero in bar.events_of("zeroed")] == [150.0, 300.0]
     assert sum(text.startswith("Build the ballbar of 150 mm") for text in bar.operator.asked) == 1
     assert "it must then read 150 mm" in bar.operator.asked[1]
     status = bar.run.status()
@@ -115,7 +115,7 @@ def test_the_data_set_has_them_as_distances_of_the_balls(bars: Any, tmp_path: Pa
 def test_a_bar_that_nobody_builds_leaves_its_readings_out(bars: Any) -> None:
     bar: Bar = bars(*[Answer.SKIP] * 3, block=[GEOMETRY, *HEXAPOD])
     assert bar.execute() == "succeeded"
-    assert [each["reason"] for each in bar.told("skipped")] == ["the ballbar was not built for it"] * 3
+    assert [each["reason"] for each in bar.events_of("skipped")] == ["the ballbar was not built for it"] * 3
     assert "build 150" not in bar.bench.log
     assert bar.run.status().skipped == 3
 
@@ -202,7 +202,7 @@ def test_a_leg_of_stage_2_that_the_model_of_stage_1_excludes_is_named(bars: Any)
 def test_the_model_of_stage_1_is_kept_and_says_how_long_a_leg_must_be(bars: Any) -> None:
     bar = two_stages(bars)
     assert bar.execute() == "succeeded"
-    (stage,) = bar.told("second_stage")
+    (stage,) = bar.events_of("second_stage")
     assert stage["rms_mm"] < 0.01
     model = load_model(bar.folder / STAGE_1)
     assert model.model.robot.name == bar.bench.cell.robot.model.name
@@ -230,7 +230,7 @@ def test_a_low_battery_is_said_once(bars: Any) -> None:
         checks.battery(replace(reading, battery_percent=40.0))
         checks.battery(reading)
         checks.battery(reading)
-    assert bar.told("battery_low") == [{"percent": 9.0}]
+    assert bar.events_of("battery_low") == [{"percent": 9.0}]
 
 
 def test_a_person_moves_one_end_of_the_bar_at_a_time() -> None:

@@ -50,13 +50,13 @@ def test_an_smr_in_the_wrong_nest_is_told(stages: Callable[..., Stage]) -> None:
     stage.operator = Clumsy(stage.bench)
     events: list[Event] = []
     assert stage.execute(events.append).state.value == "succeeded"
-    (told,) = [text for text in stage.operator.asked if "from where it should be" in text]
+    (prompt,) = [text for text in stage.operator.asked if "from where it should be" in text]
     assert (
         "sees T1 150.0 mm from where it should be, expected within 50 mm; T2 should be 0.0 mm from there"
-        in told
+        in prompt
     )
-    assert "Seat the SMR in the target named, then confirm" in told
-    asked_next = stage.operator.asked[stage.operator.asked.index(told) + 1]
+    assert "Seat the SMR in the target named, then confirm" in prompt
+    asked_next = stage.operator.asked[stage.operator.asked.index(prompt) + 1]
     assert asked_next == "Seat the SMR in T1 and press confirm."
     assert codes(events) == [WronglySeated.code]
     assert stage.run.status().skipped == 0
@@ -104,8 +104,8 @@ def test_a_dead_or_taken_device_is_known_before_the_warm_up(
     events: list[Event] = []
     assert stage.execute(events.append).state.value == "succeeded"
     kinds = [event.kind for event in events]
-    told = next(i for i, event in enumerate(events) if event.kind in ("reconnect", "prompt"))
-    assert told < kinds.index("warm_up") < kinds.index("reading")
+    prompt = next(i for i, event in enumerate(events) if event.kind in ("reconnect", "prompt"))
+    assert prompt < kinds.index("warm_up") < kinds.index("reading")
     assert len(stage.operator.asked) == asked
     assert stage.bench.log.index("arm arm") > stage.bench.log.index("connect meter")
 

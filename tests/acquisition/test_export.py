@@ -97,10 +97,10 @@ def test_what_the_wire_could_not_see_is_in_record_and_data_set(tmp_path: Path, w
     devices.robot.weakness = weakness  # type: ignore[attr-defined]
     with closing(Run.create(tmp_path / "r", bench.cell, a_campaign(block=BLOCKS), simulated=True)) as run:
         assert run.execute(devices, JumpingClock()).state.value == "succeeded"
-        told = {
+        reported = {
             event.data["role"]: event.data["weakness"] for event in run.events() if event.kind == "connected"
         }
-    assert told == {"robot": weakness, "instrument": ""}
+    assert reported == {"robot": weakness, "instrument": ""}
     header = read_dataset(export(tmp_path / "r", tmp_path / "out.csv")).header
     assert header.unprotected == (f"robot: {weakness}" if weakness else "")
     assert header.unknown_keys == ()

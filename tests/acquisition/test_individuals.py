@@ -101,10 +101,10 @@ def test_an_accepted_one_is_kept_with_its_reason_and_is_a_series(
     exchange(stage, role)
     stage.run.resume(by="anna", accepted=Acceptance(" 777777", "arm replaced under warranty", "anna"))
     assert stage.execute().state.value == "succeeded"
-    told = {event.kind: event.data for event in stage.run.events()}
-    assert told["accept_other"]["reason"] == "arm replaced under warranty"
-    assert told["other_device_accepted"]["by"] == "anna"
-    assert "777777" in told["other_device_accepted"]["now"]
+    by_kind = {event.kind: event.data for event in stage.run.events()}
+    assert by_kind["accept_other"]["reason"] == "arm replaced under warranty"
+    assert by_kind["other_device_accepted"]["by"] == "anna"
+    assert "777777" in by_kind["other_device_accepted"]["now"]
     out = export(stage.folder, tmp_path / "out.csv")
     series = [row["series"] for row in read_rows(out)]
     names = ["1+1", "777777+1" if role == "robot" else "1+777777"]

@@ -102,7 +102,7 @@ class CampaignMachine(RuleBasedStateMachine):
         self.bench = Bench(a_cell(**cell))
         self.run = Run.create(self.folder, self.bench.cell, a_campaign(block=blocks, **zero), simulated=True)
         self.clock = JumpingClock()
-        self.told: list[dict[str, Any]] = []
+        self.reported: list[dict[str, Any]] = []
         self.asked_to_move = True  # a new record may run
         self.crashed = False
         self.browser: sqlite3.Connection | None = None
@@ -130,8 +130,8 @@ class CampaignMachine(RuleBasedStateMachine):
         assert event.t_s >= self.last_t_s
         self.last_t_s = event.t_s
         if event.kind == "reading" and event.data["set"] != "nest":
-            assert event.data["pose"] not in {row["pose"] for row in self.told}
-            self.told.append(dict(event.data))
+            assert event.data["pose"] not in {row["pose"] for row in self.reported}
+            self.reported.append(dict(event.data))
 
     def _happen(self, what: str) -> None:
         database = self.run._store.database
@@ -151,7 +151,7 @@ class CampaignMachine(RuleBasedStateMachine):
             database.script(f"PRAGMA max_page_count = {database.query('PRAGMA page_count')[0][0]}")
             while True:
                 try:
-                    self.run._store.tell("filler", text="x" * 2000)
+                    self.run._store.add_event("filler", text="x" * 2000)
                 except StorageError:
                     break
         elif what == "browser":
@@ -252,7 +252,7 @@ class CampaignMachine(RuleBasedStateMachine):
         db.close()
         assert len({row["pose"] for row in good}) == len(good)
         assert measured == {row["pose"] for row in good}
-        assert {row["attempt"] for row in self.told} <= {row["id"] for row in good}
+        assert {row["attempt"] for row in self.reported} <= {row["id"] for row in good}
         for row in good:
             shot = self.bench.shots[row["device_t_s"]]
             assert (row["arrival"], row["same"]) == ("good", 1)

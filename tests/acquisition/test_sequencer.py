@@ -247,7 +247,7 @@ def test_storage_error_pauses_and_nothing_is_lost(stage: Stage) -> None:
         database.script(f"PRAGMA max_page_count = {count}")
         while True:
             try:
-                stage.run._store.tell("filler", text="x" * 400)
+                stage.run._store.add_event("filler", text="x" * 400)
             except StorageError:
                 return
 

@@ -47,14 +47,14 @@ def new_store(folder: Path) -> Store:
 
 def half_a_change(store: Store) -> None:
     with store.changing() as db:
-        store.tell("never")
+        store.add_event("never")
         store.change_state(db, State.SUCCEEDED, "")
 
 
 def fill(store: Store) -> Iterator[int]:
     """Events until the disk is full."""
     for number in itertools.count(1):
-        store.tell("filler", text="x" * 500)
+        store.add_event("filler", text="x" * 500)
         yield number
 
 
@@ -245,13 +245,13 @@ def test_changes_within_a_change_are_one(tmp_path: Path) -> None:
     told: list[str] = []
     with store.listening(lambda event: told.append(event.kind)):
         with store.changing():
-            store.tell("first")
-            store.tell("second")
+            store.add_event("first")
+            store.add_event("second")
             assert told == []  # not durable yet
         assert told == ["first", "second"]
         with pytest.raises(IllegalTransition):
             half_a_change(store)
-        store.tell("fourth")
+        store.add_event("fourth")
     assert told == ["first", "second", "fourth"]  # nothing of the half
     assert [event.kind for event in store.events()][-3:] == told
     store.close()
@@ -267,7 +267,7 @@ def test_events_reach_listeners_after_they_are_durable(tmp_path: Path) -> None:
         reader.close()
 
     with store.listening(look):
-        store.tell("hello", what=1)
+        store.add_event("hello", what=1)
         with pytest.raises(IllegalTransition):
             half_a_change(store)
     assert len(seen) == 1
@@ -312,7 +312,7 @@ def test_what_is_written_after_a_look_by_the_same_program_survives(tmp_path: Pat
     store = new_store(tmp_path)
     read_status(tmp_path)
     assert "after the look" not in seen_by_another_process(tmp_path)
-    store.tell("after the look")
+    store.add_event("after the look")
     assert "after the look" in seen_by_another_process(tmp_path)
     store.close()
 
@@ -366,7 +366,7 @@ def test_a_full_disk_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None
     fillers = [event for event in store.events(limit=20_000) if event.kind == "filler"]
     assert len(fillers) == len(told) > 0
     store.database.script(f"PRAGMA max_page_count = {count * 100}")
-    store.tell("filler", text="again")
+    store.add_event("filler", text="again")
     assert store.database.query("PRAGMA integrity_check")[0][0] == "ok"
     store.close()
 
@@ -400,9 +400,9 @@ def test_wait_beyond_a_version(tmp_path: Path) -> None:
     store = new_store(tmp_path)
     version = store.version
     assert store.wait_beyond(version, 0.0) == version
-    teller = threading.Thread(target=lambda: store.tell("news"))
-    teller.start()
+    writer = threading.Thread(target=lambda: store.add_event("news"))
+    writer.start()
     assert store.wait_beyond(version, 10.0) == version + 1
-    teller.join()
+    writer.join()
     assert json.dumps(status_of(store).as_dict())
     store.close()

@@ -38,7 +38,7 @@ def demo(seed: int) -> dict[str, Any]:
         return document | {"seed": seed, "code": 0, "took": seconds}
 
 
-def told(document: dict[str, Any]) -> str:
+def classes(document: dict[str, Any]) -> str:
     """The effects and their classes in one line."""
     return " + ".join(
         " | ".join(f"{label} {weight:.2f}" for label, weight in e["candidates"].items())
@@ -69,7 +69,7 @@ def run(count: int) -> bool:
         print(
             f"{document['seed']:>4}  {hidden:<20} {predicted[0]:8.3f} {predicted[1]:8.3f} {predicted[2]:8.3f} "
             f"{checked['error_verified_mm']['rms']:8.3f} {checked['ratio']:6.2f} {document['took']:5.1f}  "
-            f"{document['verdict']}: {told(document) or 'nothing'}"
+            f"{document['verdict']}: {classes(document) or 'nothing'}"
         )
     line(f"true label in the class, of {count}", str(right), f">= {IN_CLASS:.0%}", right >= IN_CLASS * count)
     line(f"nominal robot worse than {NOMINAL_MM:g} mm (RMS)", str(nominal), str(count), nominal == count)

@@ -35,7 +35,7 @@ VISITED = ("every_pose",)  # laws that only repeated poses can show
 
 
 @dataclass(frozen=True)
-class Told:
+class Examined:
     """What was told of one foreign law."""
 
     name: str
@@ -83,7 +83,7 @@ def campaign(name: str, n: int, seed: int) -> Campaign:
     return Campaign(rows, header_of(world, 1.0, list(DEFAULT_FIT)), {}, world, readings)
 
 
-def examine(drawn: tuple[str, int, int]) -> Told:
+def examine(drawn: tuple[str, int, int]) -> Examined:
     """Simulate one set, work out what it can show, and diagnose it."""
     name, n, seed = drawn
     made = campaign(name, n, seed)
@@ -91,7 +91,7 @@ def examine(drawn: tuple[str, int, int]) -> Told:
     shown = truth_of(made, data).effects[0]
     result = diagnose(data)
     before, after = result.error_before, result.error_after
-    return Told(
+    return Examined(
         name,
         n,
         seed,
@@ -110,7 +110,7 @@ def examine(drawn: tuple[str, int, int]) -> Told:
 def foreign(count: int, names: Sequence[str] = tuple(LAWS)) -> bool:
     """All laws at both sizes, over `count` seeds."""
     drawn = [(name, n, FIRST_SEED + i) for i in range(count) for n in READINGS for name in names]
-    found: list[Told] = []
+    found: list[Examined] = []
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         for told in pool.map(examine, drawn):
             print(f"  {told}", flush=True)

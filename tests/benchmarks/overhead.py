@@ -62,7 +62,7 @@ def _taped(setup: Setup) -> list[tuple[str, bytes]]:
 
 
 @contextmanager
-def _told(events: list[tuple[str, bytes]]) -> Iterator[int]:
+def _replayed(events: list[tuple[str, bytes]]) -> Iterator[int]:
     """Port of a server that goes through the conversation from the other side, over and over."""
     server = socket.create_server(("127.0.0.1", 0))
 
@@ -109,7 +109,7 @@ def _received(connection: socket.socket, count: int) -> bytes:
 
 def _bare_ms(events: list[tuple[str, bytes]]) -> float:
     """The same bytes by nothing but sends and receives."""
-    with _told(events) as port, ExitStack() as stack:
+    with _replayed(events) as port, ExitStack() as stack:
         connection: socket.socket | None = None
 
         def reading() -> None:

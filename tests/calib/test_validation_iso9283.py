@@ -12,10 +12,10 @@ from calib.validation.iso9283 import (
     distance_figures,
     figures_between,
     figures_of_pose,
-    one_way,
     pose_accuracy,
     pose_repeatability,
     repeated_poses,
+    unidirectional,
     variation,
 )
 
@@ -74,7 +74,7 @@ def test_one_visit_from_either_side_is_no_repeatability() -> None:
     pose = figures_of_pose(np.arange(2), OFFSETS[:2], np.zeros((2, 3)), np.zeros((2, 3)), sides)
     assert math.isnan(pose.repeatability)
     assert (pose.repeatability_angles, pose.variation) == (None, None)
-    np.testing.assert_array_equal(one_way(np.arange(3), np.array([[1.0], [-1.0], [-1.0]])), [1, 2])
+    np.testing.assert_array_equal(unidirectional(np.arange(3), np.array([[1.0], [-1.0], [-1.0]])), [1, 2])
 
 
 def test_one_direction_has_no_variation_and_missing_orientations_no_angles() -> None:

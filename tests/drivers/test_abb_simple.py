@@ -96,8 +96,8 @@ def test_a_move_keeps_both_caps_and_reads_back_in_single_precision(fast: CellThr
     assert (first.sequence, last.sequence) == (START, LAST)
     assert first.joints_deg == (0.0,) * 6
     assert last.duration_s >= 90.0 / 30.0
-    longest_way_mm = math.radians(90 + 60 + 30) * 1000.0 + math.radians(40 + 50 + 60) * 400.0
-    assert last.duration_s >= longest_way_mm / 400.0
+    longest_path_mm = math.radians(90 + 60 + 30) * 1000.0 + math.radians(40 + 50 + 60) * 400.0
+    assert last.duration_s >= longest_path_mm / 400.0
     arm.disconnect()
 
 

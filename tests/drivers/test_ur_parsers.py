@@ -21,7 +21,7 @@ from mocks.ur.script import ScriptError, ScriptReader, parse_call, parse_program
 from tests.drivers.hearing import hearing
 
 ANGLES = st.lists(st.floats(-6.3, 6.3), min_size=6, max_size=6).map(tuple)
-TOLD = (0.5, 0.25, -1.5, 0.0, 0.125, 2.0, 1.0, 0.5, 0.0, 0.5)
+ARGUMENTS = (0.5, 0.25, -1.5, 0.0, 0.125, 2.0, 1.0, 0.5, 0.0, 0.5)
 SPEEDS = st.lists(st.floats(-3.2, 3.2), min_size=6, max_size=6).map(tuple)
 
 
@@ -39,7 +39,7 @@ def at(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.
 
 
 def rtde(t_s: float, q: tuple[float, ...] = (0.5,) * 6, v: tuple[float, ...] = (0.0,) * 6) -> bytes:
-    return b"\1" + struct.pack(">25d", t_s, *q, *q, *v, *v) + struct.pack(">iiIi10d", 7, 1, 1, 3, *TOLD)
+    return b"\1" + struct.pack(">25d", t_s, *q, *q, *v, *v) + struct.pack(">iiIi10d", 7, 1, 1, 3, *ARGUMENTS)
 
 
 @given(st.binary(max_size=1300))
@@ -107,7 +107,8 @@ def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
         return
     assert now.off_rad((0.5,) * 6) <= 1.001e-4
     assert max(abs(q - 0.5) for q in now.target_rad) <= 1.001e-4
-    assert (now.robot_mode, now.safety_mode, now.runtime_state, now.echo, now.told) == (7, 1, 1, 3, TOLD)
+    assert (now.robot_mode, now.safety_mode, now.runtime_state) == (7, 1, 1)
+    assert (now.echo, now.arguments) == (3, ARGUMENTS)
 
 
 @given(
@@ -213,7 +214,7 @@ def test_programs_are_understood_by_the_simulator(
     watchdog, *shown, echo, wait = first
     assert watchdog.arguments["min_frequency"] == 0.5
     assert [call.arguments["output_register"] for call in shown] == list(range(24, 34))
-    assert tuple(call.arguments["value"] for call in shown) == program.told
+    assert tuple(call.arguments["value"] for call in shown) == program.arguments
     assert echo.arguments == {"output_register": 46, "value": number}
     assert wait.arguments == {"input_register": 47, "value": number}
 
@@ -246,13 +247,13 @@ def elsewhere(program: Program, text: str) -> bool:
         ]
     except ScriptError:
         return False
-    told = {call.arguments["output_register"]: call.arguments["value"] for call in calls if "value" in call.arguments
+    shown = {call.arguments["output_register"]: call.arguments["value"] for call in calls if "value" in call.arguments
             and "output_register" in call.arguments}  # fmt: skip
-    expected = dict(enumerate(program.told, start=24)) | {46: program.number}
-    if any(told.get(register) != value for register, value in expected.items()):
+    expected = dict(enumerate(program.arguments, start=24)) | {46: program.number}
+    if any(shown.get(register) != value for register, value in expected.items()):
         return False
     moves = [call.arguments for call in calls if call.name == "movej"]
-    wanted = program.told[:6], program.told[6], program.told[7]
+    wanted = program.arguments[:6], program.arguments[6], program.arguments[7]
     return any((tuple(move["q"]), move["a"], move["v"]) != wanted for move in moves)
 
 

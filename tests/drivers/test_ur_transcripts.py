@@ -71,7 +71,7 @@ HALF_RAD, QUARTER_RAD = b"\x3f\xe0\0\0\0\0\0\0", b"\xbf\xd0\0\0\0\0\0\0"
 ZERO = bytes(8)
 HOME = ZERO * 6
 GOAL = HALF_RAD + ZERO * 4 + QUARTER_RAD
-TOLD = GOAL + struct.pack(">dd", 1.047198, 0.349066) + ZERO + HALF_RAD  # half a beat a second
+ARGUMENTS = GOAL + struct.pack(">dd", 1.047198, 0.349066) + ZERO + HALF_RAD  # half a beat a second
 
 
 def data(second: int, joints: bytes, speed: bytes, runtime: int, echo: int, told: bytes = 10 * ZERO) -> bytes:
@@ -92,9 +92,9 @@ def data(second: int, joints: bytes, speed: bytes, runtime: int, echo: int, told
 
 AT_HOME = data(1, HOME, HOME, 1, 5) + data(2, HOME, HOME, 1, 5)
 SPEED = b"\x3f\xd6\0\0\0\0\0\0" + ZERO * 4 + b"\xbf\xc6\0\0\0\0\0\0"
-BEGUN = data(3, HOME, HOME, 2, 6, TOLD) + data(4, HOME, HOME, 2, 6, TOLD)
-ON_THE_WAY = data(5, HOME, SPEED, 2, 6, TOLD) + data(6, HOME, SPEED, 2, 6, TOLD)
-ARRIVED = data(7, GOAL, HOME, 1, 6, TOLD) + data(8, GOAL, HOME, 1, 6, TOLD)
+BEGUN = data(3, HOME, HOME, 2, 6, ARGUMENTS) + data(4, HOME, HOME, 2, 6, ARGUMENTS)
+ON_THE_WAY = data(5, HOME, SPEED, 2, 6, ARGUMENTS) + data(6, HOME, SPEED, 2, 6, ARGUMENTS)
+ARRIVED = data(7, GOAL, HOME, 1, 6, ARGUMENTS) + data(8, GOAL, HOME, 1, 6, ARGUMENTS)
 LOOK: list[Pair] = [(START[0], START[1] + AT_HOME), PAUSE]
 
 
@@ -246,7 +246,7 @@ def test_simulator_dashboard() -> None:
 @pytest.mark.parametrize("place", range(10))
 def test_nothing_goes_when_the_program_tells_something_else(place: int) -> None:
     """One of its numbers is another: target, acceleration, speed, the zeros, or the watchdog."""
-    other = TOLD[: 8 * place] + struct.pack(">d", 1.25) + TOLD[8 * place + 8 :]
+    other = ARGUMENTS[: 8 * place] + struct.pack(">d", 1.25) + ARGUMENTS[8 * place + 8 :]
     begun = [data(second, HOME, HOME, 2, 6, other) for second in (3, 4)]
     rtde = [*OPENING, *LOOK, CLAIM, *LOOK, (START[0], START[1] + AT_HOME), (BEAT, b"".join(begun)), PAUSE]
     script: list[Pair] = [(b"", packet(1, HOME)), (PROGRAM, b"")]

@@ -71,7 +71,7 @@ class LoopWork:
             diagnose=self._diagnose,
             foresee=book.foresee,
         )
-        self._tell()
+        self._update()
 
     # -- in the thread of the loop ------------------------------------------------------------------------
 
@@ -97,11 +97,11 @@ class LoopWork:
             if self._ending == STOPPED and state is State.FAILED:  # stopped before it had begun to move
                 state, reason, problem = State.STOPPED, STOPPED, None
             problem = problem or self._status.problem  # for which it rested
-            self._tell(run_id=None, state=state, reason=reason, problem=problem, dataset_id=dataset_id)
+            self._update(run_id=None, state=state, reason=reason, problem=problem, dataset_id=dataset_id)
 
     def _say(self, step: str) -> None:
         self._checkpoint()
-        self._tell(step=step, steps=(*self._status.steps, step))
+        self._update(step=step, steps=(*self._status.steps, step))
 
     def _compute(self, function: Callable[..., Any], *args: Any) -> Any:
         """The function's value, computed in the worker process. Raises LoopEnded when the loop ends meanwhile."""
@@ -128,11 +128,11 @@ class LoopWork:
         problem = None if error is None else problems.of_error(error)
         with self._changed:
             self._pausing = self._pausing or reason
-            self._tell(state=State.PAUSED, reason=reason, problem=problem)
+            self._update(state=State.PAUSED, reason=reason, problem=problem)
             self._changed.wait_for(lambda: self._ending or not self._pausing)
             if self._ending:
                 return None
-            self._tell(state=State.RUNNING, reason="", problem=None)
+            self._update(state=State.RUNNING, reason="", problem=None)
             return self._lease.owner
 
     def _resumed(self, run: Run, outcome: Outcome) -> bool:
@@ -149,13 +149,13 @@ class LoopWork:
         visits = self._compute(checked_plan, cell, campaign)
         with self._book.run_of_loop(name, title, cell, (campaign, visits)) as run:
             self._run = run
-            self._tell(run_id=name, runs=(*self._status.runs, name))
+            self._update(run_id=name, runs=(*self._status.runs, name))
             try:
                 self._checkpoint()  # an order that came meanwhile has seen no run
                 yield run
             finally:
                 self._run = None
-                self._tell(run_id=None)
+                self._update(run_id=None)
 
     def _listen(self, run: Run) -> Callable[[Event], None]:
         def hear(_: Event) -> None:
@@ -166,7 +166,7 @@ class LoopWork:
 
         return hear
 
-    def _tell(self, **changes: Any) -> None:
+    def _update(self, **changes: Any) -> None:
         with self._changed:
             self._status = replace(self._status, version=self._status.version + 1, **changes)
             replace_file(self._folder / ABOUT, as_json(self._status.as_dict()))

@@ -22,7 +22,7 @@ MOST_POSES = 5_000  # a plan is made before the answer; a night has some hundred
 
 def campaign_of(table: Mapping[str, Any]) -> Campaign:
     """A campaign from the body of a request. Raises ConfigError."""
-    refuse_untold(table, "campaign")
+    refuse_null(table, "campaign")
     count = 0
     for block in table.get("block", ()) if isinstance(table.get("block"), list) else ():
         if not isinstance(block, Mapping):
@@ -35,7 +35,7 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
     return campaign_from(table, "campaign")
 
 
-def refuse_untold(value: object, where: str) -> None:
+def refuse_null(value: object, where: str) -> None:
     """JSON can say null and half a letter; a file and a record cannot. Raises ConfigError."""
     if value is None:
         raise ConfigError(f"key '{where}' is null: leave it out")
@@ -46,11 +46,11 @@ def refuse_untold(value: object, where: str) -> None:
             raise ConfigError(f"key '{where}' is not valid text") from error
     elif isinstance(value, Mapping):
         for key, each in value.items():
-            refuse_untold(key, where)
-            refuse_untold(each, f"{where}.{key}")
+            refuse_null(key, where)
+            refuse_null(each, f"{where}.{key}")
     elif isinstance(value, list):
         for i, each in enumerate(value):
-            refuse_untold(each, f"{where}[{i}]")
+            refuse_null(each, f"{where}[{i}]")
 
 
 class Shelf:

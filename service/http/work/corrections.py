@@ -11,7 +11,7 @@ from typing import Any
 from calib.compensate import Bounds
 from calib.errors import DataError
 from calib.saved import load_model
-from service.http.work.campaigns import refuse_untold
+from service.http.work.campaigns import refuse_null
 from service.plain import finite
 from service.programs import KnownFrames, compensate, named_frames, summary
 from service.programs.compensation import REFUSED
@@ -30,7 +30,7 @@ def corrected(
     Raises DataError, ConfigError.
     """
     saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
-    refuse_untold(order["targets"], "targets")
+    refuse_null(order["targets"], "targets")
     text = order["csv"] or _as_csv(order["targets"])
     known = KnownFrames(named_frames("tool", [order["tool"]] if order["tool"] else []), {})
     stated = stated_conditions(order["conditions"], saved)

@@ -61,7 +61,7 @@ def at_the_bound(count: int) -> bool:
         squares.append(readings.rms(found.predict(fresh.conditions)) ** 2)
         bounds.append(by_hand.bound(arm, readings) ** 2)
     rms, floor = np.sqrt(np.mean(squares)), np.sqrt(np.mean(bounds))
-    return told(
+    return printed(
         f"error of {CAMPAIGNS} campaigns of {count}: {rms:.4f} mm, bound {floor:.4f} mm",
         f"{rms / floor:.3f} x",
         f"<= {ACCURACY:g}",
@@ -69,7 +69,7 @@ def at_the_bound(count: int) -> bool:
     )
 
 
-def told(name: str, value: str, wanted: str, reached: bool) -> bool:
+def printed(name: str, value: str, wanted: str, reached: bool) -> bool:
     """One row of the table; whether it is as wanted."""
     line(name, value, wanted, reached)
     return reached
@@ -88,13 +88,13 @@ def run() -> bool:
         seconds, values = timed(lambda: lambda: by_hand.identify(readings))  # noqa: B023
         plain = readings.rms(by_hand.predict(values, readings.fresh_joints))
         error, ratio = readings.rms(points), own[name] / seconds
-        reached &= told(
+        reached &= printed(
             f"{name}: {1e3 * own[name]:.1f} ms, by hand {1e3 * seconds:.1f} ms",
             f"{ratio:.2f} x",
             f"<= {BY_HAND:g}",
             ratio <= BY_HAND,
         )
-        reached &= told(
+        reached &= printed(
             f"{name}: error {error:.4f} mm, by hand {plain:.4f} mm",
             f"{error / plain:.3f} x",
             f"<= {ACCURACY:g}",
@@ -116,13 +116,13 @@ def against(peer: Peer, paths: list[Path], campaigns: dict[str, Readings], own: 
     try:
         document = peer.answer(f"run_{peer.name}.py", paths, paths[0].with_name(f"{peer.name}.json"))
     except Absent as error:
-        return told(f"{peer.name}: {error}", "absent", f">= {peer.wanted:g}", False)
+        return printed(f"{peer.name}: {error}", "absent", f">= {peer.wanted:g}", False)
     print(", ".join(f"{name} {version}" for name, version in document["versions"].items()))
     reached = True
     for answer in document["answers"]:
         name, seconds = answer["case"], answer["seconds"]
         error, ratio = campaigns[name].rms(np.array(answer["points"])), seconds / own[name]
-        reached &= told(
+        reached &= printed(
             f"{name}: {peer.name}, {answer['solver']} {seconds:.3f} s, {error:.4f} mm",
             f"{ratio:.0f} x",
             f">= {peer.wanted:g}",
