@@ -34,7 +34,8 @@ class Change:
     ratio: float
 
     @property
-    def moved(self) -> bool:
+    def beyond_noise(self) -> bool:
+        """Whether the nests, or the instrument, moved; a drift beyond the noise counts as a move."""
         return self.ratio > 1.0
 
 

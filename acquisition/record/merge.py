@@ -22,7 +22,7 @@ from acquisition.record.export import table_of
 from acquisition.record.individuals import Acceptance, Individual, individuals_of
 from acquisition.record.series import SeriesOfSets
 from acquisition.record.store import Store
-from acquisition.record.verification import instrument_moved, read_landings, world_of
+from acquisition.record.verification import frame_holds, read_landings, world_of
 
 _POINT = ("x_mm", "y_mm", "z_mm")
 _OF_A_CAMPAIGN = (
@@ -80,7 +80,7 @@ def frame_of_part(
     devices: those of the record whose frame is `world`. Raises RecordError.
     """
     seen = read_landings(record)
-    return None if instrument_moved(seen, world, nests_mm, devices) else seen.own
+    return seen.own if frame_holds(seen, world, nests_mm, devices) else None
 
 
 def _began(record: Path) -> tuple[float, Cell]:

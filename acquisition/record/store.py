@@ -374,12 +374,12 @@ class Store:
         nests = json.loads(self.campaign["world"] or "{}").get("nests_mm")
         return None if nests is None else {name: tuple(point) for name, point in nests.items()}
 
-    def set_world(self, world: WorldFrame, nests_mm: Mapping[str, Point], *, moved: bool) -> None:
-        """Readings from now on are turned into the world by it. `moved`: the instrument has a new station."""
+    def set_world(self, world: WorldFrame, nests_mm: Mapping[str, Point], *, new_station: bool) -> None:
+        """Readings from now on are turned into the world by it. `new_station`: the instrument has moved."""
         table = json.loads(world.as_json()) | {"nests_mm": nests_mm}
         with self.changing() as db:
             db.execute(
-                "UPDATE campaign SET world = ?, station = station + ?", (json.dumps(table), int(moved))
+                "UPDATE campaign SET world = ?, station = station + ?", (json.dumps(table), int(new_station))
             )
             self.seals.campaign(db)
             self.note(db, "world_frame", **table)

@@ -31,7 +31,7 @@ from calib.data import Conditions, Dataset
 from calib.fit import ErrorStatistics, Identification, statistics_of
 from calib.model import Design, RobotModel, StatedConditions, conditions_at
 
-INSTRUMENT_MOVED_MM = 1.0  # nests farther off than any drift brings them: somebody moved the instrument
+FRAME_HOLDS_MM = 1.0  # nests off by more than any drift brings them: somebody moved the instrument
 
 _FEWEST_FOR_A_LINE = 3
 _MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through a noisy sensor may
@@ -153,19 +153,20 @@ def nests_off(landings: Landings, world: WorldFrame, nests_mm: Mapping[str, Sequ
     )
 
 
-def instrument_moved(
+def frame_holds(
     landings: Landings,
     world: WorldFrame,
     nests_mm: Mapping[str, Sequence[float]],
     devices: Mapping[str, Individual],
 ) -> bool:
-    """Whether the frame `world`, found with `devices`, does not hold for later landings: then their own does.
+    """Whether the frame `world`, found with `devices`, holds for later landings; where it does not, their own does.
 
-    The nests show that somebody moved the instrument, or it is another one.
+    It does not where the nests show that somebody moved the instrument, or it is another one. A drift is allowed, which
+    the model takes out; within one record it is not (`cell.station`).
     """
     mine, other = landings.devices.get("instrument"), devices.get("instrument")
     another = mine is not None and other is not None and mine.is_other_than(other)
-    return another or nests_off(landings, world, nests_mm) > INSTRUMENT_MOVED_MM
+    return not another and nests_off(landings, world, nests_mm) <= FRAME_HOLDS_MM
 
 
 def landed_points(
@@ -175,13 +176,13 @@ def landed_points(
     estimate: Array,
     later_s: float,
     *,
-    moved: bool,
+    holds: bool,
 ) -> Array:
     """(n, 3) mm: where the targets are in the world, the instrument's own effects taken out.
 
-    world: frame of campaign 1; later_s: how much later the record's clock began; moved: from `instrument_moved`.
+    world: frame of campaign 1; later_s: how much later the record's clock began; holds: from `frame_holds`.
     """
-    if moved:
+    if not holds:
         return landings.own.to_world(landings.points)
     points = world.to_world(landings.points)
     design = Design(model, conditions_of(landings, model, later_s))
@@ -239,8 +240,8 @@ def judge(
     wanted: driven joints -> wanted joints, deg, both as commanded; joints that are not in it were driven as wanted.
     devices: those of campaign 1, of which `world` is the frame.
     """
-    moved = instrument_moved(landings, world, cell.nests, devices)
-    points = landed_points(landings, world, found.model, found.estimate, later_s, moved=moved)
+    holds = frame_holds(landings, world, cell.nests, devices)
+    points = landed_points(landings, world, found.model, found.estimate, later_s, holds=holds)
     driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
     goals = np.array([wanted.get(joints, joints) for joints in driven])
     conditions = conditions_of(landings, found.model, later_s)

@@ -64,10 +64,10 @@ class Nests:
         kept = self._store.world
         if kept is not None:
             change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
-            if not change.moved:
+            if not change.beyond_noise:
                 return kept
             self._store.add_event("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
-        self._store.set_world(found, nests, moved=kept is not None)
+        self._store.set_world(found, nests, new_station=kept is not None)
         self._doubt(nests)
         return found
 

@@ -34,7 +34,7 @@ def share_moved(shift_mm: float, tries: int) -> float:
     for _ in range(tries):
         direction = rng.normal(size=3)
         shift = tuple(float(x) for x in shift_mm * direction / np.linalg.norm(direction))
-        moved += change_of(measured(rng), measured(rng, shift), NOISE).moved
+        moved += change_of(measured(rng), measured(rng, shift), NOISE).beyond_noise
     return moved / tries
 
 

@@ -27,7 +27,7 @@ from acquisition.record.verification import (
     Landings,
     expected_temperature,
     first_reading_s,
-    instrument_moved,
+    frame_holds,
     landed_points,
     nominal_points,
     read_landings,
@@ -140,9 +140,9 @@ def test_an_instrument_that_was_moved_is_tied_to_its_nests() -> None:
     landings = Landings(driven, joints, previous, ("T1",), points, np.ones(1), np.full(1, 22.0), moved, nests)
     model = RobotModel(CELL.robot.model, (drift_translation(),), {"main": dict(CELL.tool.targets)})
     drifting = np.array([1.0, 0.0, 0.0])  # mm/s
-    assert instrument_moved(landings, here, CELL.nests, {})
-    assert not instrument_moved(landings, moved, CELL.nests, {})
-    at = landed_points(landings, here, model, drifting, 9.0, moved=True)
+    assert not frame_holds(landings, here, CELL.nests, {})
+    assert frame_holds(landings, moved, CELL.nests, {})
+    at = landed_points(landings, here, model, drifting, 9.0, holds=False)
     np.testing.assert_allclose(at, [[300.0, 100.0, 400.0]])
-    still = landed_points(landings, here, model, drifting, 9.0, moved=False)
+    still = landed_points(landings, here, model, drifting, 9.0, holds=True)
     np.testing.assert_allclose(still, [[290.0, 100.0, 395.0]], atol=1e-9)  # ten seconds of drift taken out
