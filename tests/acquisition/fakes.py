@@ -5,18 +5,23 @@ Faults are ordered by the number of the device call at which they happen, over a
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from acquisition.campaign.campaign import Campaign, campaign_from
+from acquisition.campaign.plan import make_plan
 from acquisition.cell.cell import Cell, cell_from
 from acquisition.cell.devices import Devices
 from acquisition.cell.workspace import targets_at
 from acquisition.cell.world_frame import WorldFrame
+from acquisition.record.event import Moment
+from acquisition.record.store import Store
 from drivers.errors import MotionStopped, NotArmed, OutOfRange, TargetNotSeen
 from drivers.interfaces import (
     Answer,
@@ -370,3 +375,14 @@ class SeatingOperator:
 def devices_of(bench: Bench, operator: Operator | None = None, *, can_stop: bool = True) -> Devices:
     meter = FakeBar(bench) if bench.cell.instrument.declared.measures_lengths else FakeMeter(bench)
     return Devices(FakeArm(bench, can_stop=can_stop), meter, operator)
+
+
+def new_store(folder: Path) -> Store:
+    """A record of `a_campaign` in `a_cell`, whose clock ticks a second a look."""
+    cell, campaign = a_cell(), a_campaign()
+    store = Store.create(
+        folder, "test", cell.source, campaign.source, make_plan(cell, campaign), simulated=True
+    )
+    ticks = itertools.count(1)
+    store.moment = lambda: Moment(1e9, float(next(ticks)))
+    return store

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,6 @@ from tests.acquisition.fakes import (
     SeatingOperator,
 )
 from tests.acquisition.stage import CONNECT, NESTS, Stage
-
-
-@pytest.fixture
-def stage(tmp_path: Path) -> Iterator[Stage]:
-    made = Stage(tmp_path)
-    with closing(made.run):
-        yield made
 
 
 def test_wrong_nest_is_asked_about_and_measured_again(stage: Stage) -> None:

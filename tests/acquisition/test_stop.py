@@ -7,10 +7,7 @@ the robot to be given up, and a complaint about a robot that nobody has set movi
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import Future
-from contextlib import closing
-from pathlib import Path
 
 import pytest
 
@@ -30,13 +27,6 @@ from tests.acquisition.stage import Stage
 from tests.drivers.waiting import in_thread
 
 MOVE, CONNECT = 9, 10  # calls of a stage: to the pose; after a lost link, to the robot again
-
-
-@pytest.fixture
-def stage(tmp_path: Path) -> Iterator[Stage]:
-    made = Stage(tmp_path)
-    with closing(made.run):
-        yield made
 
 
 class FarArm(FakeArm):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 import math
 from collections.abc import Iterator
 from contextlib import suppress
@@ -15,54 +13,26 @@ import pytest
 from drivers import (
     AcquisitionError,
     Busy,
-    CannotStop,
     CommandRefused,
     EmergencyStop,
     EnableLost,
     FanucArm,
-    FanucDeadlines,
     JointLimit,
     LinkLost,
-    LinkTimeout,
     NotArmed,
     NotReady,
     ProtectiveStop,
     ProtocolError,
-    WireLog,
     WrongMode,
     open_robot,
 )
 from mocks.cell import CellThread
-from mocks.cell_file import CellFile
+from tests.drivers.fanuc_cells import FAR, FAST, QUICK, SLOW, WIRES, arm_of, cell_of
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
-FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 POSE = (12.5, 20.0, -31.25, 40.0, -45.0, 60.1234)
 POSE_OF_MODEL = (12.5, 20.0, 11.25, -40.0, 45.0, -60.1234)  # theta = (J1, J2, -(J2 + J3), -J4, -J5, -J6)
-SLOW = CellFile(robot="fanuc-lrmate200ic", time_scale=1.0, effects=("none",))
-FAST = replace(SLOW, time_scale=10_000.0)
-QUICK = FanucDeadlines(
-    connect_s=30.0, reply_s=30.0, stop_s=30.0, settle_s=30.0, move_margin_s=60.0, gap_s=0.001
-)
-HASTY = FanucDeadlines(
-    connect_s=0.3, settle_s=0.3, gap_s=0.001, still_s=0.3, move_factor=0.01, move_margin_s=0.3
-)
-WIRES = {
-    "mappdk": ("fanuc", ""),
-    "mappdk-cal": ("fanuc", ""),
-    "modbus-hmi": ("fanuc-modbus-hmi", "?modbus=hmi"),
-    "modbus-io": ("fanuc-modbus-io", "?modbus=io"),
-}
 STOPPABLE = ["mappdk-cal", "modbus-hmi", "modbus-io"]
-
-
-def cell_of(wire: str, file: CellFile) -> CellThread:
-    return CellThread(file, stock=wire == "mappdk", devices=("fanuc",))
-
-
-def arm_of(dialect: str, cell: CellThread, **arguments: Any) -> FanucArm:
-    device, query = WIRES[dialect]
-    return FanucArm(cell.url(device) + query, **({"deadlines": QUICK} | arguments))  # type: ignore[arg-type]
 
 
 @pytest.fixture(params=list(WIRES))
@@ -225,67 +195,6 @@ def test_speed_keeps_both_caps(speed: tuple[float, float], target: tuple[float, 
 
     assert percent == 1 or all(rate <= cap for rate, cap in zip(rates(percent), speed, strict=True))
     assert any(rate > cap for rate, cap in zip(rates(percent + 1), speed, strict=True))
-
-
-# -- MAPPDK --------------------------------------------------------------------------------------------------
-
-
-def test_answer_to_a_move_before_the_robot_stands_is_not_the_reading() -> None:
-    """A stock move ends in CNT: its answer comes too early, here by 0.7 s, and readings after it are on the way."""
-    log = io.StringIO()
-    with cell_of("mappdk", SLOW) as cell:
-        arm = arm_of("mappdk", cell, wire=WireLog(log), deadlines=FanucDeadlines(gap_s=0.02))
-        arm.connect()
-        arm.arm()
-        assert cell.cell is not None
-        cell.cell.fanuc.controller.cnt_lead_s = 0.7
-        reached = arm.move_to((6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        assert not cell.do("state")["moving"]
-        arm.disconnect()
-    heard = [row["data"] for row in map(json.loads, log.getvalue().splitlines()) if row["dir"] == "<"]
-    after = heard[len(heard) - heard[::-1].index("0:success") :]
-    first = float(next(text for text in after if text.startswith("0:j="))[4:12])
-    assert 0.0 < first < 5.9
-    assert reached.joints_deg[0] == 6.0
-
-
-def test_stock_cannot_be_stopped_and_says_so() -> None:
-    with cell_of("mappdk", FAST) as cell:
-        arm = arm_of("mappdk", cell)
-        arm.connect()
-        assert not arm.can_stop
-        arm.arm()
-        with pytest.raises(CannotStop):
-            arm.stop()
-        with pytest.raises(NotArmed):
-            arm.move_to(FAR)
-        arm.disconnect()
-
-
-def test_robot_that_stands_on_its_way_is_a_protective_stop_long_before_the_deadline() -> None:
-    with cell_of("mappdk", SLOW) as cell:
-        arm = arm_of("mappdk", cell, deadlines=FanucDeadlines(still_s=0.3))
-        arm.connect()
-        arm.arm()
-        move = in_thread(lambda: arm.move_to(FAR))
-        until(lambda: cell.do("state")["moving"])
-        cell.do("supervise")
-        with pytest.raises(ProtectiveStop, match="still_s"):
-            move.result(timeout=3)
-        arm.disconnect()
-
-
-def test_second_client_is_refused() -> None:
-    with cell_of("mappdk", FAST) as cell:
-        first = arm_of("mappdk", cell)
-        first.connect()
-        second = arm_of("mappdk", cell, deadlines=HASTY)
-        with pytest.raises(LinkTimeout) as caught:
-            second.connect()
-        assert "no other program" in caught.value.what_to_do
-        first.disconnect()
-        second.connect()
-        second.disconnect()
 
 
 # -- Modbus --------------------------------------------------------------------------------------------------

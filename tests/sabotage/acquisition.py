@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from tests.sabotage.change import Change
 
-_SEQUENCER = ("tests/acquisition/test_sequencer.py", "tests/acquisition/test_machine.py")
-_STORE = ("tests/acquisition/test_store.py", "tests/acquisition/test_power_cut.py")
+_SEQUENCER = (
+    "tests/acquisition/test_sequencer.py",
+    "tests/acquisition/test_orders.py",
+    "tests/acquisition/test_machine.py",
+)
+_STORE = (
+    "tests/acquisition/test_store.py",
+    "tests/acquisition/test_record_opened.py",
+    "tests/acquisition/test_power_cut.py",
+)
 _PLAN = (
     "tests/acquisition/test_plan.py",
     "tests/acquisition/test_transit.py",
@@ -18,7 +26,7 @@ CHANGES = (
         "    if stat.S_ISDIR(found.st_mode):\n",
         "    path.open('rb').close()\n    if stat.S_ISDIR(found.st_mode):\n",
         "a look at a record takes the journal from under the run that writes it",
-        ("tests/acquisition/test_store.py",),
+        ("tests/acquisition/test_record_opened.py",),
     ),
     Change(
         "acquisition/run/recorder.py",

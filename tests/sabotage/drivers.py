@@ -20,6 +20,7 @@ _UR = (
 _FANUC = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_fanuc.py",
+    "tests/drivers/test_fanuc_mappdk.py",
     "tests/drivers/test_fanuc_transcripts.py",
 )
 _MBP = (

@@ -1,0 +1,116 @@
+"""A record that is opened, by one owner or beside it: an old version, a newer one, a full disk, what is open."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from acquisition.campaign.plan import make_plan
+from acquisition.errors import RecordError, RecordInUse, StorageError
+from acquisition.record.attempts import Attempts
+from acquisition.record.database import FILE
+from acquisition.record.event import Moment
+from acquisition.record.schema import SCRIPTS
+from acquisition.record.states import State
+from acquisition.record.store import Store
+from acquisition.run.status import read_status
+from tests.acquisition.fakes import a_campaign, a_cell, new_store
+
+
+def test_a_record_of_version_1_is_carried_over(tmp_path: Path) -> None:
+    """Made by the first script alone, in mid-campaign; its readings, plan and open attempt stay what they were."""
+    cell, campaign = a_cell(), a_campaign()
+    with closing(sqlite3.connect(tmp_path / FILE, isolation_level=None)) as db:
+        db.executescript(f"PRAGMA journal_mode = WAL; BEGIN; {SCRIPTS[0]} PRAGMA user_version = 1; COMMIT;")
+        db.execute(
+            "INSERT INTO campaign (id, name, created_utc, started_utc, simulated, cell, campaign, state) "
+            "VALUES ('x', 'old', 1e9, 1e9, 1, ?, ?, 'running')",
+            (cell.source, campaign.source),
+        )
+        for visit in make_plan(cell, campaign):
+            shared = (visit.number, visit.name, visit.kind, visit.set, visit.block)
+            lists = [json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg)]
+            for target in visit.targets:
+                db.execute(
+                    "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, "
+                    f"target) VALUES ({', '.join('?' * 9)})",
+                    (*shared, *lists, target),
+                )
+        db.execute("INSERT INTO attempt (kind, visit, began_utc, began_t_s) VALUES ('arrive', 3, 1e9, 5.0)")
+        db.execute("INSERT INTO event (utc, t_s, kind, data) VALUES (1e9, 5.0, 'state', '{}')")
+    assert read_status(tmp_path).total == 5  # a reader finds it carried over as well
+    with closing(Store.open(tmp_path)) as store:
+        store.moment = lambda: Moment(2e9, 6.0)
+        assert store.database.query("PRAGMA user_version")[0][0] == len(SCRIPTS)
+        assert store.counts() == {"planned": 5}
+        store.recover()
+        assert store.state is State.PAUSED
+        assert [e.kind for e in store.events()] == ["state", "attempt_died", "state"]
+        store.start()
+        Attempts(store).begin_arrival(store.left("planned")[0].visit)
+
+
+def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
+    store = new_store(tmp_path)
+    with pytest.raises(RecordInUse) as caught:
+        Store.open(tmp_path)
+    assert caught.value.exit_code == 4
+    status = read_status(tmp_path)
+    assert (status.state, status.done, status.total) == ("ready", 0, 5)
+    store.close()
+    Store.open(tmp_path).close()
+
+
+def test_what_is_written_after_a_look_by_the_same_program_survives(tmp_path: Path) -> None:
+    """A file that a process closes takes all locks of the process on it along. Whoever read the record next then seemed
+    to be the last user of the journal and took it away: what the run wrote from there on was lost with the run."""
+    store = new_store(tmp_path)
+    read_status(tmp_path)
+    assert "after the look" not in seen_by_another_process(tmp_path)
+    store.add_event("after the look")
+    assert "after the look" in seen_by_another_process(tmp_path)
+    store.close()
+
+
+def seen_by_another_process(folder: Path) -> str:
+    """The kinds of the events that are there: what a killed process would leave behind."""
+    asked = "import sqlite3, sys; print(sqlite3.connect(sys.argv[1]).execute('SELECT kind FROM event').fetchall())"
+    command = [sys.executable, "-c", asked, str(folder / FILE)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no record"):
+        Store.open(tmp_path / "nowhere")
+    with pytest.raises(RecordError, match="no record"):
+        Store.open(tmp_path)
+    new_store(tmp_path).close()
+    with pytest.raises(RecordError, match="already"):
+        new_store(tmp_path)
+    db = sqlite3.connect(tmp_path / FILE)
+    db.execute("PRAGMA user_version = 99")
+    db.close()
+    for writer in (True, False):
+        with pytest.raises(RecordError, match="newer version"):
+            Store.open(tmp_path, writer=writer)
+    (tmp_path / "half").mkdir()  # the program ended while it made the record
+    with closing(sqlite3.connect(tmp_path / "half" / FILE)) as half:
+        half.executescript(f"{SCRIPTS[0]} PRAGMA user_version = 1;")
+    with pytest.raises(RecordError, match="start it anew in this folder"):
+        Store.open(tmp_path / "half")
+    new_store(tmp_path / "half").close()
+    (tmp_path / "junk").mkdir()
+    (tmp_path / "junk" / FILE).write_bytes(b"this is not a database at all" * 100)
+    with pytest.raises(StorageError):
+        Store.open(tmp_path / "junk")
+    with pytest.raises(RecordError, match="already"):
+        new_store(tmp_path / "junk")
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="cannot be written"):
+        new_store(tmp_path / "file" / "record")

@@ -1,0 +1,55 @@
+"""Files that are none, or not text, or not the tables of a data set: refused by file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calib.data.read import read_dataset
+from calib.errors import DataError
+from tests.calib.campaigns import write_files
+from tests.calib.test_bad_input import CAMPAIGN, named
+
+
+def test_files_that_are_not_there(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"nothing\.csv.*no such file"):
+        read_dataset(tmp_path / "nothing.csv")
+    path = write_files(tmp_path, CAMPAIGN.rows, CAMPAIGN.header)
+    path.with_suffix(".toml").unlink()
+    with pytest.raises(DataError, match=r"data\.toml.*missing.*[Ww]rite the header"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "word"),
+    [
+        ("", None, "empty"),
+        ("reading_id,j1_deg\n", None, "no readings"),
+        ("reading_id;j1_deg;j2_deg\n1;2;3\n", 1, "semicolons"),
+        ("j1_deg,j1_deg\n1,2\n", 1, "twice"),
+        ("j1_deg,j2_deg\n1,2\n1\n", 3, "cells"),
+    ],
+)
+def test_tables_that_are_none(text: str, line: int | None, word: str, tmp_path: Path) -> None:
+    path = write_files(tmp_path, CAMPAIGN.rows, CAMPAIGN.header)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=word) as caught:
+        read_dataset(path)
+    named(caught.value, path, line)
+
+
+def test_latin_1_is_refused(tmp_path: Path) -> None:
+    path = write_files(tmp_path, CAMPAIGN.rows, CAMPAIGN.header)
+    path.write_bytes(path.read_bytes().replace(b"ok", "rejected:Störung".encode("latin-1"), 1))
+    with pytest.raises(DataError, match="UTF-8") as caught:
+        read_dataset(path)
+    named(caught.value, path, None)
+
+
+def test_a_broken_header_is_refused(tmp_path: Path) -> None:
+    path = write_files(tmp_path, CAMPAIGN.rows, CAMPAIGN.header)
+    path.with_suffix(".toml").write_text("robot = \n", encoding="utf-8")
+    with pytest.raises(DataError, match="TOML") as caught:
+        read_dataset(path)
+    named(caught.value, path.with_suffix(".toml"), None)
