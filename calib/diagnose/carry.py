@@ -15,7 +15,6 @@ import numpy as np
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.diagnose.diagnosis import Diagnosis
-from calib.effects import gear_orders
 from calib.errors import DataError
 from calib.fit import robust
 from calib.fit.held_out import errors_on
@@ -64,7 +63,7 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
         )
     own = identify(other)
     effects = tuple(f.effect for f in diagnosis.effects if _carries(f.effect))
-    effects = (*(e for e in effects if not _sized(e)), *(e for e in effects if _sized(e)))
+    effects = (*(e for e in effects if not e.is_curve), *(e for e in effects if e.is_curve))
     base = base_model_of(other)
     model = replace(base, effects=(*base.effects, *effects))
     placed, placed_estimate = place_nominal(other, base)
@@ -95,11 +94,6 @@ def _carries(effect: Effect) -> bool:
     return effect.owner != "instrument" and effect.group != "thermal" and "rank" not in effect.shape
 
 
-def _sized(effect: Effect) -> bool:
-    """Whether an effect is the curve of a gear, whose sizes the readings have said."""
-    return effect.label.startswith(gear_orders.LABEL)
-
-
 def _fit(
     other: Dataset, model: RobotModel, start: Array, free: list[int] | range, own: Identification
 ) -> Array:
@@ -110,7 +104,7 @@ def _fit(
     design = Design(model, readings.conditions)
     observed = readings.observed
     # The sizes that evidence gave the curves of gears hold what these readings leave open of them.
-    others = replace(model, effects=tuple(e for e in model.effects if not _sized(e)))
+    others = replace(model, effects=tuple(e for e in model.effects if not e.is_curve))
     active = np.ones(len(start), dtype=bool)
     count = len(others.parameters)
     active[:count], dropped = find_dependent(

@@ -20,7 +20,6 @@ from calib.effects.kind import Kind
 from calib.model.effect import Effect, Written, effect
 from calib.model.regressors import Cosine, GearCurve, Sine
 
-LABEL = "gear_orders"
 # Cycles a turn: up to the reducer's ratio, beyond which the waves are few and `periodic` names them
 HIGHEST = 100
 
@@ -67,7 +66,7 @@ def gear_orders(joint: int, sizes: Array, without: Collection[int] = ()) -> Effe
         acts[f"cos{n}"] = ("deg", size, [(slot, Cosine(joint, float(n)))])
         acts[f"sin{n}"] = ("deg", size, [(slot, Sine(joint, float(n)))])
     return effect(
-        f"{LABEL}:j{joint}",
+        f"gear_orders:j{joint}",
         "transmission",
         "robot",
         f"Joint {joint}: gear error over a turn, RMS, mostly orders {low} to {high}.",

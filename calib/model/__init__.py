@@ -1,6 +1,6 @@
 """The model: effects acting on the slots of the chain, what drives them, and what readings see of it."""
 
-from calib.model.axis import Drawn
+from calib.model.axis import Axis, Drawn
 from calib.model.check import check_effect
 from calib.model.effect import Effect, effect
 from calib.model.model import Design, RobotModel
@@ -8,6 +8,7 @@ from calib.model.regressors import (
     Constant,
     Cosine,
     JointAngle,
+    Regressor,
     Side,
     Sine,
 )
@@ -15,12 +16,14 @@ from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_o
 
 __all__ = [
     "FLANGE",
+    "Axis",
     "Constant",
     "Cosine",
     "Design",
     "Drawn",
     "Effect",
     "JointAngle",
+    "Regressor",
     "RobotModel",
     "Side",
     "Sine",

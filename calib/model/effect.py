@@ -89,6 +89,11 @@ class Effect:
             return None
         return joints.pop(), frozenset(term.slot for term in self.terms)
 
+    @property
+    def is_curve(self) -> bool:
+        """Whether the effect is a curve over a turn, a sum of waves of several orders."""
+        return len({t.regressor.order for t in self.terms if isinstance(t.regressor, Cosine | Sine)}) > 1
+
     def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
         """Size of the effect, its standard error and unit: root sum of squares of the parameters of the first unit.
 

@@ -84,7 +84,7 @@ class JointAngle:
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The angle itself."""
-        return Axis(f"θ{self.joint}, deg", self.evaluate(conditions) / DEG)
+        return Axis.angle(self.joint, conditions)
 
 
 @dataclass(frozen=True)
@@ -230,6 +230,10 @@ class Cosine:
         """(n,)"""
         return np.cos(self.order * conditions.joints[:, self.joint - 1])
 
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The angle."""
+        return Axis.angle(self.joint, conditions, cycles=self.order)
+
 
 @dataclass(frozen=True)
 class Sine:
@@ -241,6 +245,10 @@ class Sine:
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,)"""
         return np.sin(self.order * conditions.joints[:, self.joint - 1])
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The angle."""
+        return Axis.angle(self.joint, conditions, cycles=self.order)
 
 
 @dataclass(frozen=True)
@@ -268,6 +276,10 @@ class Side:
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) +1 or -1."""
         return conditions.side[:, self.joint - 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The angle, either side for itself."""
+        return Axis.angle(self.joint, conditions, sided=True)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data import Conditions
-from calib.effects import gear_orders
-from calib.model import Constant, Cosine, Drawn, Effect, JointAngle, Side, Sine
+from calib.model import Axis, Drawn, Effect, Regressor
 from calib.units import DEG
 from service.report.residuals import MDEG, Sample, Seen
 
@@ -32,7 +31,6 @@ _PER = {
     "deg": ("deg", DEG),
     "ppm": ("ppm", 1e-6),
 }
-_DRAWN_OVER_ANGLE = (Cosine, Sine, JointAngle)
 _ANGLES = ("theta", "alpha", "beta")
 _UNTOUCHED = 1e-6  # of the largest displacement: such a reading says nothing of the effect
 _ALIKE = 0.2  # spread of the displacements, of the largest, below which they are no abscissa
@@ -77,8 +75,8 @@ def of_effect(sample: Sample, effect: Effect) -> Panel:
     slots = {term.slot for term in effect.terms}
     if len(slots) == 1 and next(iter(slots)).startswith("theta"):
         return _on_joint(sample, effect, int(next(iter(slots)).removeprefix("theta")))
-    if len(drivers) == 1 and _abscissa(sample, effect) is not None:
-        return _by_driver(sample, effect)
+    if len(drivers) == 1 and (axis := _common_axis(sample, effect)) is not None:
+        return _by_driver(sample, effect, axis)
     return _by_displacement(sample, effect)
 
 
@@ -103,26 +101,25 @@ def _by_displacement(sample: Sample, effect: Effect) -> Panel:
 
 
 def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
-    if effect.label.startswith(gear_orders.LABEL):
+    if effect.is_curve:
         return _over_a_turn(sample, effect, joint)
     seen = sample.of_joint(joint, [effect])
     angle = sample.angle(joint)
-    kinds = {type(term.regressor) for term in effect.terms}
+    axis = _common_axis(sample, effect)
+    folded = axis is not None and axis.cycles >= _FOLDED_FROM
     side = None
     x, x_label = angle / DEG, f"θ{joint}, deg"
-    if kinds <= {Cosine, Sine}:
-        order = effect.shape["order"]
-        if order >= _FOLDED_FROM:
-            x, x_label = (
-                np.mod(order * angle, 2.0 * np.pi) / DEG,
-                f"{order:g} × θ{joint}, folded into one cycle, deg",
-            )
-    elif kinds == {Side}:
-        side = sample.side(joint)
-    elif not kinds <= {Constant}:
-        x, x_label = _abscissa(sample, effect) or (seen.law / MDEG, "fitted law, mdeg")
+    if axis is None:
+        if np.ptp(seen.law) > 0.0:
+            x, x_label = seen.law / MDEG, "fitted law, mdeg"
+    elif folded:
+        x = np.mod(axis.cycles * angle, 2.0 * np.pi) / DEG
+        x_label = f"{axis.cycles:g} × θ{joint}, folded into one cycle, deg"
+    else:
+        x, x_label = axis.values, axis.label
+        side = sample.side(joint) if axis.sided else None
     panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
-    if kinds <= {Cosine, Sine} and x_label.startswith("θ"):
+    if axis is not None and axis.cycles > 0.0 and not folded:
         # readings may leave gaps that a line through them would cut short
         return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
     return panel
@@ -148,17 +145,17 @@ def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
     return replace(panel, lines=((x, law, 0.0),), band=(x, law - room, law + room), described=described)
 
 
-def _turned(sample: Sample, joint: int, grid: Array) -> Conditions:
-    """Conditions of the first reading with one joint turned to every angle of a grid, rad."""
+def _turned(sample: Sample, joint: int, grid: Array, side: float = 0.0) -> Conditions:
+    """Conditions of the first reading with one joint turned to every angle of a grid, rad, from one side (or none)."""
     conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
-    joints = conditions.joints.copy()
-    joints[:, joint - 1] = grid
-    return replace(conditions, joints=joints)
+    joints, sides = conditions.joints.copy(), conditions.side.copy()
+    joints[:, joint - 1], sides[:, joint - 1] = grid, side
+    return replace(conditions, joints=joints, side=sides)
 
 
-def _by_driver(sample: Sample, effect: Effect) -> Panel:
+def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
     seen = sample.of_driver(effect)
-    x, name = _abscissa(sample, effect) or (seen.law, "fitted law")
+    x, name = axis.values, axis.label
     model, estimate = sample.fitted.model, sample.fitted.estimate
     unit, slot = effect.parameters[0].unit, effect.terms[0].slot
     if len(effect.terms) == 1 and slot.startswith(_ANGLES):
@@ -176,11 +173,14 @@ def _by_driver(sample: Sample, effect: Effect) -> Panel:
     return _panel(sample, effect.label, x, name, seen, scale, label)
 
 
-def _abscissa(sample: Sample, effect: Effect) -> tuple[Array, str] | None:
-    """What the one driver of an effect is drawn over; None where it has several, or one without an axis."""
-    driver = effect.terms[0].regressor
-    if any(term.regressor != driver for term in effect.terms):
-        return None
+def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
+    """What all that drives an effect is drawn over; None where that is several quantities, or one without an axis."""
+    axes = [_axis(sample, term.regressor) for term in effect.terms]
+    labels = {None if axis is None else axis.label for axis in axes}
+    return axes[0] if len(labels) == 1 else None
+
+
+def _axis(sample: Sample, driver: Regressor) -> Axis | None:
     return sample.axis(driver) if isinstance(driver, Drawn) else None
 
 
@@ -224,7 +224,7 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     seen = sample.of_joint(joint, mine)
     angle = sample.angle(joint)
     sided = _gap(sample, mine) > 0.25 * float(np.max(np.abs(seen.law)))
-    names = [e.label.removeprefix(f"periodic:j{joint}:") for e in mine]
+    names = [e.label.partition(f":j{joint}:")[2] or e.label for e in mine]
     listed = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
     return Panel(
         title=f"Joint {joint}: {listed or 'nothing found'}",
@@ -247,7 +247,7 @@ def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
         abs(float(term.weight * estimate[model.index[term.parameter]]))
         for effect in effects
         for term in effect.terms
-        if isinstance(term.regressor, Side)
+        if (axis := _axis(sample, term.regressor)) is not None and axis.sided
     )
 
 
@@ -255,7 +255,6 @@ def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: b
     """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
     angle = sample.angle(joint)
     grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
-    conditions = _turned(sample, joint, grid)
     model, estimate = sample.fitted.model, sample.fitted.estimate
     # between readings far apart the law is a guess: no line there
     gap = 0.01 * float(np.ptp(angle))
@@ -264,13 +263,12 @@ def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: b
     apart = np.minimum(np.abs(grid - near[right - 1]), np.abs(near[right] - grid)) > max(gap, 2.0 * DEG)
     curves = []
     for s in (1.0, -1.0) if sided else (0.0,):
-        total = np.zeros(len(grid))
+        total, conditions = np.zeros(len(grid)), _turned(sample, joint, grid, s)
         for effect in effects:
             for term in effect.terms:
                 amount = term.weight * estimate[model.index[term.parameter]]
-                if isinstance(term.regressor, _DRAWN_OVER_ANGLE) and term.regressor.joint == joint:
+                axis = _axis(sample, term.regressor)
+                if axis is not None and axis.joint == joint:
                     total += amount * term.regressor.evaluate(conditions)
-                elif isinstance(term.regressor, Side):
-                    total += amount * s
         curves.append((grid / DEG, np.where(apart, np.nan, total / MDEG), s))
     return tuple(curves)

@@ -9,7 +9,7 @@ the fitted law. For effects on one joint y is a joint angle.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.data import Conditions, Dataset
 from calib.fit import Identification, Readings, readings_of
-from calib.model import Design, Drawn, Effect
+from calib.model import Axis, Design, Drawn, Effect
 from calib.units import DEG
 
 MDEG = DEG * 1e-3
@@ -73,10 +73,10 @@ class Sample:
         """(n,) any of the conditions that is one number a reading."""
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
-    def axis(self, regressor: Drawn) -> tuple[Array, str]:
-        """Over what a regressor is drawn: (n,) values in the unit of the label, and the label."""
+    def axis(self, regressor: Drawn) -> Axis:
+        """Over what a regressor is drawn, for the readings of all parts."""
         axes = [regressor.drawn_over(part.conditions) for part in self.parts]
-        return np.concatenate([axis.values for axis in axes]), axes[0].label
+        return replace(axes[0], values=np.concatenate([axis.values for axis in axes]))
 
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
         """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
