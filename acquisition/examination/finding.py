@@ -15,7 +15,7 @@ from acquisition.errors import StorageError
 from drivers.errors import AcquisitionError, ConfigError, LinkError, SafetyStop
 
 Level = Literal["ok", "note", "fault"]
-Progress = Callable[[str], None]
+Listener = Callable[[str], None]
 _T = TypeVar("_T")
 
 HEALTHY, FAILED, WRONG_CELL, NOT_AVAILABLE, UNSAFE = 0, 1, 2, 4, 5
@@ -44,7 +44,7 @@ class Finding:
 class Chart:
     """The findings of one device, in the order in which they were made. `progress` hears what is asked next."""
 
-    def __init__(self, device: str, progress: Progress) -> None:
+    def __init__(self, device: str, progress: Listener) -> None:
         self.device = device
         self.findings: list[Finding] = []
         self._progress = progress

@@ -35,7 +35,7 @@ from acquisition.record.individuals import Individual, individuals_of, series_am
 from acquisition.record.merge import Part, frame_of_part, merge
 from acquisition.record.states import State
 from acquisition.record.verification import (
-    Judged,
+    JudgedLandings,
     Verification,
     expected_temperature,
     first_reading_s,
@@ -277,7 +277,7 @@ def verify(
     wanted, refused = equipment.compute(new_targets, equipment.cell, campaign.seed, diagnosis, soon, poses)
     size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)
     devices = individuals_of(first.record)
-    batches: list[Judged] = []
+    batches: list[JudgedLandings] = []
     accepted: dict[str, None] = {}
     sent: list[Array] = []
     for number, begin in enumerate(range(0, len(wanted), size), start=2):
@@ -316,7 +316,7 @@ def _judged(
     diagnosis: Diagnosis,
     world: WorldFrame,
     devices: Mapping[str, Individual],
-) -> Judged:
+) -> JudgedLandings:
     wanted = {tuple(q.tolist()): tuple(goal.tolist()) for q, goal in zip(joints, goals, strict=True)}
     later_s = second.began_s - first.began_s
     landings = read_landings(second.record)

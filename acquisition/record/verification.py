@@ -216,7 +216,7 @@ def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) ->
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedLandings:
     """Distances (n,) mm to the wanted points of some landings, and whether each was driven corrected."""
 
     distances: Array
@@ -234,7 +234,7 @@ def judge(
     cell: Cell,
     later_s: float,
     devices: Mapping[str, Individual],
-) -> Judged:
+) -> JudgedLandings:
     """Compare landings with where the nominal robot would have put the targets.
 
     wanted: driven joints -> wanted joints, deg, both as commanded; joints that are not in it were driven as wanted.
@@ -245,7 +245,7 @@ def judge(
     driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
     goals = np.array([wanted.get(joints, joints) for joints in driven])
     conditions = conditions_of(landings, found.model, later_s)
-    return Judged(
+    return JudgedLandings(
         distances=np.linalg.norm(points - nominal_points(cell, goals, landings.target), axis=1),
         corrected=np.array([joints in wanted for joints in driven]),
         floor_mm=np.full(len(points), floor_of(dataset, found, conditions)),
@@ -261,7 +261,7 @@ def nominal_points(cell: Cell, joints_deg: Array, names: Sequence[str]) -> Array
 
 
 def verification_of(
-    judged: Sequence[Judged],
+    judged: Sequence[JudgedLandings],
     poses: int,
     refused: Sequence[str],
     approach: str,

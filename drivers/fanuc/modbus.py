@@ -24,7 +24,7 @@ from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from drivers.errors import Busy, CommandRefused, LinkError, LinkTimeout, NotReady, ProtocolError
 from drivers.fanuc.controller import VERSION, WIDEST_DEG, FanucDeadlines, Looker, Move, other_version
-from drivers.fanuc.registers import HmiProfile, IoProfile, Profile, Progress
+from drivers.fanuc.registers import HmiProfile, IoProfile, MoveProgress, Profile
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import Address, TcpLink, WireSink
 
@@ -258,7 +258,7 @@ class ModbusController:
             look()
             time.sleep(_POLL_S)
 
-    def _progress(self) -> Progress:
+    def _progress(self) -> MoveProgress:
         """Two equal views in a row: nothing is concluded from a damaged bit. Raises LinkError."""
         before = self._profile.progress(self._registers)
         for _ in range(_VIEWS):

@@ -40,7 +40,7 @@ class Registers(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class MoveProgress:
     """The progress of moves as the robot's program reports it.
 
     `version`: of the program, 0 while it has not run; `taken`: number of the command it last took up or was given;
@@ -67,7 +67,7 @@ class Profile(Protocol):
 
     def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]: ...
     def command(self, registers: Registers, target: Sequence[float], percent: int, number: int) -> None: ...
-    def progress(self, registers: Registers) -> Progress: ...
+    def progress(self, registers: Registers) -> MoveProgress: ...
     def halt(self, registers: Registers) -> None: ...
     def beat(self, registers: Registers, count: int) -> None: ...
     def status(self, registers: Registers) -> RobotStatus: ...
@@ -124,7 +124,7 @@ class HmiProfile:
         registers.write(self._R81, [percent, number])
         registers.poke(self._R83, [self._GO_FROM + number])
 
-    def progress(self, registers: Registers) -> Progress:
+    def progress(self, registers: Registers) -> MoveProgress:
         words = registers.read("holding", *self._VIEW)
         _, number, go, busy, done, status, _, _ = words[:8]
         state, facility, alarm_number = words[self._STATE], words[self._ALARM], words[self._ALARM + 1]
@@ -133,7 +133,7 @@ class HmiProfile:
             trouble = alarm(facility, alarm_number)
         elif state == self._ABORTED:
             trouble = ended(UNFIT)[0], "the program CALHMI does not run"
-        return Progress(
+        return MoveProgress(
             version=words[self._VERSION_AT],
             taken=number,
             done=done,
@@ -213,7 +213,7 @@ class IoProfile:
         registers.write(self._inputs + self._JOINTS_AT, [*joints, proof])
         registers.write(self._inputs, [number << 8 | self._GO])
 
-    def progress(self, registers: Registers) -> Progress:
+    def progress(self, registers: Registers) -> MoveProgress:
         (asked,) = registers.read("holding", self._inputs, 1)
         word, number, *_, version = self._view(registers)
         runs, fit = bool(word & self._RUNS), bool(word & self._FIT)
@@ -224,7 +224,7 @@ class IoProfile:
             trouble = ended(UNFIT)[0], "the program CALIO does not run"
         elif not fit:
             trouble = EnableLost if number == UNFIT else WrongMode, "servo power off, or pendant enabled"
-        return Progress(
+        return MoveProgress(
             version=version,
             taken=asked >> 8,
             done=word >> 8 if word & (self._DONE | self._ERROR) else 0,

@@ -23,7 +23,7 @@ from acquisition.record.attempts import Attempts
 from acquisition.record.event import Moment
 from acquisition.record.store import Store
 from acquisition.record.verification import (
-    Judged,
+    JudgedLandings,
     Landings,
     expected_temperature,
     first_reading_s,
@@ -92,8 +92,8 @@ def test_a_record_without_readings_is_refused(tmp_path: Path) -> None:
 
 
 def test_corrected_and_uncorrected_rows_are_told_apart() -> None:
-    first = Judged(np.array([0.1, 3.0, 0.2]), np.array([True, False, True]), np.full(3, 0.1), 0.02)
-    second = Judged(np.array([0.3]), np.array([True]), np.full(1, 0.2), 0.05)
+    first = JudgedLandings(np.array([0.1, 3.0, 0.2]), np.array([True, False, True]), np.full(3, 0.1), 0.02)
+    second = JudgedLandings(np.array([0.3]), np.array([True]), np.full(1, 0.2), 0.05)
     found = verification_of([first, second], 2, ["why"], "from below")
     assert found.uncorrected is not None
     assert (found.uncorrected.n, found.uncorrected.max) == (1, 3.0)
@@ -102,7 +102,7 @@ def test_corrected_and_uncorrected_rows_are_told_apart() -> None:
     assert found.ratio == pytest.approx(found.verified.rms / found.floor_mm)
     assert found.nests_off_mm == 0.05
     with pytest.raises(ValueError, match="no corrected target"):
-        verification_of([Judged(np.array([1.0]), np.array([False]), np.ones(1), 0.0)], 0, [], "")
+        verification_of([JudgedLandings(np.array([1.0]), np.array([False]), np.ones(1), 0.0)], 0, [], "")
 
 
 def test_nominal_points_are_those_of_the_nominal_robot() -> None:
