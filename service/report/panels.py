@@ -117,7 +117,7 @@ def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
         x_label = f"{axis.cycles:g} × θ{joint}, folded into one cycle, deg"
     else:
         x, x_label = axis.values, axis.label
-        side = sample.side(joint) if axis.sided else None
+        side = _side(sample, axis)
     panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
     if axis is not None and axis.cycles > 0.0 and not folded:
         # readings may leave gaps that a line through them would cut short
@@ -156,21 +156,24 @@ def _turned(sample: Sample, joint: int, grid: Array, side: float = 0.0) -> Condi
 def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
     seen = sample.of_driver(effect)
     x, name = axis.values, axis.label
+    side = _side(sample, axis)
     model, estimate = sample.fitted.model, sample.fitted.estimate
     unit, slot = effect.parameters[0].unit, effect.terms[0].slot
     if len(effect.terms) == 1 and slot.startswith(_ANGLES):
         amount = effect.terms[0].weight * float(estimate[model.index[effect.terms[0].parameter]])
-        return _panel(sample, effect.label, x, name, seen, MDEG / (amount or 1.0), f"error of {slot}, mdeg")
+        return _panel(
+            sample, effect.label, x, name, seen, MDEG / (amount or 1.0), f"error of {slot}, mdeg", side
+        )
     shown, factor = _PER.get(unit, ("", 0.0))
     if not shown:
         largest = max(float(np.max(np.abs(seen.law))), 1e-300)
-        return _panel(sample, effect.label, x, name, seen, largest, "share of the fitted effect")
+        return _panel(sample, effect.label, x, name, seen, largest, "share of the fitted effect", side)
     values = [estimate[model.index[p.name]] for p in effect.parameters if p.unit == unit]
     size = float(values[0]) if len(values) == 1 else float(np.linalg.norm(values))
     small = shown == "deg"
     scale = (MDEG if small else factor) / (size if size != 0.0 else 1.0)
     label = f"{effect.label.replace('_', ' ')}, {'mdeg' if small else shown}"
-    return _panel(sample, effect.label, x, name, seen, scale, label)
+    return _panel(sample, effect.label, x, name, seen, scale, label, side)
 
 
 def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
@@ -182,6 +185,11 @@ def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
 
 def _axis(sample: Sample, driver: Regressor) -> Axis | None:
     return sample.axis(driver) if isinstance(driver, Drawn) else None
+
+
+def _side(sample: Sample, axis: Axis) -> Array | None:
+    """(n,) side of approach of the joint whose angle an axis is, where a law has two sides."""
+    return sample.side(axis.joint) if axis.sided and axis.joint is not None else None
 
 
 def _panel(

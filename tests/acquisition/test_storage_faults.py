@@ -34,12 +34,12 @@ class Stage:
         self.bench = Bench(a_cell(robot__url=url))
         self.run = Run.create(folder, self.bench.cell, a_campaign(), simulated=simulated)
         self.clock = JumpingClock()
-        self.told: list[int] = []
+        self.reported: list[int] = []
 
     def execute(self, run: Run | None = None) -> Outcome:
         def heard(event: Event) -> None:
             if event.kind == "reading":
-                self.told.append(event.data["attempt"])
+                self.reported.append(event.data["attempt"])
 
         devices = devices_of(self.bench, SeatingOperator(self.bench))
         return (run or self.run).execute(devices, self.clock, heard)
@@ -61,7 +61,7 @@ class Stage:
         assert self.execute().state.value == "succeeded"
         assert self.run.status().done == self.run.status().total == 5
         self.run.close()
-        assert set(self.told) <= set(self.kept())
+        assert set(self.reported) <= set(self.kept())
 
 
 @pytest.mark.parametrize("kind", ["write", "sync"])
@@ -103,7 +103,7 @@ def test_a_disk_that_fails_at_any_moment(
     if stage.run.status().state == "ready":
         assert stage.execute().state.value == "succeeded"
         stage.run.close()
-        assert set(stage.told) <= set(stage.kept())
+        assert set(stage.reported) <= set(stage.kept())
     else:
         stage.finish()
 
@@ -170,7 +170,7 @@ def test_a_second_program_is_refused_before_any_device(tmp_path: Path) -> None:
     assert stage.execute().state.value == "succeeded"
     assert codes == [44]
     stage.run.close()
-    assert stage.kept() == stage.told
+    assert stage.kept() == stage.reported
 
 
 @pytest.mark.parametrize("call", range(5, 17))

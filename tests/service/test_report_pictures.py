@@ -22,7 +22,8 @@ from calib.effects.gear_orders import BANDS, gear_orders
 from calib.fit.identification import Identification
 from calib.fit.identify import identify
 from calib.fit.statistics import statistics_of
-from calib.model.effect import Effect
+from calib.model.effect import Effect, effect
+from calib.model.regressors import Side
 from calib.scan import Candidate, Harmonics, Shapes
 from calib.units import DEG
 from service.report import structure
@@ -144,6 +145,25 @@ def test_the_curve_of_a_gear_is_drawn_over_a_turn_with_its_band(tmp_path: Path) 
     of_all = of_joint(sample, 4, (curve,)).lines[0]
     drawn = np.isfinite(of_all[1])
     np.testing.assert_allclose(of_all[1][drawn], np.interp(of_all[0][drawn], x, y), atol=0.2)
+
+
+def test_a_law_with_two_sides_has_a_line_for_each_wherever_it_acts(tmp_path: Path) -> None:
+    """A lash on another slot than a joint's angle: no kind of the library has it, only the regressor says it."""
+    dataset = read_dataset(write_data(tmp_path, effects=("backlash:j4",), n=150))
+    base = identify(dataset)
+    lash = effect(
+        "lash:j4",
+        "transmission",
+        "robot",
+        "Joint 4 leans to the side from which it comes.",
+        {"lean": ("deg", 0.02, [("alpha4", Side(4))])},
+    )
+    panel = of_effect(Sample.of(dataset, refit(dataset, base, (lash,))), lash)
+    assert panel.x_label == "θ4, deg"
+    assert panel.side is not None
+    assert [side for _, _, side in panel.lines] == [1.0, -1.0]
+    above, below = (heights for _, heights, _ in panel.lines)
+    np.testing.assert_allclose(above, -below[0])
 
 
 def test_the_error_without_an_effect_is_that_of_the_base_model(tmp_path: Path) -> None:
