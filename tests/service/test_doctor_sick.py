@@ -226,7 +226,7 @@ def test_a_clock_that_stands(faro: Bench) -> None:
         if step == "instrument: clock" and heard.count(step) == 2:
             faro.simulators.do("clock_step", by_s=-3600)
 
-    assert faults(faro.examine(tell=tell)) == {("instrument", "clock"): (1003, "ProtocolError")}
+    assert faults(faro.examine(progress=tell)) == {("instrument", "clock"): (1003, "ProtocolError")}
 
 
 # -- a robot that tells little, or moves ---------------------------------------------------------------------
