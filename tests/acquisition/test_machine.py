@@ -141,7 +141,8 @@ class CampaignMachine(RuleBasedStateMachine):
             self.run.stop()
         if what.endswith("crash"):
             self.crashed = True
-            database._connection.close()
+            with database._lock:  # SQLite's module does not survive a close in mid-call of another thread
+                database._connection.close()
             raise Crash
         if what == "pause":
             self.run.pause()
