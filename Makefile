@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check counterparts fuzz conformance sabotage steady long bench clean
+.PHONY: demo test check docs counterparts fuzz conformance sabotage steady long bench clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -27,6 +27,10 @@ check: $(VENV)/.installed
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# The site of docs/, offline; a warning is an error. Open docs/build/index.html.
+docs: $(VENV)/.installed
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/build
 
 # Programs that nobody here wrote, for the tests to talk to; where one cannot be installed its tests skip.
 counterparts: $(VENV)/.installed
@@ -64,4 +68,4 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m tests.benchmarks peers
 
 clean:
-	rm -rf $(VENV) .bench .counterparts build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .counterparts build dist docs/build docs/made *.egg-info .pytest_cache .ruff_cache .hypothesis

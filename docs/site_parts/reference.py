@@ -1,0 +1,139 @@
+"""Pages of the reference that are made from the program: commands, HTTP, effects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from typer.main import get_command
+
+from calib.effects import LIBRARY, gear_orders
+from service.commands import app
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.app import create_app
+
+COLUMNS = 80
+
+
+def write(folder: Path) -> None:
+    """Write `commands.md`, `http.md` and `effects.md`; a page that would not change is left as it is."""
+    folder.mkdir(exist_ok=True)
+    for name, lines in (("commands", commands()), ("http", http()), ("effects", effects())):
+        page, text = folder / f"{name}.md", "\n".join(lines) + "\n"
+        if not page.is_file() or page.read_text("utf-8") != text:
+            page.write_text(text, "utf-8")
+
+
+def commands() -> Iterator[str]:
+    """Every command as `--help` shows it."""
+    yield "# Commands"
+    yield "Every command says the same with `--help`. Exit codes: 0 done, 1 failed, 2 cannot be used as it was given,"
+    yield "3 done, but the accuracy asked for was not met, 4 operator or device not available, 5 refused for safety,"
+    yield "130 interrupted. Completion of words by the shell: `truepose --install-completion`."
+    for words, text in helps():
+        yield from ("", f"## {' '.join(words)}", "", "```text", text, "```")
+
+
+def helps() -> Iterator[tuple[tuple[str, ...], str]]:
+    """The words and the help of the program and of each of its commands, 80 columns wide."""
+    yield from _helps(get_command(app), ("truepose",), None)
+
+
+def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+    context = command.context_class(
+        command, info_name=words[-1], parent=parent, terminal_width=COLUMNS, max_content_width=COLUMNS
+    )
+    yield words, command.get_help(context)
+    for name, each in getattr(command, "commands", {}).items():
+        yield from _helps(each, (*words, name), context)
+
+
+def effects() -> Iterator[str]:
+    """The kinds of effects of the library, with what a technician checks and what distinguishes them from others."""
+    yield "# Effects"
+    yield "What the diagnosis looks for, by the first word of the label: `backlash:j4` is the backlash of joint 4."
+    yield "How they are searched is in [the theory](../theory.md)."
+    yield ""
+    yield "| effect | law | what to check | distinguished from others by |"
+    yield "|---|---|---|---|"
+    for module in (*LIBRARY, gear_orders):
+        law = re.sub(r"(?s)(\.)\s.*", r"\1", module.__doc__ or "")
+        for kind in module.KINDS:
+            check = kind.check.format(joint="K", name="NAME")
+            yield _row(f"`{kind.name}`", law, check, " ".join(kind.apart))
+
+
+def http() -> Iterator[str]:
+    """Every route and every body, from the OpenAPI document that the service serves under /openapi.json."""
+    document = create_app(Settings(record=Path(), tokens=Tokens("", ""))).openapi()
+    yield "# HTTP"
+    yield document["info"]["description"]
+    yield "The service serves this as `/openapi.json`, from which client generators work."
+    yield "Every error is an `application/problem+json` with `operator_text` and `what_to_do`."
+    for path, item in sorted(document["paths"].items()):
+        for method, operation in item.items():
+            yield from _route(method.upper(), path, operation)
+    yield from ("", "## Bodies")
+    for name, schema in sorted(document["components"]["schemas"].items()):
+        yield from _schema(name, schema)
+
+
+def _route(method: str, path: str, operation: Mapping[str, Any]) -> Iterator[str]:
+    said = operation.get("description") or operation.get("summary", "")
+    yield from ("", f"## {method} {path}", "", said, "")
+    if parameters := operation.get("parameters"):
+        yield from ("| parameter | in | type | default | |", "|---|---|---|---|---|")
+        for each in parameters:
+            kind = each["schema"]
+            yield _row(
+                f"`{each['name']}`", each["in"], _type(kind), _default(kind), each.get("description", "")
+            )
+        yield ""
+    bodies = operation.get("requestBody", {}).get("content", {})
+    answers = {
+        code: content.get("schema", {})
+        for code, answer in operation["responses"].items()
+        for content in answer.get("content", {}).values()
+        if code != "default"
+    }
+    for media, content in bodies.items():
+        yield f"Request, `{media}`: {_type(content.get('schema', {}))}."
+    for code, schema in answers.items():
+        yield f"Answer {code}: {_type(schema)}."
+
+
+def _schema(name: str, schema: Mapping[str, Any]) -> Iterator[str]:
+    yield from ("", f"### {name}", "", schema.get("description", "").replace("\n", " "), "")
+    if properties := schema.get("properties"):
+        needed = schema.get("required", ())
+        yield from ("| field | type | default | |", "|---|---|---|---|")
+        for key, value in properties.items():
+            default = "must be given" if key in needed else _default(value)
+            yield _row(f"`{key}`", _type(value), default, value.get("description", ""))
+    elif choices := schema.get("enum"):
+        yield "One of " + ", ".join(f"`{each}`" for each in choices) + "."
+
+
+def _type(schema: Mapping[str, Any]) -> str:
+    """A schema in a few words, other schemas by their names."""
+    if reference := schema.get("$ref"):
+        name = reference.rsplit("/", 1)[1]
+        return f"[{name}](#{name.lower()})"
+    for key in ("anyOf", "oneOf", "allOf"):
+        if key in schema:
+            return " or ".join(_type(each) for each in schema[key])
+    if "enum" in schema:
+        return ", ".join(f"`{each}`" for each in schema["enum"])
+    kind = schema.get("type", "anything")
+    return f"list of {_type(schema.get('items', {}))}" if kind == "array" else kind
+
+
+def _default(schema: Mapping[str, Any]) -> str:
+    return f"`{schema['default']!r}`" if "default" in schema else ""
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,194 @@
+"""`docs/files.md` and `docs/campaign.md` name every key and column that the program reads, with the default it takes.
+
+Files are read through tables that note what they are asked for. A key that a reader learns and the page does not have,
+a default that changes, and a key that nobody reads any more are noticed.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition import read_cell
+from acquisition.campaign import campaign
+from acquisition.campaign.blocks import KINDS, SHARED
+from calib.arm.robot import BUILT_IN, load_robot
+from calib.data import read_dataset
+from calib.data.header import read_header
+from calib.fit import identify
+from calib.saved import save_model
+from calib.text.columns import Columns
+from drivers import INSTRUMENTS
+from mocks.cell_file import CellFile
+from tests.service.campaigns import write_data
+
+ROOT = Path(__file__).parents[2]
+FREE = {  # tables whose keys are names that people give
+    *("tool_targets", "base_targets", "priors", "series", "joint_matrices", "nests", "targets", "normals"),
+    *("misplaced_mm", "nests_u_mm", "targets_u_mm", "tool_targets_u_mm", "base_targets_u_mm"),
+}
+# What no example has
+HEADER = """
+format = "truepose-dataset/1"
+robot = "ur5"
+[[loads]]
+link = 6
+mass_kg = 1.0
+cog_mm = [0.0, 0.0, 50.0]
+[model]
+level = 2
+[noise]
+kind = "isotropic"
+sigma_mm = 0.1
+[measured]
+began = "a"
+ended = "b"
+"""
+SIMULATED = ("seed", "effect_size", "readings", "seconds_per_reading", "clock_offset_s", "clock_rate_ppm")
+
+Asked = dict[str, set[Any]]
+"""Key -> defaults that it was asked with."""
+
+
+class Noting(dict[str, Any]):
+    """A table that notes which keys it is asked for and with which defaults; so do the tables in it."""
+
+    def __init__(self, values: Mapping[str, Any], asked: Asked, *, free: bool = False) -> None:
+        super().__init__({key: _noting(value, asked, key) for key, value in values.items()})
+        self.asked, self.free = asked, free
+
+    def note(self, key: str, default: Any = None) -> None:
+        if not self.free:
+            plain = isinstance(default, str | int | float)
+            self.asked.setdefault(key, set()).update([default] if plain else [])
+
+    def get(self, key: str, default: Any = None) -> Any:
+        self.note(key, default)
+        return super().get(key, default)
+
+    def __getitem__(self, key: str) -> Any:
+        self.note(key)
+        return super().__getitem__(key)
+
+
+def _noting(value: Any, asked: Asked, key: str) -> Any:
+    if isinstance(value, dict):
+        return Noting(value, asked, free=key in FREE)
+    return [_noting(each, asked, key) for each in value] if isinstance(value, list) else value
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Asked]:
+    """What files of each format are asked for."""
+    found: dict[str, Asked] = {}
+    loads = tomllib.loads
+
+    def noted(text: str) -> Noting:
+        table = loads(text)
+        return Noting(table, found.setdefault(table["format"], {}))
+
+    monkeypatch.setattr(tomllib, "loads", noted)
+    return found
+
+
+def documented(title: str) -> dict[str, str]:
+    """Key -> cell of its default, of the tables of a section of docs/files.md."""
+    text = (ROOT / "docs" / "files.md").read_text("utf-8")
+    section = text.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    found: dict[str, str] = {}
+    for line in section.splitlines():
+        cells = [cell.strip() for cell in line.split("|")]
+        if line.startswith("| `"):
+            for key in re.findall(r"`([^`]+)`", cells[1]):
+                found[key] = f"{found.get(key, '')} {cells[3]}"
+    return found
+
+
+def hold(title: str, asked: Asked) -> None:
+    """The section names what is asked for, no more, and with its defaults."""
+    page = documented(title)
+    assert set(page) == set(asked)
+    wrong = {key: each for key, defaults in asked.items() for each in defaults if not _said(each, page[key])}
+    assert not wrong
+
+
+def _said(default: Any, cell: str) -> bool:
+    if isinstance(default, bool):
+        return not default or "true" in cell
+    if isinstance(default, str):
+        return default in cell
+    numbers = [float(each) for each in re.findall(r"-?\d+\.?\d*", cell)]
+    return float(default) in numbers
+
+
+def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    columns: Asked = {}
+
+    def note(method: str) -> None:
+        before = getattr(Columns, method)
+
+        def after(self: Columns, column: str, *others: Any, **named: Any) -> Any:
+            key = re.sub(r"^(j|approach|prev)\d+", r"\1K", column)
+            columns.setdefault(key, set()).update(others if method == "text" else ())
+            return before(self, column, *others, **named)
+
+        monkeypatch.setattr(Columns, method, after)
+
+    for method in ("text", "numbers", "require"):
+        note(method)
+    for name in (
+        "irb120_mixed",
+        "irb120_ballbar",
+        "irb120_free_bases",
+        "irb120_two_nights",
+        "lrmate_coupled",
+    ):
+        read_dataset(ROOT / "tests" / "certified" / f"{name}.csv")
+    (tmp_path / "more.toml").write_text(HEADER, "utf-8")
+    read_header(tmp_path / "more.toml")
+    hold("Data set: NAME.toml", asked["truepose-dataset/1"])
+    hold("Data set: NAME.csv", columns)
+
+
+def test_robots(asked: dict[str, Asked]) -> None:
+    for path in BUILT_IN.glob("*.toml"):
+        load_robot(path.stem)
+    hold("Robot file", asked["truepose-robot/1"])
+
+
+def test_cells(asked: dict[str, Asked], tmp_path: Path) -> None:
+    for path in (ROOT / "examples").glob("*/*cell.toml"):
+        read_cell(path)
+    text = (ROOT / "examples" / "irb120_faro" / "cell.toml").read_text("utf-8")
+    fixtures = '[[fixture]]\nname = "a"\nlow_mm = [2e3, 0, 0]\nhigh_mm = [3e3, 1, 1]\n'
+    fixtures += '[[fixture]]\nname = "b"\nfrom_mm = [2e3, 0, 0]\nto_mm = [2e3, 0, 9]\nradius_mm = 1.0\n'
+    (tmp_path / "cell.toml").write_text(f"{text}\n{fixtures}", "utf-8")
+    read_cell(tmp_path / "cell.toml")
+    simulated = {field.name: {field.default} for field in fields(CellFile) if field.name in SIMULATED}
+    options: Asked = {option.key: set() for driver in INSTRUMENTS.values() for option in driver.options}
+    assert len(simulated) == len(SIMULATED)
+    read = asked["truepose-cell/1"]
+    read["joint_coupling"] -= {"fanuc-j23"}  # what its robot file says
+    hold("The cell: cell.toml", read | simulated | options | {"effects": set()})
+
+
+def test_campaigns() -> None:
+    text = (ROOT / "docs" / "campaign.md").read_text("utf-8")
+    named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", text))))
+    keys = {*campaign._KEYS.split(), *SHARED, *(key for kind in KINDS.values() for key in kind.keys)}
+    assert keys - named == set()
+    assert [kind for kind in KINDS if f"**{kind}**" not in text] == []
+
+
+def test_models(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    save_model(path, identify(read_dataset(write_data(tmp_path))))
+    document = json.loads(path.read_text("utf-8"))
+    assert set(documented("Model: MODEL.json")) == {*document, *document["parameters"][0], "regression"}

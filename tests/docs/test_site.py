@@ -1,0 +1,36 @@
+"""The documentation is built as a site, without a warning, and needs nothing from elsewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).parents[2] / "docs"
+# Scripts, styles, fonts and pictures that a browser would fetch; links that a person may follow are none
+FETCHED = re.compile(r'<(?:script|img|link)[^>]+(?:src|href)="(?:https?:)?//[^"]+"|url\(\s*["\']?https?:')
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    done = subprocess.run(
+        [*command, "-d", str(tmp_path / "trees"), str(DOCS), str(tmp_path / "site")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    pages = {page.relative_to(tmp_path / "site").as_posix(): page for page in tmp_path.glob("site/**/*.html")}
+    written = {page.relative_to(DOCS).with_suffix(".html").as_posix() for page in DOCS.rglob("*.md")}
+    assert written <= set(pages)
+    for name, page in pages.items():
+        assert not FETCHED.search(page.read_text("utf-8")), name
+    commands = pages["made/commands.html"].read_text("utf-8")
+    assert "truepose campaign resume" in commands
+    assert "/api/v1/runs/{run_id}/stop" in pages["made/http.html"].read_text("utf-8")
+    assert "truepose.Diagnosis.power" in pages["api.html"].read_text("utf-8")
+    assert "backlash_load" in pages["made/effects.html"].read_text("utf-8")
+    assert "<math" in pages["theory.html"].read_text("utf-8")
