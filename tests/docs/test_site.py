@@ -34,3 +34,10 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert "truepose.Diagnosis.power" in pages["api.html"].read_text("utf-8")
     assert "backlash_load" in pages["made/effects.html"].read_text("utf-8")
     assert "<math" in pages["theory.html"].read_text("utf-8")
+
+
+def test_links_of_pages_outside_the_site_lead_somewhere() -> None:
+    root = DOCS.parent
+    for page in (root / "README.md", root / "CONTRIBUTING.md", *(root / "examples").rglob("*.md")):
+        for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
