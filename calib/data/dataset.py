@@ -37,6 +37,9 @@ class Dataset:
     u_rotation: Array  # (n,) rad, likewise
     u_length: Array  # (n,) mm, likewise
     sha256: str
+    arrivals_told: bool = (
+        True  # whether the file says how joints arrived; else the order of its rows stands in
+    )
     spans: tuple[Span, ...] = ()  # distances between balls of one body, in which the arm takes no part
 
     def __len__(self) -> int:

@@ -112,7 +112,7 @@ def read_header(path: Path) -> Header:
     if not path.is_file():
         raise DataError(
             "is missing: a data set is NAME.csv and NAME.toml.",
-            do="Write the header (robot, noise, tool targets); the README shows one.",
+            do="Write the header (robot, noise, tool targets); 'truepose docs first-hour' shows one.",
             file=path,
         )
     text, values = read_toml(path)

@@ -102,6 +102,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         u_length=table.numbers("u_length_mm"),
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
         sha256=hashlib.sha256((table.sha256 + header.text).encode()).hexdigest(),
+        arrivals_told="approach1" in table or "prev1_deg" in table,
         spans=spans,
     )
     refuse_unfit(dataset, table)

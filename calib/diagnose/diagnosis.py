@@ -337,6 +337,11 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
         notes.append(
             f"Backlash of {joints} is invisible: every reading arrived from one side. It is not absent."
         )
+    if not dataset.arrivals_told:
+        notes.append(
+            "The order of the rows was taken for the way of the robot: the file has neither approach1 .. nor "
+            "prev1_deg ... Where it went over points between, backlash and settling look like noise."
+        )
     untimed = int(np.sum(~np.isfinite(dataset.conditions.time)))
     if untimed:
         notes.append(

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.data.read import read_dataset
+from calib.diagnose.diagnosis import diagnose
+from tests.service.campaigns import Rows, edit_rows, write_data
 
 HEADER = """
 format = "truepose-dataset/1"
@@ -48,3 +50,17 @@ def test_a_joint_that_two_turn_has_the_side_of_its_last_move(tmp_path: Path) -> 
     np.testing.assert_array_equal(conditions.side[:, 3:], -np.ones((5, 3)))  # these count the other way
     turned = conditions.joints[:, 2] - conditions.previous[:, 2]
     np.testing.assert_allclose(np.degrees(turned), [-10.0, 0.0, 0.0, 0.0, 10.0], atol=1e-9)
+
+
+def test_a_file_without_arrivals_says_what_stood_in(tmp_path: Path) -> None:
+    """Sides from the order of rows are wrong where the robot went over other points: backlash is not found."""
+    told = write_data(tmp_path, n=40)
+    assert read_dataset(told).arrivals_told
+
+    def forget(rows: Rows) -> None:
+        rows[:] = [{k: v for k, v in r.items() if not k.startswith(("approach", "prev"))} for r in rows]
+
+    edit_rows(told, forget)
+    data = read_dataset(told)
+    assert not data.arrivals_told
+    assert any("order of the rows" in note for note in diagnose(data).notes)
