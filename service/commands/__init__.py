@@ -14,6 +14,7 @@ from service.commands import (
     convert,
     demo,
     diagnose,
+    docs,
     doctor,
     export,
     identify,
@@ -68,5 +69,6 @@ app.command("doctor")(doctor.doctor_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
 app.command("mock")(mock.mock)
 app.command("serve")(serve.serve)
+app.command("docs")(docs.docs_command)
 
 __all__ = ["app"]

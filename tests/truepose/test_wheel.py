@@ -24,6 +24,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, source = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "docs", source / "docs", ignore=shutil.ignore_patterns("build", "made"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
@@ -34,7 +35,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_it_holds_every_file_and_no_more(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
-    own = {name for name in names if ".dist-info/" not in name}
+    own = {name for name in names if ".dist-info/" not in name and ".data/" not in name}
     wanted = {
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
@@ -43,6 +44,11 @@ def test_it_holds_every_file_and_no_more(wheel: Path) -> None:
     }
     assert own == wanted
     assert any(name.endswith("licenses/LICENSE") for name in names)
+    pages = {name.split("share/truepose/docs/")[1] for name in names if ".data/" in name}
+    written = {path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md")}
+    assert {page for page in pages if page.endswith(".md")} == {
+        path.as_posix() for path in written if path.parts[0] not in ("build", "made")
+    }
     assert wheel.stat().st_size < MOST_BYTES
 
 
@@ -66,6 +72,8 @@ def test_it_runs_where_there_are_no_sources(wheel: Path, tmp_path: Path) -> None
         return done.stdout
 
     assert truepose("--version").startswith("truepose ")
+    assert str(home) in truepose("docs")
+    assert "first-hour" in truepose("docs", "index")
     assert "backlash:j4" in truepose("demo", "--in-memory", "--effect", "backlash:j4", "--out", "d")
     asked = [str(scripts / "python"), "-c", "import calib, truepose; print(calib.__file__, truepose.read)"]
     done = subprocess.run(asked, capture_output=True, text=True, cwd=tmp_path, env=environment, check=True)

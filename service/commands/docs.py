@@ -1,0 +1,72 @@
+"""`truepose docs`: the documentation that came with the program, in the browser or in the terminal."""
+
+from __future__ import annotations
+
+import webbrowser
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markdown import Markdown
+
+from calib.errors import DataError
+from service.printed.terminal import Terminal
+
+SOURCES = Path(__file__).parents[2] / "docs"
+INSTALLED = "share/truepose/docs/index.md"
+SITE = "build/index.html"
+
+
+def docs_command(
+    page: Annotated[
+        str, typer.Argument(metavar="PAGE", help="Show this page in the terminal, e.g. first-hour.")
+    ] = "",
+    where: Annotated[
+        bool, typer.Option("--where", help="Say where the pages are, and open nothing.")
+    ] = False,
+) -> None:
+    """Open the documentation; where it was not built as a site, list its pages."""
+    folder = pages_folder()
+    site = folder / SITE
+    with Terminal() as terminal:
+        if page:
+            terminal.out.print(Markdown(_page(folder, page).read_text("utf-8")))
+        elif site.is_file() and not where:
+            typer.echo(site)
+            webbrowser.open(site.as_uri())
+        else:
+            typer.echo(f"{folder}: Markdown, one file a page; 'truepose docs PAGE' shows one here.")
+            typer.echo(", ".join(names(folder)))
+
+
+def pages_folder() -> Path:
+    """Where the pages are: beside the sources, or where the wheel put them. Raises DataError where it did not."""
+    if (SOURCES / "index.md").is_file():
+        return SOURCES
+    for path in metadata.files("truepose") or ():
+        if path.as_posix().endswith(INSTALLED):
+            return Path(str(path.locate())).resolve().parent
+    raise DataError(
+        "the pages did not come with this installation.", do="See the folder docs of the sources."
+    )
+
+
+def names(folder: Path) -> list[str]:
+    """The pages in alphabetical order, as `truepose docs PAGE` takes them; decisions left out."""
+    found = (path.relative_to(folder) for path in folder.rglob("*.md"))
+    return sorted(
+        path.with_suffix("").as_posix()
+        for path in found
+        if path.parts[0] not in ("decisions", "made", "build")
+    )
+
+
+def _page(folder: Path, name: str) -> Path:
+    """The file of a page by its name, or by the end of it. Raises DataError."""
+    found = [each for each in names(folder) if each == name or each.endswith(f"/{name}")]
+    if len(found) != 1:
+        raise DataError(
+            f"there is no page '{name}'.", do=f"There are {', '.join(names(folder))}.", key="PAGE"
+        )
+    return folder / f"{found[0]}.md"
