@@ -15,7 +15,7 @@ from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
 
-COLUMNS = 80
+COLUMNS = 78  # of a terminal of 80
 
 
 def write(folder: Path) -> None:
@@ -38,7 +38,7 @@ def commands() -> Iterator[str]:
 
 
 def helps() -> Iterator[tuple[tuple[str, ...], str]]:
-    """The words and the help of the program and of each of its commands, 80 columns wide."""
+    """The words and the help of the program and of each of its commands."""
     yield from _helps(get_command(app), ("truepose",), None)
 
 

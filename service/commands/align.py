@@ -74,7 +74,7 @@ def align_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Align the streams of a moving robot and of a tracker; write its standstills as a data set."""
+    """Align the streams of a moving robot and of a tracker. Its standstills become a data set."""
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     data, header = options.files_of(out)

@@ -40,7 +40,7 @@ from service.private import note_if_others_read, owner_only
 from service.results import documents, positions
 from service.simulated_cell import simulated_cell
 
-app = typer.Typer(help="Measure with a robot and an instrument; the record survives everything.")
+app = typer.Typer(help="Measure with a robot and an instrument. The record survives everything.")
 
 
 @app.callback()
@@ -75,7 +75,7 @@ def run_command(
     simulate: Simulate = False,
     json: options.Json = None,
 ) -> None:
-    """Measure a campaign: every pose is checked before the first motion."""
+    """Measure a campaign. Every pose is checked before the first motion."""
     options.check_outputs({"--json": json}, inputs=(cell, campaign))
     the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
     if record.exists() and not record.is_dir():
@@ -102,7 +102,7 @@ def resume_command(
     reason: Reason = "",
     json: options.Json = None,
 ) -> None:
-    """Go on with a campaign after a pause, a stop, a crash or a power cut."""
+    """Go on with a campaign: after a pause, a stop, a power cut."""
     accepted = _accepted(accept_other, reason)
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     was_simulated = read_status(record).simulated
@@ -123,7 +123,7 @@ def restation_command(
     reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
-    """Say that the instrument is moved, while the campaign is paused: it goes on with the nests."""
+    """Say that the instrument is moved. The campaign is paused, and goes on with the nests."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     try:
         run = Run.open(record)
@@ -163,7 +163,7 @@ def events_command(
         typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all; else standard output."),
     ] = None,
 ) -> None:
-    """Write what has happened, one JSON object a line, oldest first; also while another program runs it."""
+    """Write what has happened, one JSON object a line. Oldest first; also while another program runs it."""
     if out is not None:
         options.check_outputs({"OUT.jsonl": out}, inputs=(record / RECORD_FILE,))
         acquisition.export_events(record, out)

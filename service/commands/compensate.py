@@ -48,7 +48,7 @@ def compensate_command(
     largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
-    """Correct the targets of a program; all its other text stays as it is."""
+    """Correct the targets of a program. All its other text stays as it is."""
     options.check_outputs({"OUT": out, "--json": json}, inputs=(model, program))
     if out.suffix.lower() != program.suffix.lower():
         raise DataError(

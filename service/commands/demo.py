@@ -88,7 +88,7 @@ def demo(
     ] = False,
     json: options.Json = None,
 ) -> None:
-    """See the whole loop on a simulated robot with an undeclared effect."""
+    """See the loop on a simulated robot with an undeclared effect."""
     if out.exists() and not out.is_dir():
         raise DataError("is not a folder.", do="Name a folder.", file=f"--out {out}")
     options.check_outputs({"--json": json}, inputs=[out / name for name in FILES])

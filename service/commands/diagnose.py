@@ -59,7 +59,7 @@ def diagnose_command(
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
 ) -> None:
-    """Identify, find what the model lacks, correct it, and judge the gain on held-out readings."""
+    """Identify, find what the model lacks, correct it. The gain is judged on held-out readings."""
     options.check_outputs(
         {
             "--json": json,

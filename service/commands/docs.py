@@ -26,7 +26,7 @@ def docs_command(
         bool, typer.Option("--where", help="Say where the pages are, and open nothing.")
     ] = False,
 ) -> None:
-    """Open the documentation; where it was not built as a site, list its pages."""
+    """Open the documentation. Where it was not built as a site its pages are listed."""
     folder = pages_folder()
     site = folder / SITE
     with Terminal() as terminal:

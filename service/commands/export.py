@@ -38,7 +38,7 @@ def export_command(
     largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
-    """Write a model in another program's format, with the error that this format leaves."""
+    """Write a model in another program's format. The error that this format leaves is said."""
     options.check_outputs({"OUT": out, "--json": json}, inputs=(model,))
     if kind not in FORMATS:
         raise DataError(f"'{kind}' is not a known format.", do=f"Use {', '.join(FORMATS)}.", key="--as")

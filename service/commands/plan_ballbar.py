@@ -49,7 +49,7 @@ def plan_ballbar(
     show: Annotated[int, typer.Option(min=1, max=50, help="Placements that are proven and listed.")] = 5,
     json: options.Json = None,
 ) -> None:
-    """Find the placement of the base balls from which the arm reaches most stances of the ballbar's legs."""
+    """Find where the base balls should be. From there the arm reaches most stances of the ballbar's legs."""
     options.check_outputs({"--json": json}, inputs=(cell,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         the_cell = read_cell(cell)

@@ -43,7 +43,7 @@ def regress_command(
     json: options.Json = None,
     report: options.Report = None,
 ) -> None:
-    """Compare regression with identification on the same readings, and save the regression with its model."""
+    """Compare regression with identification. Both see the same readings; a model can take the regression along."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
     )

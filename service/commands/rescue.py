@@ -25,7 +25,7 @@ def rescue_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Save what can be read of a damaged record into a new one, and say what was lost. DIR is left as it is."""
+    """Save what can be read of a damaged record into a new one. What was lost is said. DIR is left as it is."""
     place = out or record.with_name(f"{record.absolute().name}-rescued")
     written = options.files_of(place) if place.suffix == ".csv" else ()
     outputs = {"--json": json} | {f"OUT {file.suffix}": file for file in written}

@@ -40,7 +40,8 @@ def serve(
         ),
     ] = None,
 ) -> None:
-    """Serve HTTP; prints one JSON line with url and tokens when ready. Nothing moves until it is asked to."""
+    """Serve HTTP and the operator's page. Prints one JSON line with url and tokens when ready. Nothing moves until it
+    is asked to."""
     _refuse_host(host)
     token = chosen_token() if token_file is None else None
     if token is None and token_file is None and not is_loopback(host):

@@ -74,7 +74,7 @@ def validate_command(
     accept_max: options.AcceptMax = None,
     json: options.Json = None,
 ) -> None:
-    """Judge a saved model on measured readings, or compare kinds of hold-out."""
+    """Judge a saved model, or compare kinds of hold-out."""
     inputs = [path for path in (model, compare) if path is not None]
     options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs))
     limits = Limits.of(accept_rms, accept_max)
