@@ -34,9 +34,9 @@ class TerminalOperator:
         """Ask until one of the expected answers is given. Raises NoOperator."""
         if self._reader is None or self._reader.closed or not self._reader.isatty():
             raise NoOperator("no terminal to ask on", device="operator", command=prompt.id)
-        choices = ", ".join(f"[{answer.value[0]}]{answer.value[1:]}" for answer in prompt.expects)
+        keys = ", ".join(f"{answer.value[0]} to {answer.value}" for answer in prompt.expects)
         while True:
-            self._writer.write(f"{prompt.text}\n  {choices}: ")
+            self._writer.write(f"{prompt.text}\n  Type {keys}, then Enter: ")
             self._writer.flush()
             line = self._reader.readline()
             if not line:
@@ -45,6 +45,9 @@ class TerminalOperator:
             answer = _LETTERS.get(word[:1]) if word else None
             if answer in prompt.expects and word in (answer.value, answer.value[0]):
                 return answer
+            self._writer.write(
+                f"  {word!r} is not one of these. " if word else "  Enter alone answers nothing. "
+            )
 
 
 class RemoteOperator:

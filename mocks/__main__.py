@@ -18,6 +18,7 @@ from pathlib import Path
 from mocks.cell import Cell
 from mocks.cell_file import CellFile, read_cell
 
+PROGRAM = "truepose mock"  # as most people start it
 _ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "faro", "leica", "ur")
 DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial")}
 ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device, if not the usual arm
@@ -25,7 +26,7 @@ ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device,
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="mocks", description="simulated devices on their real wire protocols"
+        prog=PROGRAM, description="simulated devices on their real wire protocols"
     )
     parser.add_argument("name", choices=["cell", *sorted(DEVICES)])
     parser.add_argument("file", nargs="?", type=Path, help="CELL.toml, needed for `cell`")
@@ -72,12 +73,12 @@ def main(argv: Sequence[str]) -> int:
         devices = DEVICES.get(chosen.name, (file.robot_driver, file.instrument_driver))
         cell = Cell(file, stock=chosen.stock, devices=devices)
     except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
-        sys.stderr.write(f"mocks: {error}\n")
+        sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2
     try:
         asyncio.run(serve(cell, chosen.port))
     except OSError as error:
-        sys.stderr.write(f"mocks: {error}\n")
+        sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 1
     return 0
 

@@ -11,17 +11,23 @@ from typing import Annotated
 
 import typer
 
+from calib.errors import DataError
+from drivers import INSTRUMENTS, ROBOTS
 from service.simulated_cell import command_of
+
+DEVICES = (*ROBOTS, *INSTRUMENTS)  # every driver has its simulator
+CELL = "cell"
 
 
 def mock(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="abb, abb-simple, faro, ..., or 'cell'.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(DEVICES)}, or '{CELL}'.")],
     cell: Annotated[
         Path | None, typer.Argument(metavar="[CELL.toml]", help="All devices of this cell, for 'cell'.")
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device; 0: a free one.")] = 0,
 ) -> None:
-    """Simulate devices; prints one JSON line per endpoint, then serves until SIGTERM or SIGINT."""
+    """Simulate devices until SIGTERM or SIGINT. Prints one JSON line per endpoint."""
+    _refuse(name, cell)
     arguments = [name, *([] if cell is None else [str(cell)]), "--port", str(port)]
     # In a session of its own, so that Ctrl-C reaches it once, through us.
     with subprocess.Popen(command_of(*arguments), start_new_session=True) as child:
@@ -37,3 +43,15 @@ def mock(
             for number, handler in before.items():
                 signal.signal(number, handler)
     raise typer.Exit(code)
+
+
+def _refuse(name: str, cell: Path | None) -> None:
+    """Raise DataError for a device that is not simulated, and for a cell without its file."""
+    if name not in (*DEVICES, CELL):
+        raise DataError(
+            f"'{name}' is not simulated.", do=f"Name {', '.join(DEVICES)}, or {CELL} CELL.toml.", key="NAME"
+        )
+    if name == CELL and cell is None:
+        raise DataError("needs its file.", do=f"truepose mock {CELL} CELL.toml", key="CELL.toml")
+    if cell is not None and not cell.is_file():
+        raise DataError("there is no such file.", do="Check the name.", file=cell)

@@ -39,7 +39,15 @@ def test_all_are_operators() -> None:
 def test_terminal_asks_until_it_understands(typed: str, answer: Answer) -> None:
     shown = io.StringIO()
     assert TerminalOperator(Terminal(typed), shown).ask(SEAT) is answer
-    assert SEAT.text in shown.getvalue()
+    assert f"{SEAT.text}\n  Type c to confirm, s to skip, a to abort, then Enter: " in shown.getvalue()
+
+
+def test_terminal_says_why_it_asks_again() -> None:
+    shown = io.StringIO()
+    TerminalOperator(Terminal("\nyes\nredo\nc\n"), shown).ask(SEAT)
+    assert shown.getvalue().count(SEAT.text) == 4
+    for said in ("Enter alone answers nothing", "'yes' is not one of these", "'redo' is not one of these"):
+        assert said in shown.getvalue()
 
 
 def test_terminal_refuses_without_a_terminal() -> None:

@@ -107,7 +107,7 @@ def test_wrong_cell_file(tmp_path: Path, text: str) -> None:
     with run("cell", str(file)) as process:
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
-    assert err.startswith("mocks: ")
+    assert err.startswith("truepose mock: ")
 
 
 def test_stock_and_seed_and_taken_port() -> None:
@@ -118,6 +118,6 @@ def test_stock_and_seed_and_taken_port() -> None:
         with run("abb", "--port", str(end["port"])) as other:
             _, err = other.communicate(timeout=PATIENCE_S)
         assert other.returncode == 1
-        assert "mocks:" in err
+        assert "truepose mock:" in err
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=PATIENCE_S)

@@ -193,8 +193,21 @@ def test_mock_forwards_lines_and_signals(tmp_path: Path) -> None:
         assert all(end["port"] > 0 for end in ends)
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 0
-    with started("mock", "nobody") as process:
-        assert process.wait(PATIENCE_S) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("nobody",), "key 'NAME': 'nobody' is not simulated. Name abb, abb-simple, fanuc, ur"),
+        (("cell",), "key 'CELL.toml': needs its file. truepose mock cell CELL.toml"),
+        (("cell", "nowhere.toml"), "nowhere.toml: there is no such file"),
+    ],
+)
+def test_what_is_not_simulated_is_named(
+    arguments: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mock", *arguments]) == 2
+    assert capsys.readouterr().err.startswith(f"truepose: {says}")
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "cell-pc"])
