@@ -93,7 +93,7 @@ class OtherBalls(Refused):
 
     code = 3110
     advice = (
-        "Look whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved; "
+        "Check whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved; "
         "confirm to measure again, skip to leave the leg out."
     )
 

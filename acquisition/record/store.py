@@ -210,7 +210,7 @@ class Store:
         if not seal.campaign_agrees(dict(row)):
             raise damaged(self.database.path, "holds a cell or a campaign that is not what it was begun with")
         if row["state"] not in _STATES:
-            raise damaged(self.database.path, f"holds the state {row['state']!r}, which there is not")
+            raise damaged(self.database.path, f"holds the state {row['state']!r}, which does not exist")
         return row
 
     @property

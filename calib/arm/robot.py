@@ -273,7 +273,7 @@ def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
         )
     if not (0.0 < mass <= HEAVIEST_KG and all(abs(x) <= FARTHEST_MM for x in cog)):
         raise DataError(
-            f"a load of {mass} kg cannot be.",
+            f"a load of {mass} kg is not possible.",
             do=f"Give its mass in kg, above zero, and its centre within {FARTHEST_MM:g} mm.",
             file=path,
             key="loads",

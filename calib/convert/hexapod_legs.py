@@ -68,7 +68,7 @@ def read(path: Path) -> Table:
     if not np.any(solved.far_mm <= FAR_MM):
         raise DataError(
             "has no visit whose six legs meet near the nominal robot.",
-            do="Look whether the legs are labelled with the balls that they join, and whether it is this robot.",
+            do="Check whether the legs are labelled with the balls that they join, and whether it is this robot.",
             file=path,
         )
     rows = Columns.read(path)

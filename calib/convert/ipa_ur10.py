@@ -97,7 +97,7 @@ def read(path: Path) -> Table:
                     out[i, k] = np.nan
                 if not abs(out[i, k]) <= FARTHEST_MM:
                     raise DataError(
-                        f"column '{columns[k]}' is not a number that can be.",
+                        f"column '{columns[k]}' is not a possible number.",
                         do="Mend that line.",
                         file=path,
                         line=number,

@@ -100,7 +100,7 @@ def _refuse_misread(
     rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
     raise DataError(
         f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
-        f"read so by {why.left:.3g} mm.",
+        f"read in that way by {why.left:.3g} mm.",
         do=why.cause.do + rivals,
         file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
         key=why.cause.key,

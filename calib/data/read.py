@@ -229,7 +229,10 @@ def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
     zero = np.all(points == 0.0, axis=1) & np.isin(status, ("", "ok"))
     for i in np.flatnonzero(zero):
         raise table.refuse(
-            int(i), "x_mm, y_mm, z_mm", "are 0, 0, 0: what trackers send for nothing", "Leave them empty"
+            int(i),
+            "x_mm, y_mm, z_mm",
+            "are 0, 0, 0: what trackers send when they see nothing",
+            "Leave them empty",
         )
     for i in np.flatnonzero(np.max(np.abs(np.nan_to_num(points)), axis=1) > FARTHEST_MM):
         raise table.refuse(

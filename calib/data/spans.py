@@ -102,7 +102,7 @@ def _refuse_another(rows: Columns, i: int, span: Span, header: Header) -> None:
             i,
             "length_mm",
             f"has {span.length_mm:g} from {span.name}, which the header puts {apart:.1f} mm apart",
-            "Look whether the bar had another extension or sat on other balls, and correct or reject the row",
+            "Check whether the bar had another extension or sat on other balls, and correct or reject the row",
         )
 
 

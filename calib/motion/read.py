@@ -118,7 +118,7 @@ def _numbers(table: Columns, column: Column, *, empty: bool = False) -> Array:
     numbers = table.numbers(column.name, required=not empty)
     for i in np.flatnonzero(np.abs(np.nan_to_num(numbers)) > _LARGEST / column.factor)[:1]:
         raise table.refuse(
-            int(i), column.name, f"is {numbers[i]:g}, which cannot be", "Check column and unit"
+            int(i), column.name, f"is {numbers[i]:g}, which is not possible", "Check column and unit"
         )
     return numbers * column.factor
 

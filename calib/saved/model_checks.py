@@ -173,7 +173,7 @@ def numbers_of(value: Any, shape: Sequence[int], key: str, path: Path, most: flo
         array = np.array(np.nan)
     if array.shape != tuple(shape) or not np.all(np.abs(array) <= most) or not np.all(np.isfinite(array)):
         wanted = " x ".join(map(str, shape))
-        raise DataError(f"is not {wanted} numbers that can be.", do=_WRITE_AGAIN, file=path, key=key)
+        raise DataError(f"is not {wanted} possible numbers.", do=_WRITE_AGAIN, file=path, key=key)
     return array
 
 

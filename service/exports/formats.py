@@ -27,6 +27,9 @@ from calib.units import DEG
 from service.programs.frames import wpr
 
 _UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+# A URDF must give both, and to planners zero means that the joint cannot move.
+_NO_LIMITS = 'effort="1000" velocity="1"'
+_PLACEHOLDERS = "Effort (N.m) and velocity (rad/s) are placeholders above zero: put the maker's limits there."
 _SIX = ("x", "y", "z", "rx", "ry", "rz")
 _METRE = 1000.0
 
@@ -96,7 +99,7 @@ def _urdf(export: Export) -> str:
     origins, tip = joint_origins(robot, export.carried.values)
     lower, upper = _model_limits(robot, export.coupling)
     lines = ['<?xml version="1.0"?>', "<!--"]
-    lines += [f"  {line.replace('--', '- -')}" for line in export.about]
+    lines += [f"  {line.replace('--', '- -')}" for line in (*export.about, _PLACEHOLDERS)]
     lines += ["-->", f"<robot name={quoteattr(robot.name)}>", '  <link name="base_link"/>']
     parent = "base_link"
     for k, origin in enumerate(origins, start=1):
@@ -107,7 +110,7 @@ def _urdf(export: Export) -> str:
             f'    <child link="link_{k}"/>',
             _origin(origin),
             '    <axis xyz="0 0 1"/>',
-            f'    <limit lower="{lower[k - 1]:.9g}" upper="{upper[k - 1]:.9g}" effort="0" velocity="0"/>',
+            f'    <limit lower="{lower[k - 1]:.9g}" upper="{upper[k - 1]:.9g}" {_NO_LIMITS}/>',
             "  </joint>",
         ]
         parent = f"link_{k}"

@@ -62,7 +62,7 @@ def run_server(app: FastAPI, settings: Settings, port: int) -> int:
             if error.errno not in (errno.EADDRINUSE, errno.EACCES):
                 raise
             raise DataError(
-                f"{port} of {settings.host} cannot be had: {error.strerror}.",
+                f"{port} of {settings.host} cannot be opened: {error.strerror}.",
                 do="Give another one, or 0 for a free one; another service may be running there.",
                 key="--port",
             ) from error

@@ -43,7 +43,9 @@ class Progress:
             self._terminal.begin("measuring")
         elif event.kind == "connected":
             if not event.data["can_stop"] and event.data["role"] == "robot":
-                self._terminal.note("This robot cannot be stopped by the program: keep a hand at its button.")
+                self._terminal.note(
+                    "This robot cannot be stopped by the program: keep a hand on its emergency stop."
+                )
             if event.data["weakness"]:
                 self._terminal.note(f"The {event.data['role']} is not protected: {event.data['weakness']}.")
         elif event.kind == "battery_low":

@@ -162,5 +162,5 @@ def _load(given: dict[str, str], mass: float, link: int) -> Load:
             "needs a mass and three coordinates.", do="Write mass=KG,cog=X:Y:Z.", key=f"{_OPTION} cog"
         ) from error
     if not (mass > 0.0 and all(math.isfinite(v) for v in (mass, x, y, z))):
-        raise DataError("cannot be.", do="Give the mass in kg, above zero.", key=f"{_OPTION} mass")
+        raise DataError("is not possible.", do="Give the mass in kg, above zero.", key=f"{_OPTION} mass")
     return Load(link, mass, (x, y, z))

@@ -155,7 +155,7 @@ def test_a_bar_built_to_another_length_is_held_against_its_calibration() -> None
         meter.build(150.0)
         with pytest.raises(NotReady, match=r"the bar is calibrated to \d+\.?\d* mm, 150 mm are needed now"):
             meter.arm()
-        with pytest.raises(ConfigError, match="a ballbar of -1 mm cannot be"):
+        with pytest.raises(ConfigError, match="a ballbar of -1 mm is not possible"):
             meter.build(-1.0)
         meter.disconnect()
 

@@ -298,4 +298,4 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path, capsys: pytest.CaptureFix
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert main(["serve", "--port", str(port), "--record", str(tmp_path / "r")]) == 2
-    assert f"key '--port': {port} of 127.0.0.1 cannot be had" in capsys.readouterr().err
+    assert f"key '--port': {port} of 127.0.0.1 cannot be opened" in capsys.readouterr().err

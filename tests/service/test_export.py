@@ -98,6 +98,10 @@ def test_urdf_limits_hold_what_the_controller_may_do() -> None:
     lower, upper = np.array(limits).T
     assert np.all((model >= lower) & (model <= upper))
     assert upper[2] == pytest.approx(math.radians(60.0 + 142.0))
+    for limit in ET.fromstring(text).iter("limit"):  # zero would tell planners that the joint cannot move
+        assert float(str(limit.get("effort"))) > 0.0
+        assert float(str(limit.get("velocity"))) > 0.0
+    assert "placeholders" in text
 
 
 @pytest.mark.parametrize("name", ["ur5", "ur10"])
