@@ -248,6 +248,20 @@ CHANGES = (
         _EFFECTS,
     ),
     Change(
+        "calib/data/header.py",
+        'repeatability=table.number("repeatability_deg", 0.0, low=0.0)',
+        'repeatability=table.number("repeatability_deg", 0.01, low=0.0)',
+        "a default of a file is another than the documentation says",
+        ("tests/docs/test_keys.py",),
+    ),
+    Change(
+        "calib/data/read.py",
+        'arrivals_told="approach1" in table or "prev1_deg" in table',
+        "arrivals_told=True",
+        "nobody is told that the order of rows stood in for the way of the robot",
+        ("tests/calib/test_arrivals.py",),
+    ),
+    Change(
         "calib/data/arrivals.py",
         "    own, earlier = joints - previous, previous - before",
         "    own, earlier = previous - joints, previous - before",
