@@ -43,8 +43,9 @@ def helps() -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+    shown = {"terminal_width": COLUMNS, "max_content_width": COLUMNS}
     context = command.context_class(
-        command, info_name=words[-1], parent=parent, terminal_width=COLUMNS, max_content_width=COLUMNS
+        command, info_name=words[-1], parent=parent, **command.context_settings, **shown
     )
     yield words, command.get_help(context)
     for name, each in getattr(command, "commands", {}).items():
