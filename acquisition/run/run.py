@@ -40,6 +40,7 @@ from acquisition.run.outcome import Outcome, not_resumed
 from acquisition.run.rig import Met, Rig
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import Pace, RunStatus, status_of
+from acquisition.run.visits import Visits
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
@@ -238,9 +239,8 @@ class Run:
         return State.SUCCEEDED, " ".join(remarks)
 
     def _check_disk(self) -> None:
-        folder = self._store.database.path.parent
-        if shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
-            raise StorageError(f"{folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
+        if shutil.disk_usage(self.folder).free < LEAST_FREE_BYTES:
+            raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
     def _moments(self, clock: Clock) -> Callable[[], Moment]:
         """Campaign time goes on through a pause; the calendar is asked once, so its jumps do no harm."""
@@ -371,6 +371,11 @@ class Run:
         if execution is None:
             raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
         execution.desk.answer(prompt_id, answer, by, reason)
+
+    @property
+    def visits(self) -> Visits:
+        """The visits of the plan, to be measured again or left out."""
+        return Visits(self._store)
 
     @property
     def folder(self) -> Path:

@@ -13,6 +13,7 @@ from service.http.state import Here, Service
 from service.http.wire.bodies import JobShown, JobsShown, OfDataset
 from service.http.wire.headers import After, IdempotencyKey, Wait
 from service.http.wire.paths import path_of
+from service.http.wire.plan_bodies import ArrowsShown
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
 
@@ -91,6 +92,12 @@ def list_dataset_jobs(here: Here, dataset_id: str) -> dict[str, Any]:
 def get_model(here: Here, job_id: str) -> dict[str, Any]:
     """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
     return here.jobs.model(job_id)
+
+
+@router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)
+def get_arrows(here: Here, job_id: str) -> dict[str, Any]:
+    """The errors of an identification or a diagnosis in space, before and after: at most 500 readings, held out."""
+    return here.jobs.arrows(job_id)
 
 
 @router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
