@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from acquisition import Campaign, Cell
-from acquisition.campaign import Visit
+from acquisition.campaign import Visit, setup_of
 from acquisition.cell import Transit, cell_of_record, targets_at
 from acquisition.record import Store
 from acquisition.run import Forecast, forecast_of
+from calib.fit import expanded
 
 FORMAT = "truepose-plan/1"
 MOST_WAYS = 400  # moves that are looked at for a detour over home; it takes some milliseconds each
@@ -83,7 +84,25 @@ def _document(
         "way_mm": way,
         "detours": detours,
         "seconds": round(forecast.total_s, 1),
+        "noise_mm": _noise(cell, posed),
+        "expected_within_mm": cell.instrument.expected_within_mm,
     }
+
+
+def _noise(cell: Cell, posed: Sequence[Visit]) -> float | None:
+    """U (k = 2) of the distance of two readings of one target by the noise of the instrument alone; None of a ballbar.
+
+    In the reference pose where there is one, else in the first.
+    """
+    if not posed or cell.instrument.declared.measures_lengths:
+        return None
+    visit = next((each for each in posed if each.set == "reference"), posed[0])
+    noise = setup_of(cell, visit.targets[:1]).noise
+    place = targets_at(cell, np.array([visit.joints_deg]))[0][
+        [list(cell.tool.targets).index(visit.targets[0])]
+    ]
+    single = noise.of_points(place, np.full((1, 3), np.nan))
+    return round(float(np.sqrt(2.0) * expanded(single)[0]), 4)
 
 
 def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[float]]]:

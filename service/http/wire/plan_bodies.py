@@ -30,13 +30,18 @@ class VisitShown(Answered):
 
 
 class PlanShown(Answered):
-    """A plan. `way_mm`: the way of the first target of the tool; `detours`: over home, null where nobody looked."""
+    """A plan. `way_mm`: the way of the first target of the tool; `detours`: over home, null where nobody looked;
+    `noise_mm`: by how much two readings of one target may differ, k = 2; `expected_within_mm`: beyond it a reading is
+    taken for another target.
+    """
 
     format: str
     visits: list[VisitShown]
     way_mm: list[list[float]]
     detours: int | None
     seconds: float
+    noise_mm: float | None = None
+    expected_within_mm: float | None = None
 
 
 class UShown(Answered):
