@@ -28,7 +28,7 @@ function go(again = false) {
   if (here === at && !again) return;
   const before = at;
   if (view && view.close) view.close();
-  at = here;
+  at = here; view = null;
   const root = h("div", { className: "views" });
   $("desk").replaceChildren(root);
   view = VIEWS[name].open(root, id);
@@ -91,7 +91,7 @@ async function keepUp() {
   while (connection.token) {
     const pause = new Promise((wake) => { awake = wake; });
     try { await desk.look(); $("link").textContent = ""; }
-    catch (error) { $("link").textContent = error instanceof Silence || !connection.token ? "" : error.message; }
+    catch (error) { if (error instanceof TypeError) console.error(error); $("link").textContent = error instanceof Silence || !connection.token ? "" : error.message; }
     await Promise.race([pause, wait(BEAT_MS)]);
   }
 }

@@ -77,16 +77,16 @@ function one(root, id) {
       picture.show(await reckoned(`/runs/${made.id}/plan`), await reckoned("/cell/scene"));
       verdict.textContent = t("checkedWell", { readings: made.total });
     } catch (error) { verdict.textContent = t("checkedBadly"); picture.clear(); throw error; }
-  }), { id: "dry" });
-  const start = button(t("start"), () => begin("/runs"), { id: "start", className: "go" });
-  const loop = button(t("startLoop"), () => begin("/loops", { poses: Number(count.value) }), { id: "start-loop" });
+  }), { id: "dry", disabled: true });
+  const start = button(t("start"), () => begin("/runs"), { id: "start", className: "go", disabled: true });
+  const loop = button(t("startLoop"), () => begin("/loops", { poses: Number(count.value) }), { id: "start-loop", disabled: true });
   const hint = h("p", { className: "dim", id: "why-not" });
   root.append(h("section", { className: "wide" }, head, what, h("div", { className: "row" }, check, start), h("div", { className: "row" }, loop, h("label", {}, t("posesToVerify"), " ", count)),
     h("p", { className: "dim" }, t("loopHint")), hint, file), plan);
   let campaign = { name: "" };
   const show = () => {
-    const busy = Boolean(desk.cell && (desk.cell.run_id || desk.cell.loop_id)), free = !busy && Boolean(desk.lease) && !looksOn();
-    start.disabled = loop.disabled = !free; check.disabled = looksOn();
+    const busy = Boolean(desk.cell && (desk.cell.run_id || desk.cell.loop_id)), free = Boolean(campaign.id) && !busy && Boolean(desk.lease) && !looksOn();
+    start.disabled = loop.disabled = !free; check.disabled = looksOn() || !campaign.id;
     fill(hint, [busy, Boolean(desk.lease), looksOn()], () => looksOn() ? t("viewerMayNot") : busy ? t("robotBusy") : desk.lease ? "" : [t("leaseFirst"), " ", h("a", { href: "#/cell" }, t("takeLease"))]);
   };
   const look = async () => {

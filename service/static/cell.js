@@ -21,7 +21,7 @@ export function open(root) {
     if (!cell) return;
     lease.show();
     fill(now, [busy && busy.id, busy && busy.state, loop && loop.step, loop && loop.id], () => [
-      busy ? h("p", { className: "big" }, h("a", { href: `#/run/${busy.id}`, dataset: {} }, `${sign(busy.state)} ${busy.name}: ${state(busy.state)}`)) : h("p", { className: "big" }, loop ? t("loopBetween") : t("nothingRuns")),
+      busy ? h("p", { className: "big" }, h("a", { href: `#/run/${busy.id}` }, `${sign(busy.state)} ${busy.name}: ${state(busy.state)}`)) : h("p", { className: "big" }, loop ? t("loopBetween") : t("nothingRuns")),
       loop && h("p", {}, `${t("loop")}: ${loop.step}`),
       !busy && h("p", {}, h("a", { href: "#/campaigns", className: "do" }, t("toCampaigns"))),
     ]);

@@ -30,8 +30,10 @@ export function strip(target, series, { limit, name, joined = true }) {
     parts.push(svg("line", { x1: L, x2: W - R, y1: y(limit.mm), y2: y(limit.mm), class: "limit" }));
     parts.push(label(W - R, y(limit.mm) - 5, "end", limit.words));
   }
+  let next = L + 14;
   Object.entries(series).forEach(([each, own], i) => {
-    const [colour, shape] = LOOKS[i % LOOKS.length], at = L + 14 + 62 * i;
+    const [colour, shape] = LOOKS[i % LOOKS.length], at = next;
+    next += 30 + 7 * each.length;
     const places = own.map((one) => [x(one.utc), y(one.y)]);
     if (joined) parts.push(svg("polyline", { points: places.map((p) => p.map((v) => v.toFixed(1)).join()).join(" "), fill: "none", stroke: colour, "stroke-width": 1.5 }));
     parts.push(...places.map(([a, b]) => point(shape, a, b, colour)), point(shape, at, T, colour), svg("text", { x: at + 8, y: T + 4, fill: colour }, each));

@@ -33,13 +33,13 @@ export function fill(place, shown, nodes) {
 export const button = (text, act, props = {}) => h("button", { type: "button", ...props, on: { click: act } }, text);
 
 export function table(caption, heads, rows) {
+  const right = (value) => typeof value === "number" || Boolean(value && value.numeric !== undefined);
   const cell = (value, i) => {
-    const numeric = typeof value === "number" || (value && value.numeric);
     const content = value && value.numeric !== undefined ? value.numeric : value;
-    return i ? h("td", { className: numeric ? "n" : null }, content ?? "–") : h("th", { scope: "row" }, content ?? "–");
+    return i ? h("td", { className: right(value) ? "n" : null }, content ?? "–") : h("th", { scope: "row" }, content ?? "–");
   };
   return h("div", { className: "scroll", tabIndex: 0, role: "group", ariaLabel: caption },
-    h("table", {}, h("caption", {}, caption), h("thead", {}, h("tr", {}, heads.map((each) => h("th", { scope: "col" }, each)))),
+    h("table", {}, h("caption", {}, caption), h("thead", {}, h("tr", {}, heads.map((each, i) => h("th", { scope: "col", className: i && rows.length && rows.every((row) => right(row[i])) ? "n" : null }, each)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }
 

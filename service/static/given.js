@@ -12,7 +12,7 @@ const inHand = (job) => ["ready", "running"].includes(job.state);
 
 // A link cannot send a token: the file is fetched with it, and then saved.
 export function link(text, path, name) {
-  return h("a", { href: API + path, className: "do", dataset: {}, on: { click: (event) => { event.preventDefault(); order(() => save(path, name)); } } }, text);
+  return h("a", { href: API + path, className: "do", on: { click: (event) => { event.preventDefault(); order(() => save(path, name)); } } }, text);
 }
 
 export const results = (id) => [link(t("reportFile"), `/reports/${id}`, `${id}-report.html`), link(t("modelFile"), `/models/${id}`, `${id}-model.json`)];

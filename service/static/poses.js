@@ -22,7 +22,7 @@ export function poseList(run, changed) {
     try { price.replaceChildren(...words(await reckoned(`/runs/${run().id}/visits/${choice.value}/price`))); }
     catch (error) { price.replaceChildren(); throw error; }
   }), { id: "worth" });
-  const again = button(t("retake"), () => order_("retake"), { id: "retake" }), skip = button(t("skipPose"), () => order_("skip"), { id: "skip-pose" });
+  const again = button(t("retake"), () => order_("retake"), { id: "retake", disabled: true }), skip = button(t("skipPose"), () => order_("skip"), { id: "skip-pose", disabled: true });
   const whole = h("section", { id: "poses", className: "wide", hidden: true }, h("h2", {}, h("label", { htmlFor: "pose" }, t("poses"))),
     h("div", { className: "row" }, choice, worth), price, h("div", { className: "row" }, again, skip, h("label", {}, t("reason"), " ", reason)), h("p", { className: "dim" }, t("retakeHint")));
   choice.addEventListener("change", () => { price.replaceChildren(); whole.show(plan, run()); });

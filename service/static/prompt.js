@@ -14,7 +14,7 @@ export function promptCard() {
   let asked = "", armed = "", run = null, drawn = null;
   const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim", lang: "en" }), arming = h("p", { id: "arming", className: "dim" });
   const picture = h("div", { className: "prompt-side" }), reason = h("input", { id: "reason", maxLength: 500, size: 30 });
-  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb, dataset: {}, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
+  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
   const card = h("section", { id: "asking", className: "wide", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
     h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, arming,
       h("div", { className: "row" }, buttons), h("label", { className: "row" }, t("reason"), " ", reason)), picture);

@@ -24,17 +24,17 @@ export function open(root, id) {
   const chooser = h("select", { id: "runs", on: { change: () => { location.hash = `#/run/${chooser.value}`; } } });
   const [says, why, step] = [h("div", { id: "state", role: "status" }), h("p", { id: "why" }), h("p", { id: "step", className: "dim" })];
   const bar = h("progress", { id: "bar", max: 1, value: 0, ariaLabel: t("readingsDone") }), [done, left] = [h("span", { id: "done" }), h("span", { id: "left", className: "push" })];
-  const pause = button(t("pause"), () => order(() => ask("POST", `${subject(run)}/pause`)), { id: "pause" });
+  const pause = button(t("pause"), () => order(() => ask("POST", `${subject(run)}/pause`)), { id: "pause", disabled: true });
   const goOn = (body) => ask("POST", `${subject(run)}/resume`, body, moving());
-  const resume = button(t("resume"), () => order(() => goOn()), { id: "resume" });
-  const restation = button(t("restation"), () => order(() => ask("POST", `/runs/${run.id}/restation`, { reason: "told on the operator page" }, moving())), { id: "restation" });
+  const resume = button(t("resume"), () => order(() => goOn()), { id: "resume", disabled: true });
+  const restation = button(t("restation"), () => order(() => ask("POST", `/runs/${run.id}/restation`, { reason: "told on the operator page" }, moving())), { id: "restation", disabled: true });
   const exchanged = h("input", { id: "exchanged", maxLength: 500, size: 24 });
   const accept = button(t("accept"), () => order(async () => {
     const reason = exchanged.value.trim();
     if (!reason) { exchanged.focus(); throw new Error(t("sayWhyExchanged")); }
     await goOn({ accept_other: another(), reason });
     exchanged.value = "";
-  }), { id: "accept" });
+  }), { id: "accept", disabled: true });
   const individual = h("div", { id: "individual", className: "row", hidden: true }, h("label", {}, t("reason"), " ", exchanged), accept, h("span", { className: "dim" }, t("acceptHint")));
   const card = promptCard(), lease = leasePanel(), files = given(), list = eventList(), picture = scenePicture(t("runPicture"));
   const reading = h("div", { id: "reading" }), drift = svg("svg", { id: "drift", role: "img", class: "strip" }), errors = svg("svg", { id: "errors", role: "img", class: "strip" }), off = h("p", { id: "off", className: "dim" });
@@ -45,8 +45,8 @@ export function open(root, id) {
     h("section", {}, h("h2", {}, h("label", { htmlFor: "runs" }, t("run"))), h("div", { className: "row" }, chooser), says, why, step, bar, h("div", { className: "row" }, done, left),
       h("div", { className: "row" }, pause, resume, restation), individual),
     h("section", {}, h("h2", {}, t("lastReading")), reading), lease, files,
-    h("section", wide, h("h2", {}, t("runPicture")), picture, legend()),
-    h("section", wide, h("h2", {}, t("drift")), drift, off), h("section", wide, h("h2", {}, t("errors")), errors, h("p", { className: "dim" }, t("errorsHint"))),
+    h("section", { className: "picture" }, h("h2", {}, t("runPicture")), picture, legend()),
+    h("div", { className: "strips" }, h("section", {}, h("h2", {}, t("drift")), drift, off), h("section", {}, h("h2", {}, t("errors")), errors, h("p", { className: "dim" }, t("errorsHint")))),
     poses, h("section", wide, h("h2", {}, t("events")), list));
   const none = h("section", wide, h("p", { className: "big" }, t("noRun")), h("p", {}, h("a", { href: "#/campaigns", className: "do" }, t("toCampaigns"))));
   root.append(none, desks);

@@ -42,13 +42,17 @@ export function scenePicture(name) {
       ...(model.obstacles || []).flatMap((o) => (o.kind === "box" ? [o.low_mm, o.high_mm] : o.kind === "post" ? [o.from_mm, o.to_mm] : [])),
     ];
     const ends = [0, 1, 2].map((i) => [Math.min(0, ...points.map((p) => p[i])), Math.max(1, ...points.map((p) => p[i]))]);
-    const centre = ends.map(([low, high]) => (low + high) / 2), reach = Math.hypot(...ends.map(([low, high]) => high - low)) / 2 + 60;
-    const scale = zoom * (Math.min(W, H) / 2 - EDGE) / reach * 1.18;
     const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+    const turn = ([x, y, z]) => {
+      const depth = x * ca + y * sa;
+      return [-x * sa + y * ca, z * ce - depth * se, depth * ce + z * se];
+    };
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => turn([0, 1, 2].map((axis) => ends[axis][(i >> axis) & 1] + (((i >> axis) & 1) * 2 - 1) * 60)));
+    const [across, up] = [0, 1].map((i) => [Math.min(...corners.map((c) => c[i])), Math.max(...corners.map((c) => c[i]))]);
+    const scale = zoom * Math.min((W - 2 * EDGE) / (across[1] - across[0]), (H - 2 * EDGE) / (up[1] - up[0]));
     const at = (p) => {
-      const [x, y, z] = add(p, centre, -1);
-      const depth = x * ca + y * sa, right = -x * sa + y * ca;
-      return [W / 2 + scale * right, H / 2 - scale * (z * ce - depth * se), depth * ce + z * se];
+      const [right, high, depth] = turn(p);
+      return [W / 2 + scale * (right - (across[0] + across[1]) / 2), H / 2 - scale * (high - (up[0] + up[1]) / 2), depth];
     };
     return { at, scale, ends };
   }
@@ -122,6 +126,6 @@ function beam(at, station, ends) {
   const origin = [0, 1, 2].map((i) => (ends[i][0] + ends[i][1]) / 2), to = add(station, origin, -1), far = Math.hypot(...to);
   const reach = Math.min(1, 0.5 * Math.hypot(...ends.map(([low, high]) => high - low)) / far);
   const [x1, y1] = at(add(origin, to, reach * 0.75)), [x2, y2] = at(add(origin, to, reach));
-  return [svg("line", { x1, y1, x2, y2, class: "beam" }), svg("text", { x: Math.min(Math.max(x2, 60), W - 60), y: Math.min(Math.max(y2 - 8, 16), H - 8), "text-anchor": "middle" },
+  return [svg("line", { x1, y1, x2, y2, class: "beam" }), svg("text", { x: Math.min(Math.max(x2, 60), W - 60), y: Math.min(Math.max(y2 + 20, 16), H - 8), "text-anchor": "middle" },
     t("stationAway", { m: (far / 1000).toFixed(1) }))];
 }

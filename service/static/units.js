@@ -30,5 +30,5 @@ export function timeLeft(of, looking, now = new Date()) {
 
 export const state = (name) => t(`state_${name}`);
 // Not by colour alone: every state has a sign of its own.
-const SIGNS = { draft: "○", ready: "○", running: "▶", waiting_for_operator: "✋", paused: "⏸", succeeded: "✔", failed: "✖", stopped: "■" };
+const SIGNS = { draft: "○", ready: "○", running: "▶", waiting_for_operator: "?", paused: "‖", succeeded: "✔", failed: "✖", stopped: "■" };
 export const sign = (name) => SIGNS[name] || "•";
