@@ -36,18 +36,18 @@ function one(root, id) {
 }
 
 // The nodes of a report in a shadow tree of its own, so that neither its style nor its names meet the page's. Its style
-// comes as a style sheet made here, since the policy of the page takes none from markup; scripts were never run.
+// comes as a style sheet made here, since the policy of the page takes none from markup, not even from markup that is only
+// read; scripts were never run.
 export function adopt(place, html) {
-  const report = new DOMParser().parseFromString(html, "text/html"), shadow = place.attachShadow({ mode: "open" });
+  const css = [], plain = html.replace(/<style[^>]*>([\s\S]*?)<\/style>/gi, (_, rules) => { css.push(rules); return ""; }).replace(/\sstyle="/gi, ' data-style="');
+  const report = new DOMParser().parseFromString(plain, "text/html"), shadow = place.attachShadow({ mode: "open" });
   for (const each of report.querySelectorAll("script, iframe, object, embed, link, meta, base, form")) each.remove();
-  const css = [...report.querySelectorAll("style")].map((each) => { const rules = each.textContent; each.remove(); return rules; });
   const sheets = css.map((rules) => { const sheet = new CSSStyleSheet(); sheet.replaceSync(rules.replace(/(^|[\s,}])body\b/g, "$1.report-body").replace(/(^|[\s,}]):root\b/g, "$1:host")); return sheet; });
   shadow.adoptedStyleSheets = sheets;
   const body = h("div", { className: "report-body", lang: report.documentElement.lang || "en" });
   body.append(...[...report.body.childNodes].map((node) => document.importNode(node, true)));
   for (const each of body.querySelectorAll("*")) {
-    const style = each.getAttribute("style");
-    if (style !== null) { each.removeAttribute("style"); each.style.cssText = style; }
+    if (each.dataset && each.dataset.style !== undefined) { each.style.cssText = each.dataset.style; delete each.dataset.style; }
     for (const { name, value } of [...each.attributes]) if (/^on/i.test(name) || (/^(xlink:)?(href|src)$/i.test(name) && !/^(#|data:image\/)/i.test(value))) each.removeAttribute(name);
   }
   shadow.append(body);

@@ -3,7 +3,7 @@
 import { ask, keepFile, key, reckoned, upload } from "./connection.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, fill, h, numeric, table } from "./dom.js";
-import { COLLECTIONS, results, rowOfDataset, rowOfJob } from "./given.js";
+import { results, rowOfDataset, rowOfJob } from "./given.js";
 import { ladder } from "./ladder.js";
 import { scenePicture } from "./scene.js";
 import { duration, length, moment, number, sign, state } from "./units.js";
@@ -12,15 +12,6 @@ import { t } from "./words.js";
 const MOST = 40;
 
 export const open = (root, id) => (id ? one(root, id) : all(root));
-
-// Of which kind a result is nobody says in its name: the service is asked.
-export async function resultOf(id) {
-  for (const [kind, collection] of [...Object.entries(COLLECTIONS), ["loop", "loops"]]) {
-    try { return { kind, ...(await ask("GET", `/${collection}/${id}`)) }; }
-    catch (error) { if (error.status !== 404) throw error; }
-  }
-  throw new Error(t("noResult", { id }));
-}
 
 function all(root) {
   const list = h("ul", { className: "list", ariaLabel: t("results") }), loops = h("ul", { className: "list", ariaLabel: t("loops") });
@@ -62,7 +53,7 @@ function one(root, id) {
       job.run_id && h("a", { href: `#/run/${job.run_id}`, className: "do" }, t("toRun")),
       ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
       ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
-    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && COLLECTIONS[job.kind] !== "alignments" ? findings() : []));
+    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : []));
   }
 
   function findings() {
@@ -112,7 +103,7 @@ function one(root, id) {
   }
 
   const look = async () => {
-    if (!job || ["ready", "running", "waiting_for_operator", "paused"].includes(job.state)) job = job ? { kind: job.kind, ...(await ask("GET", `/${COLLECTIONS[job.kind] || "loops"}/${id}`)) } : await resultOf(id);
+    if (!job || ["ready", "running", "waiting_for_operator", "paused"].includes(job.state)) job = await ask("GET", `/results/${id}`);
     show();
     if (!drawn && job.result && picture.isConnected) await draw().catch((error) => { if (error.status === 404) picture.replaceWith(h("p", {}, t("noArrows"))); else throw error; });
   };

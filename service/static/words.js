@@ -183,7 +183,6 @@ const WORDS = {
   notConverged: ["It has not converged: no model.", "Nicht konvergiert: kein Modell."],
   kind_identification: ["identification", "Identifikation"], kind_diagnosis: ["diagnosis", "Diagnose"], kind_regression: ["regression", "Regression"], kind_alignment: ["alignment", "Zuordnung"], kind_loop: ["loop", "Schleife"],
   result: ["Result", "Ergebnis"], results: ["Results", "Ergebnisse"],
-  noResult: ["There is no result {id}. Look in the list of results.", "Es gibt kein Ergebnis {id}. Sehen Sie in der Liste der Ergebnisse nach."],
   waitsForTurn: ["waits for its turn", "wartet, bis sie dran ist"], sinceThen: ["since {time}", "seit {time}"], toRun: ["To the run", "Zum Lauf"],
   ladder: ["Position error, RMS on held-out readings", "Positionsfehler, RMS auf zurückgehaltenen Messungen"],
   ladderCaption: ["Position error by model, mm", "Positionsfehler je Modell, mm"],

@@ -83,6 +83,19 @@ class ArrowsShown(Answered):
     arrows: list[ArrowShown]
 
 
+class ResultShown(Answered):
+    """What all results have: those of jobs have the members of a job besides, those of loops the members of a loop."""
+
+    id: str
+    kind: str
+    state: str
+    version: int
+    created_utc: str
+    result: dict[str, Any] | None
+    problem: dict[str, Any] | None
+    report: str | None
+
+
 class SceneShown(Answered):
     """A cell as a picture needs it."""
 

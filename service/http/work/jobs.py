@@ -124,6 +124,11 @@ class Jobs:
             else None,
         }
 
+    def kind_of(self, name: str) -> str | None:
+        """The kind of the job with this id; None where there is none."""
+        known = (kind for kind, folder in _FOLDERS.items() if (self._record / folder / name / JOB).is_file())
+        return next(known, None) if safe_id(name) else None
+
     def _step(self, folder: Path) -> str:
         """What the job in hand does now; empty before it has said so."""
         with suppress(Problem):
