@@ -62,7 +62,7 @@ function one(root, id) {
     if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
     if ((r.power || []).length) whole.push(h("section", wide, h("h2", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
-      table(t("power"), [t("effect"), t("smallest"), t("unit")], r.power.map((each) => [each.label, numeric(each.smallest === null ? t("notSeen") : number(each.smallest)), each.unit]))));
+      powerTable(r.power)));
     const said = [...(r.warnings || []), ...(r.notes || [])];
     if (said.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", { lang: "en" }, said.map((each) => h("li", {}, each)))));
     if (!looksOn() && r.converged !== false) whole.push(programs());
@@ -108,6 +108,20 @@ function one(root, id) {
     if (!drawn && job.result && picture.isConnected) await draw().catch((error) => { if (error.status === 404) picture.replaceWith(h("p", {}, t("noArrows"))); else throw error; });
   };
   return { look, show };
+}
+
+// One row a kind of effect, one column a joint; what acts on no joint stands in the first.
+function powerTable(power) {
+  const kinds = new Map(), joints = new Set();
+  for (const { label, smallest, unit } of power) {
+    const [kind, , joint] = label.match(/^(.*?)(:j(\d+))?$/).slice(1), key = `${kind}, ${unit}`;
+    if (joint) joints.add(Number(joint));
+    if (!kinds.has(key)) kinds.set(key, {});
+    kinds.get(key)[joint || ""] = smallest === null ? t("notSeen") : number(smallest, smallest >= 100 ? 0 : 3);
+  }
+  const columns = [...joints].sort((a, b) => a - b), some = [...kinds.values()].some((row) => row[""] !== undefined);
+  return table(t("power"), [t("effect"), ...(some ? [t("noJoint")] : []), ...columns.map((joint) => `${t("joint")} ${joint}`)],
+    [...kinds].map(([key, row]) => [key, ...(some ? [""] : []), ...columns].map((joint, i) => (i ? numeric(row[joint] ?? "") : joint))));
 }
 
 function effect(each) {

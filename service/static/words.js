@@ -199,7 +199,7 @@ const WORDS = {
   size: ["Size", "Größe"], standardError: ["standard error", "Standardfehler"], explains: ["explains {percent} % of what was left", "erklärt {percent} % des Rests"], orElse: ["Or else", "Oder"], checkIt: ["Check", "Prüfen"],
   power: ["What these readings could have shown", "Was diese Messungen hätten zeigen können"],
   powerHint: ["The smallest size of each effect that would have been found. What is smaller may still be there.", "Die kleinste Größe jedes Effekts, die gefunden worden wäre. Was kleiner ist, kann noch da sein."],
-  smallest: ["Smallest", "Kleinste"], unit: ["Unit", "Einheit"], notSeen: ["not seen", "nicht zu sehen"], notes: ["Notes", "Hinweise"],
+  noJoint: ["any", "ohne Gelenk"], notSeen: ["not seen", "nicht zu sehen"], notes: ["Notes", "Hinweise"],
   arrowPicture: ["Errors in space", "Fehler im Raum"], noArrows: ["There is no picture of errors for this one.", "Hierfür gibt es kein Bild der Fehler."], errorsOf: ["Errors of", "Fehler von"],
   arrowScale: ["{n} of {of} readings; arrows {times} times enlarged, the longest is {mm} mm", "{n} von {of} Messungen; Pfeile {times}-fach vergrößert, der längste ist {mm} mm"],
   arrowsBefore: ["Errors of the nominal robot as arrows, the longest {mm} mm", "Fehler des Nennroboters als Pfeile, der längste {mm} mm"], arrowsAfter: ["Errors with this model as arrows, the longest {mm} mm", "Fehler mit diesem Modell als Pfeile, der längste {mm} mm"],

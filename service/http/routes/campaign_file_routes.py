@@ -28,7 +28,9 @@ def _table(content: bytes) -> dict[str, Any]:
 def upload_campaign(
     here: Here,
     toml: Annotated[UploadFile, File(description="campaign.toml")],
-    name: Annotated[str, Form(max_length=200)] = "",
+    name: Annotated[
+        str, Form(max_length=200, description="By which people know it.", examples=["night 1"])
+    ] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
     """Keep a campaign file, to be run by its id; refused with line or key where it cannot be used."""

@@ -20,9 +20,16 @@ from service.results.price import price_of
 from service.results.scene import scene_of
 
 router = APIRouter(route_class=JsonRoute, tags=["plans"])
-Number = Annotated[int, Path(ge=0, le=2**31, description="Number of the visit in the plan.")]
+Number = Annotated[
+    int, Path(ge=0, le=2**31, description="Number of the visit in the plan, from 0 on.", examples=[17])
+]
 Joints = Annotated[
-    str, Query(max_length=400, description="Joint angles of the robot, deg, with commas; none: at home.")
+    str,
+    Query(
+        max_length=400,
+        description="Joint angles of the robot, deg, with commas; none: at home.",
+        examples=["0,20,-30,0,45,0"],
+    ),
 ]
 
 

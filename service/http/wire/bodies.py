@@ -281,12 +281,6 @@ class JobKept(Answered):
     created_utc: str
 
 
-class StepKept(Answered):
-    """What a job said last that it does."""
-
-    step: str
-
-
 class ProblemKept(Answered):
     """The kept reason why a job could not be done."""
 
@@ -307,7 +301,6 @@ class JobShown(Answered):
     state: str
     state_code: int
     version: int
-    step: str = ""
     result: dict[str, Any] | None
     problem: dict[str, Any] | None
     report: str | None

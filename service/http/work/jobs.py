@@ -22,7 +22,7 @@ from calib.text import replace_file
 from service import job
 from service.files import as_json
 from service.http.wire import problems
-from service.http.wire.bodies import Answered, JobKept, ProblemKept, StepKept
+from service.http.wire.bodies import Answered, JobKept, ProblemKept
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.kept import read_kept, readable
@@ -132,7 +132,7 @@ class Jobs:
     def _step(self, folder: Path) -> str:
         """What the job in hand does now; empty before it has said so."""
         with suppress(Problem):
-            return read_kept(folder / STEP, StepKept).get("step", "")
+            return str(read_kept(folder / STEP, Answered).get("step", ""))
         return ""
 
     def _problem(self, folder: Path) -> dict[str, Any]:
