@@ -83,7 +83,7 @@ function look() { awake(); }  // now, rather than at the next beat
 desk.look = async () => {
   await refresh();
   head();
-  if (!at || at === "run/") go(!at);
+  if (!at || !location.hash) go(!at);  // who has chosen no view is shown the run that begins
   if (view) await view.look();
 };
 

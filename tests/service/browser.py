@@ -78,7 +78,8 @@ class Page:
         return got["result"].get("value")
 
     def text(self, selector: str) -> str:
-        return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
+        """Of the first such element; empty where there is none (yet)."""
+        return self.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
     def press(self, key: str, *, held: bool = False) -> None:
         """A key, to whatever has the focus; `held`: one that has been down for a while, and repeats."""
