@@ -39,7 +39,7 @@ export function table(caption, heads, rows) {
     return i ? h("td", { className: right(value) ? "n" : null }, content ?? "–") : h("th", { scope: "row" }, content ?? "–");
   };
   return h("div", { className: "scroll", tabIndex: 0, role: "group", ariaLabel: caption },
-    h("table", {}, h("caption", {}, caption), h("thead", {}, h("tr", {}, heads.map((each, i) => h("th", { scope: "col", className: i && rows.length && rows.every((row) => right(row[i])) ? "n" : null }, each)))),
+    h("table", {}, h("caption", {}, caption), h("thead", {}, h("tr", {}, heads.map((each, i) => h(each ? "th" : "td", { scope: each ? "col" : null, className: i && rows.length && rows.every((row) => right(row[i])) ? "n" : null }, each)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }
 

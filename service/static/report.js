@@ -39,7 +39,8 @@ function one(root, id) {
 // comes as a style sheet made here, since the policy of the page takes none from markup, not even from markup that is only
 // read; scripts were never run.
 export function adopt(place, html) {
-  const css = [], plain = html.replace(/<style[^>]*>([\s\S]*?)<\/style>/gi, (_, rules) => { css.push(rules); return ""; }).replace(/\sstyle="/gi, ' data-style="');
+  const css = [], plain = html.replace(/<style[^>]*>([\s\S]*?)<\/style>/gi, (_, rules) => { css.push(rules); return ""; }).replace(/\sstyle="/gi, ' data-style="')
+    .replace(/<(\/?)main\b/gi, "<$1div");  // the page has its own main part
   const report = new DOMParser().parseFromString(plain, "text/html"), shadow = place.attachShadow({ mode: "open" });
   for (const each of report.querySelectorAll("script, iframe, object, embed, link, meta, base, form")) each.remove();
   const sheets = css.map((rules) => { const sheet = new CSSStyleSheet(); sheet.replaceSync(rules.replace(/(^|[\s,}])body\b/g, "$1.report-body").replace(/(^|[\s,}]):root\b/g, "$1:host")); return sheet; });
