@@ -68,7 +68,7 @@ function one(root, id) {
   const plan = h("section", { className: "wide", hidden: true }, h("h2", {}, t("checked")), verdict, picture);
   const begin = (path, more = {}) => order(async () => {
     const made = await ask("POST", path, { campaign_id: id, dry_run: false, name: campaign.name, ...more }, moving());
-    location.hash = `#/run/${made.runs ? "" : made.id}`;
+    location.hash = made.runs ? `#/result/${made.id}` : `#/run/${made.id}`;
   });
   const check = button(t("dryRun"), () => order(async () => {
     verdict.textContent = t("checking"); plan.hidden = false;

@@ -32,6 +32,6 @@ export function eventList() {
     list.prepend(...events.slice(-MOST).reverse().map((event) => h("li", {}, h("span", {}, clock(new Date(event.utc))), h("span", {}, event.kind.replaceAll("_", " ")), h("span", {}, summary(event)))));
     while (list.childElementCount > MOST) list.lastElementChild.remove();
   };
-  list.warmingUntil = () => (until ? new Date(until.utc.getTime() + 1000 * until.seconds / (list.scale || 1)) : null);
+  list.warmingUntil = () => (until ? new Date(until.utc.getTime() + 1000 * until.seconds) : null);
   return list;
 }

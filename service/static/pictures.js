@@ -57,7 +57,7 @@ function bar(x1, y1, x2, y2) {
 
 function span(scene, one, other) {
   const row = (names, y) => names.map((each, i) => [each, [(W * (i + 1)) / (names.length + 1), y]]);
-  const places = [...row(Object.keys(scene.tool_mm), 52), ...row(Object.keys(scene.nests_mm), H - 52)], of = Object.fromEntries(places);
+  const places = [...row(Object.keys(scene.tool_mm), 58), ...row(Object.keys(scene.nests_mm), H - 58)], of = Object.fromEntries(places);
   const [a, b] = [of[one], of[other]];
   return [svg("rect", { x: 24, y: 8, width: W - 48, height: 30, rx: 6, class: "flange" }), label(W / 2, 28, t("tool")),
     svg("rect", { x: 24, y: H - 36, width: W - 48, height: 28, rx: 6, class: "floor" }), label(W / 2, H - 17, t("base")),
@@ -65,7 +65,7 @@ function span(scene, one, other) {
     ...places.flatMap(([each, [x, y]]) => {
       const here = each === one || each === other;
       return [...(here ? [svg("circle", { cx: x, cy: y, r: 22, class: "ring" })] : []), svg("circle", { cx: x, cy: y, r: here ? 11 : 7, class: here ? "ball" : "empty" }),
-        label(x + (here ? 34 : 20), y + 5, each, here)];
+        label(x, y < H / 2 ? y + (here ? 40 : 26) : y - (here ? 30 : 16), each, here)];
     })];
 }
 

@@ -49,10 +49,10 @@ export function promptCard() {
     if (!prompt) { asked = armed = ""; drawn = null; return; }
     const fresh = asked !== prompt.id;
     if (fresh) {
-      const mine = promptWords(prompt), translated = language() !== "en" && mine;
+      const mine = promptWords(prompt);  // short, in the language of the page; the service says it with all figures
       asked = prompt.id; armed = ""; reason.value = "";
-      question.textContent = translated || prompt.text; question.lang = translated ? language() : "en";
-      original.textContent = translated ? prompt.text : "";
+      question.textContent = mine || prompt.text; question.lang = mine ? language() : "en";
+      original.textContent = mine && mine !== prompt.text ? prompt.text : "";
       setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);
     }
     if (drawn !== prompt.id && (scene || !prompt.picture)) { drawn = prompt.id; picture.replaceChildren(...[promptPicture(prompt, scene)].filter(Boolean)); }

@@ -35,9 +35,9 @@ function all(root) {
 }
 
 function one(root, id) {
-  const head = h("h2", {}), says = h("p", { className: "big", id: "job", role: "status" }), step = h("p", { id: "step" }), bar = h("progress", { ariaLabel: t("working"), hidden: true });
+  const head = h("h2", {}), says = h("p", { className: "big", id: "job", role: "status" }), step = h("p", { id: "step" }), bar = h("progress", { ariaLabel: t("working"), hidden: true }), steps = h("ol", { lang: "en" });
   const files = h("div", { className: "row" }), body = h("div", { className: "views wide" }), picture = scenePicture(t("arrowPicture"));
-  root.append(h("section", { className: "wide" }, head, says, step, bar, files), body);
+  root.append(h("section", { className: "wide" }, head, says, step, bar, steps, files), body);
   let job = null, drawn = false;
 
   const orders = (verb) => button(t(verb), () => order(() => ask("POST", `/loops/${id}/${verb}`, verb === "resume" ? {} : undefined, { ...(desk.lease ? { "Lease-Id": desk.lease.lease_id } : {}), ...key() })), { id: `loop-${verb}` });
@@ -45,12 +45,13 @@ function one(root, id) {
   function show() {
     if (!job) return;
     const busy = ["ready", "running", "waiting_for_operator", "paused"].includes(job.state), since = (Date.now() - new Date(job.created_utc)) / 1000;
-    head.textContent = `${t(`kind_${job.kind}`)} ${job.name || ""} ${moment(new Date(job.created_utc))}`;
+    head.textContent = [t(`kind_${job.kind}`), job.name, moment(new Date(job.created_utc))].filter(Boolean).join(" · ");
     says.textContent = `${sign(job.state)} ${state(job.state)}`;
     step.textContent = busy ? [job.step || (job.state === "ready" ? t("waitsForTurn") : ""), t("sinceThen", { time: duration(since) })].filter(Boolean).join(" · ") : job.reason || "";
     bar.hidden = !busy || job.state === "paused";
+    fill(steps, job.steps || [], () => (job.steps || []).map((each) => h("li", {}, each)));
     fill(files, [job.state, Boolean(job.report), looksOn(), job.run_id, Boolean(desk.lease)], () => [
-      job.run_id && h("a", { href: `#/run/${job.run_id}`, className: "do" }, t("toRun")),
+      ...(job.run_id ? [job.run_id] : job.runs || []).map((each) => h("a", { href: `#/run/${each}`, className: "do" }, `${t("toRun")} ${each.split("-").slice(3).join(" ")}`)),
       ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
       ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
     fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : []));

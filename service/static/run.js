@@ -100,7 +100,7 @@ export function open(root, id) {
     step.textContent = desk.loop && run.id.startsWith(desk.loop.id) ? `${t("loop")}: ${desk.loop.step}` : "";
     bar.max = Math.max(run.total, 1); bar.value = run.done;
     done.textContent = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : "");
-    left.textContent = silent ? "" : run.dry_run && run.seconds_left ? t("wouldTake", { time: duration(run.seconds_left) }) : warming() || timeLeft(run, looking);
+    left.textContent = silent ? "" : run.dry_run && run.seconds_left ? t("wouldTake", { time: duration(run.seconds_left) }) : [warming(), timeLeft(run, looking)].filter(Boolean).join(" · ");
     pause.disabled = silent || !active;
     resume.disabled = silent || !(["paused", "stopped", "ready"].includes(run.state) && desk.lease) || run.dry_run;
     restation.disabled = silent || looking || run.dry_run || ENDED.includes(run.state);
@@ -115,7 +115,8 @@ export function open(root, id) {
   // Until when the arm is warming up: the last word of the record about it that nothing has followed.
   function warming() {
     const until = list.warmingUntil();
-    return run.state === "running" && until && until > new Date() ? t("warming", { at: moment(until) }) : "";
+    if (run.state !== "running" || !until) return "";
+    return run.simulated ? t("warmingFast") : until > new Date() ? t("warming", { at: moment(until) }) : "";
   }
 
   function showReading(data) {

@@ -48,6 +48,7 @@ const WORDS = {
   waitsForYou: ["waiting for you", "wartet auf Sie"],
   waitsForOperator: ["waiting for the operator", "wartet auf den Bediener"],
   warming: ["warming up until {at}", "läuft warm bis {at}"],
+  warmingFast: ["warming up, faster than a clock", "läuft warm, schneller als eine Uhr"],
   wouldTake: ["would take {time}", "würde {time} dauern"],
   // states
   state_draft: ["draft", "Entwurf"], state_ready: ["ready", "bereit"], state_running: ["running", "läuft"],
