@@ -41,7 +41,9 @@ def plan_of_record(record: Path) -> dict[str, Any]:
         visit = visits.setdefault(each.visit.number, each.visit)
         k = sum(1 for number, _ in statuses if number == visit.number)
         statuses[visit.number, k] = (each.id, each.status)
-    return _document(cell, list(visits.values()), statuses, forecast_of(record))
+    return _document(
+        cell, list(visits.values()), statuses, forecast_of(record), looking=False
+    )  # asked for often
 
 
 def _document(
@@ -49,6 +51,8 @@ def _document(
     visits: Sequence[Visit],
     statuses: Mapping[tuple[int, int], tuple[int | None, str]],
     forecast: Forecast,
+    *,
+    looking: bool = True,
 ) -> dict[str, Any]:
     posed = [visit for visit in visits if visit.kind == "pose"]
     places = _places(cell, posed)
@@ -77,7 +81,7 @@ def _document(
                 ],
             }
         )
-    way, detours = _way(cell, posed)
+    way, detours = _way(cell, posed, looking and len(posed) <= MOST_WAYS)
     return {
         "format": FORMAT,
         "visits": shown,
@@ -116,12 +120,12 @@ def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[floa
     }
 
 
-def _way(cell: Cell, posed: Sequence[Visit]) -> tuple[list[list[float]], int | None]:
-    """The way of the first target through all poses, and over home how often; None where there are too many to look."""
+def _way(cell: Cell, posed: Sequence[Visit], looking: bool) -> tuple[list[list[float]], int | None]:
+    """The way of the first target through all poses, and over home how often; None without looking for that."""
     if not posed:
         return [], 0
     stops: list[tuple[float, ...]] = [posed[0].joints_deg]
-    look = Transit(cell).way if len(posed) <= MOST_WAYS else None
+    look = Transit(cell).way if looking else None
     detours = 0
     for before, visit in pairwise(posed):
         last = before.waypoints[-1] if before.waypoints else before.joints_deg

@@ -50,8 +50,8 @@ function head() {
   document.title = `${silent ? `${t("noConnection")} · ` : busy ? `${state(busy.state)} · ` : ""}${cell.name} · ${$("where").textContent}`;
   $("simulated").hidden = !cell.simulated;
   $("viewer").hidden = !looksOn();
-  const asks = busy && busy.prompt && !at.endsWith(busy.id);
-  fill($("busy"), [busy && [busy.id, busy.state, busy.done, busy.total], loop && loop.step, Boolean(asks), silent, language()], () => silent || !(busy || loop) ? []
+  const here = busy && at === `run/${busy.id}`, asks = busy && busy.prompt;
+  fill($("busy"), [busy && [busy.id, busy.state, busy.done, busy.total], loop && loop.step, Boolean(asks), here, silent, language()], () => silent || here || !(busy || loop) ? []
     : h("a", { href: busy ? `#/run/${busy.id}` : `#/result/${loop.id}`, className: asks ? "asks" : "" },
       busy ? `${sign(busy.state)} ${asks ? t("asksYou") : state(busy.state)} · ${busy.done}/${busy.total}` : `${t("loop")}: ${loop.step}`));
 }

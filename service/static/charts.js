@@ -45,7 +45,7 @@ export function strip(target, series, { limit, name, joined = true }) {
 
 // Horizontal bars of one scale for all, `rows` [[name, value mm, words]].
 export function bars(name, rows) {
-  const W = 640, row = 34, most = Math.max(1e-6, ...rows.map(([, value]) => value || 0));
+  const W = innerWidth < 700 ? 340 : 640, row = 34, most = Math.max(1e-6, ...rows.map(([, value]) => value || 0));
   return svg("svg", { viewBox: `0 0 ${W} ${row * rows.length}`, role: "img", "aria-label": `${name}: ${rows.map(([each, , words]) => `${each} ${words}`).join("; ")}`, class: "bars" },
     rows.flatMap(([each, value, words], i) => [
       svg("rect", { x: 0, y: i * row + 17, width: W * 0.8, height: 11, class: "back" }),

@@ -15,7 +15,7 @@ import { scenePicture } from "./scene.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
-const ENDED = ["succeeded", "failed"], MOST_RUNS = 200;
+const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000;
 
 // What an order concerns: the loop that has the robot, else the run that is shown.
 const subject = (run) => (desk.cell && desk.cell.loop_id && run.id.startsWith(desk.cell.loop_id) ? `/loops/${desk.cell.loop_id}` : `/runs/${run.id}`);
@@ -143,13 +143,14 @@ export function open(root, id) {
     desks.hidden = false; chooser.value = id;
     show();
     if (!scene && desk.cell) scene = await reckoned("/cell/scene").catch(() => null);
-    if (again || !plan || (run.version > planned && (!run.dry_run && (run.done !== plan.done || run.skipped !== plan.skipped)))) await replan();
+    const changed = plan && !run.dry_run && (run.done !== plan.done || run.skipped !== plan.skipped), rested = Date.now() - planned > REPLAN_MS || run.done === run.total;
+    if (again || !plan || (changed && rested)) await replan();
     show();
     await files.look(run);
   }
 
   async function replan() {
-    planned = run.version;
+    planned = Date.now();
     plan = await reckoned(`/runs/${id}/plan`).catch((error) => { if (!plan && error.status) return null; throw error; });
     if (!plan) return;
     Object.assign(plan, { done: run.done, skipped: run.skipped });
@@ -159,7 +160,8 @@ export function open(root, id) {
     }
     judge(); strips();
     const last = run.last_reading, now = last && plan.visits.find((visit) => visit.readings.some((each) => each.id === last.pose)), after = now && !ENDED.includes(run.state) ? now.number : null;
-    if (scene) picture.show({ ...scene, way_mm: plan.way_mm, marks: marks(plan, after), described: t("runDescribed", { done: run.done, total: run.total }) });
+    const there = now && now.joints_deg.length ? await reckoned(`/cell/scene?joints_deg=${now.joints_deg.join(",")}`).catch(() => scene) : scene;
+    if (there) picture.show({ ...there, way_mm: plan.way_mm, marks: marks(plan, after), described: t("runDescribed", { done: run.done, total: run.total }) });
   }
 
   if (id) follow(id, control, { hear, over: () => Boolean(run && ENDED.includes(run.state)), lost: () => desk.look() });

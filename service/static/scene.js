@@ -5,7 +5,7 @@
 import { button, h, svg } from "./dom.js";
 import { t } from "./words.js";
 
-const W = 800, H = 560, EDGE = 34, TURN = Math.PI / 12;
+const W = 800, H = 560, EDGE = 14, ROOM = 110, TURN = Math.PI / 12;
 const VIEWS = { oblique: [-0.9, 0.45], front: [-Math.PI / 2, 0], side: [0, 0], top: [-Math.PI / 2, Math.PI / 2] };
 const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
 
@@ -47,8 +47,11 @@ export function scenePicture(name) {
       const depth = x * ca + y * sa;
       return [-x * sa + y * ca, z * ce - depth * se, depth * ce + z * se];
     };
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => turn([0, 1, 2].map((axis) => ends[axis][(i >> axis) & 1] + (((i >> axis) & 1) * 2 - 1) * 60)));
-    const [across, up] = [0, 1].map((i) => [Math.min(...corners.map((c) => c[i])), Math.max(...corners.map((c) => c[i]))]);
+    const floor = [0, 1, 2, 3].map((i) => [...[0, 1].map((axis) => ends[axis][(i >> axis) & 1]), 0]);
+    const [across, up] = [0, 1].map((i) => {
+      const seen = [...points, ...floor].map((p) => turn(p)[i]);
+      return [Math.min(...seen) - ROOM, Math.max(...seen) + ROOM];
+    });
     const scale = zoom * Math.min((W - 2 * EDGE) / (across[1] - across[0]), (H - 2 * EDGE) / (up[1] - up[0]));
     const at = (p) => {
       const [right, high, depth] = turn(p);
@@ -126,6 +129,6 @@ function beam(at, station, ends) {
   const origin = [0, 1, 2].map((i) => (ends[i][0] + ends[i][1]) / 2), to = add(station, origin, -1), far = Math.hypot(...to);
   const reach = Math.min(1, 0.5 * Math.hypot(...ends.map(([low, high]) => high - low)) / far);
   const [x1, y1] = at(add(origin, to, reach * 0.75)), [x2, y2] = at(add(origin, to, reach));
-  return [svg("line", { x1, y1, x2, y2, class: "beam" }), svg("text", { x: Math.min(Math.max(x2, 60), W - 60), y: Math.min(Math.max(y2 + 20, 16), H - 8), "text-anchor": "middle" },
+  return [svg("line", { x1, y1, x2, y2, class: "beam" }), svg("text", { x: x2 > W - 200 ? x2 - 8 : x2 + 8, y: Math.min(Math.max(y2 + 5, 16), H - 8), "text-anchor": x2 > W - 200 ? "end" : "start" },
     t("stationAway", { m: (far / 1000).toFixed(1) }))];
 }

@@ -62,7 +62,7 @@ class PlanShown(Answered):
         list[list[float]], _told("The way of the first target of the tool, as points, mm.", [_POINT])
     ]
     detours: Annotated[
-        int | None, _told("The number of ways over home; null where there are too many to look.", 8)
+        int | None, _told("The number of ways over home, in a dry run of at most 400 poses; else null.", 8)
     ]
     seconds: Annotated[float, _told("What the whole plan takes, s.", 5413.5)]
     noise_mm: Annotated[
