@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.campaign import setup_of
 from acquisition.cell import cell_of_record
 from acquisition.record import Store
 from acquisition.run import forecast_of
-from calib.array import Array
 from calib.errors import DataError
 from calib.fit import expanded
 from calib.selection import Candidates, candidates_of
@@ -56,7 +56,7 @@ def price_of(record: Path, number: int) -> dict[str, Any] | None:
         joints = np.vstack([[each.visit.joints_deg for each in fitted], drawn])
         found = candidates_of(setup_of(cell, names), cell.robot.model_angles(joints))
         mine = np.array([each.visit.number == number for each in fitted])
-        which = np.array([names.index(each.target) for each in fitted])
+        which = np.array([names.index(each.target) for each in fitted], dtype=np.int64)
         u, without = (_predicted(found, rows, which) for rows in (np.ones(len(mine), dtype=bool), ~mine))
     return {
         "format": FORMAT,
@@ -70,7 +70,9 @@ def price_of(record: Path, number: int) -> dict[str, Any] | None:
     }
 
 
-def _predicted(found: Candidates, rows: Array, which: Array) -> dict[str, float] | None:
+def _predicted(
+    found: Candidates, rows: NDArray[np.bool_], which: NDArray[np.int64]
+) -> dict[str, float] | None:
     """U over the drawn postures from the readings of a mask (n,), of target `which` (n,) each."""
     n = len(which)
     width = found.rows.shape[-1]

@@ -18,8 +18,8 @@ let view = null, at = "", awake = () => {};
 // -- views ----------------------------------------------------------------------------------------------------
 
 const addressed = () => {
-  const [, name, id] = location.hash.split("/");
-  return VIEWS[name] ? { name, id: id ? decodeURIComponent(id) : "" } : { name: desk.cell && (desk.cell.run_id || desk.cell.loop_id) ? "run" : "cell", id: "" };
+  const [, name, id] = location.hash.match(/^#\/([a-z]+)(?:\/([0-9A-Za-z][0-9A-Za-z-]{0,63}))?$/) || [];  // an id leads nowhere else
+  return Object.hasOwn(VIEWS, name) ? { name, id: id || "" } : { name: desk.cell && (desk.cell.run_id || desk.cell.loop_id) ? "run" : "cell", id: "" };
 };
 
 function go(again = false) {
@@ -84,13 +84,26 @@ desk.look = async () => {
   await refresh();
   head();
   if (!at || !location.hash) go(!at);  // who has chosen no view is shown the run that begins
-  if (view) await view.look();
+  if (view) await lookAt(view);
 };
+
+// One look at a view at a time; who asks during one gets the next, which all share who ask meanwhile. A plan may take
+// long; that the service is silent is noticed by whoever asks for the cell.
+let looking = null, next = null;
+function lookAt(of) {
+  if (!looking || looking.of !== of) {
+    const own = { of, done: of.look().finally(() => { if (looking === own) looking = null; }) };
+    looking = own;
+    return own.done;
+  }
+  next = next || looking.done.catch(() => {}).then(() => { next = null; return view && lookAt(view); });
+  return next;
+}
 
 async function keepUp() {
   while (connection.token) {
     const pause = new Promise((wake) => { awake = wake; });
-    try { await desk.look(); $("link").textContent = ""; }
+    try { await Promise.race([desk.look(), wait(BEAT_MS)]); $("link").textContent = ""; }
     catch (error) { if (error instanceof TypeError) console.error(error); $("link").textContent = error instanceof Silence || !connection.token ? "" : error.message; }
     await Promise.race([pause, wait(BEAT_MS)]);
   }

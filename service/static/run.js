@@ -15,7 +15,7 @@ import { scenePicture } from "./scene.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
-const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000;
+const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000, LIST_MS = 5000;
 
 // What an order concerns: the loop that has the robot, else the run that is shown.
 const subject = (run) => (desk.cell && desk.cell.loop_id && run.id.startsWith(desk.cell.loop_id) ? `/loops/${desk.cell.loop_id}` : `/runs/${run.id}`);
@@ -52,7 +52,7 @@ export function open(root, id) {
   root.append(none, desks);
   none.hidden = desks.hidden = true;
 
-  let run = null, plan = null, scene = null, planned = 0, first = {}, drifts = {}, offs = {}, expected = new Map(), readings = [];
+  let run = null, plan = null, scene = null, planned = 0, first = {}, drifts = {}, offs = {}, expected = new Map(), readings = [], runs = [], listed = 0;
   const control = new AbortController();
 
   // The serial number of another robot or instrument than that of the record, which has kept the run from going on.
@@ -71,7 +71,7 @@ export function open(root, id) {
       readings.push({ data, utc });
     }
     list.add(events); judge(); strips();
-    desk.look();
+    desk.look().catch(() => {});  // the band says it
   }
 
   // Readings against what the nominal robot predicts; a plan that came later, or has changed, judges them all anew.
@@ -131,7 +131,7 @@ export function open(root, id) {
   }
 
   async function look(again = false) {
-    const { runs } = await ask("GET", "/runs");
+    if (!id || Date.now() - listed > LIST_MS) { ({ runs } = await ask("GET", "/runs")); listed = Date.now(); }
     fill(chooser, runs.map((each) => [each.id, each.state]), () => runs.slice(0, MOST_RUNS).map((each) => h("option", { value: each.id }, `${each.name} · ${each.id.slice(0, 15)} · ${state(each.state)}${each.dry_run ? ` (${t("dryRunShort")})` : ""}`)));
     if (!id) {
       const at = desk.cell && desk.cell.run_id ? desk.cell.run_id : desk.cell && desk.cell.loop_id ? null : runs.length ? runs[0].id : null;
@@ -164,7 +164,7 @@ export function open(root, id) {
     if (there) picture.show({ ...there, way_mm: plan.way_mm, marks: marks(plan, after), described: t("runDescribed", { done: run.done, total: run.total }) });
   }
 
-  if (id) follow(id, control, { hear, over: () => Boolean(run && ENDED.includes(run.state)), lost: () => desk.look() });
+  if (id) follow(id, control, { hear, over: () => Boolean(run && ENDED.includes(run.state)), lost: () => desk.look().catch(() => {}) });
   card.addEventListener("late", () => { root.ownerDocument.getElementById("link").textContent = t("answeredAlready"); });
   addEventListener("resize", strips, { signal: control.signal });
   strips();

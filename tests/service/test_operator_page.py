@@ -195,7 +195,7 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
 
             page.value(f"location.hash = '#/run/{run}'")
             enter(page)
-            until(lambda: page.value("Boolean(document.querySelector('#name'))"), 20.0)
+            until(lambda: page.text("#state") == "‖ paused")
             page.value("document.querySelector('#name').focus()")
             page.type("bert")
             page.press("Enter")

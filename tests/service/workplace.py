@@ -18,6 +18,11 @@ _SMALL = f"""
       .filter((each) => each.checkVisibility() && each.getBoundingClientRect().height < 59.5)
       .map((each) => each.outerHTML.slice(0, 90))
 """
+_BEYOND = """
+    [...document.querySelectorAll("#desk *")]
+      .filter((each) => each.getBoundingClientRect().right > 390.5 && !each.closest(".scroll"))
+      .map((each) => each.outerHTML.slice(0, 90))
+"""
 _VIOLATIONS = """
     axe.run(document, { resultTypes: ["violations"] }).then((found) => found.violations
       .map((each) => [each.id, ...each.nodes.slice(0, 4).map((node) => `${node.target}: ${node.failureSummary}`)]))
@@ -67,7 +72,7 @@ def audit(page: Page) -> None:
     page.width(390)
     try:
         wide = page.value("document.documentElement.scrollWidth")
-        assert wide <= 390, (where, wide)
+        assert wide <= 390, (where, wide, page.value(_BEYOND))
         assert page.value(_SMALL) == [], where
         page.value("scrollTo(0, document.body.scrollHeight)")
         assert reachable(page, "#stop"), where
