@@ -1,4 +1,4 @@
-"""The plan of a campaign as a picture and a list need it: every visit, the way between them, and how long it takes.
+"""The plan of a campaign as a picture and a list need it: every visit, the path between them, and how long it takes.
 
 Lengths mm, world frame, of the nominal robot; angles deg, times s of the campaign.
 """
@@ -20,7 +20,7 @@ from acquisition.run import Forecast, forecast_of
 from calib.fit import expanded
 
 FORMAT = "truepose-plan/1"
-MOST_WAYS = 400  # moves that are looked at for a detour over home; it takes some milliseconds each
+MOST_PATHS = 400  # moves that are looked at for a detour over home; it takes some milliseconds each
 _PIECES = 6  # of a move, as it is drawn
 
 
@@ -81,11 +81,11 @@ def _document(
                 ],
             }
         )
-    way, detours = _way(cell, posed, looking and len(posed) <= MOST_WAYS)
+    path, detours = _path(cell, posed, looking and len(posed) <= MOST_PATHS)
     return {
         "format": FORMAT,
         "visits": shown,
-        "way_mm": way,
+        "path_mm": path,
         "detours": detours,
         "seconds": round(forecast.total_s, 1),
         "noise_mm": _noise(cell, posed),
@@ -120,18 +120,18 @@ def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[floa
     }
 
 
-def _way(cell: Cell, posed: Sequence[Visit], looking: bool) -> tuple[list[list[float]], int | None]:
-    """The way of the first target through all poses, and over home how often; None without looking for that."""
+def _path(cell: Cell, posed: Sequence[Visit], looking: bool) -> tuple[list[list[float]], int | None]:
+    """The path of the first target through all poses, and over home how often; None without looking for that."""
     if not posed:
         return [], 0
     stops: list[tuple[float, ...]] = [posed[0].joints_deg]
-    look = Transit(cell).way if looking else None
+    look = Transit(cell).path if looking else None
     detours = 0
     for before, visit in pairwise(posed):
         last = before.waypoints[-1] if before.waypoints else before.joints_deg
-        way = [visit.approach_deg] if look is None else look(last, visit.approach_deg)
-        detours += len(way) > 1
-        stops += [*way, visit.joints_deg, *visit.waypoints]
+        moves = [visit.approach_deg] if look is None else look(last, visit.approach_deg)
+        detours += len(moves) > 1
+        stops += [*moves, visit.joints_deg, *visit.waypoints]
     joints = np.array(stops)
     share = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[None, :, None]
     pieces = joints[:-1, None] + share * np.diff(joints, axis=0)[:, None]  # (moves, pieces, N)

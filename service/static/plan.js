@@ -1,4 +1,4 @@
-// A plan as a picture, in figures and as a list: poses, ways, boxes and time.
+// A plan as a picture, in figures and as a list: poses, paths, boxes and time.
 
 import { h } from "./dom.js";
 import { scenePicture } from "./scene.js";
@@ -26,7 +26,7 @@ export function planPicture() {
     const posed = plan.visits.filter((visit) => visit.kind === "pose"), readings = plan.visits.filter((each) => each.seconds !== null).flatMap((each) => each.readings);
     facts.replaceChildren(fact(t("poses"), String(posed.length)), fact(t("readings"), String(readings.length)), fact(t("time"), duration(plan.seconds)),
       fact(t("overHome"), plan.detours === null ? t("notLooked") : String(plan.detours)));
-    picture.show({ ...scene, way_mm: plan.way_mm, marks: marks(plan), described: t("planDescribed", { poses: posed.length, boxes: scene.obstacles.length }) });
+    picture.show({ ...scene, path_mm: plan.path_mm, marks: marks(plan), described: t("planDescribed", { poses: posed.length, boxes: scene.obstacles.length }) });
   };
   whole.clear = () => { facts.replaceChildren(); picture.show({}); };
   return whole;

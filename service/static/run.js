@@ -161,7 +161,7 @@ export function open(root, id) {
     judge(); strips();
     const last = run.last_reading, now = last && plan.visits.find((visit) => visit.readings.some((each) => each.id === last.pose)), after = now && !ENDED.includes(run.state) ? now.number : null;
     const there = now && now.joints_deg.length ? await reckoned(`/cell/scene?joints_deg=${now.joints_deg.join(",")}`).catch(() => scene) : scene;
-    if (there) picture.show({ ...there, way_mm: plan.way_mm, marks: marks(plan, after), described: t("runDescribed", { done: run.done, total: run.total }) });
+    if (there) picture.show({ ...there, path_mm: plan.path_mm, marks: marks(plan, after), described: t("runDescribed", { done: run.done, total: run.total }) });
   }
 
   if (id) follow(id, control, { hear, over: () => Boolean(run && ENDED.includes(run.state)), lost: () => desk.look().catch(() => {}) });

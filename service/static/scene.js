@@ -1,4 +1,4 @@
-// A picture of the cell in space that can be turned: robot, boxes, poses, their way, and errors as arrows. Plain SVG,
+// A picture of the cell in space that can be turned: robot, boxes, poses, their path, and errors as arrows. Plain SVG,
 // so it needs no WebGL. Everything is sorted by depth and painted from behind (Newell's painter's algorithm without
 // splitting). Lengths mm, world frame: x to the right, z up when looked at from the front.
 
@@ -9,7 +9,7 @@ const W = 800, H = 560, EDGE = 14, ROOM = 110, TURN = Math.PI / 12;
 const VIEWS = { oblique: [-0.9, 0.45], front: [-Math.PI / 2, 0], side: [0, 0], top: [-Math.PI / 2, Math.PI / 2] };
 const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
 
-// `show(model)`: capsules, obstacles, nests_mm, station_mm as /cell/scene has them; way_mm; marks: [{at, shape, label}];
+// `show(model)`: capsules, obstacles, nests_mm, station_mm as /cell/scene has them; path_mm; marks: [{at, shape, label}];
 // arrows: [{at, by}], drawn `enlarged` times.
 export function scenePicture(name) {
   let [azimuth, elevation] = VIEWS.oblique, zoom = 1, model = { capsules: [], obstacles: [] }, from = null;
@@ -38,7 +38,7 @@ export function scenePicture(name) {
   function camera() {
     const points = [
       ...(model.capsules || []).flatMap((c) => [c.from_mm, c.to_mm]), ...Object.values(model.nests_mm || {}),
-      ...(model.way_mm || []), ...(model.marks || []).map((m) => m.at), ...(model.arrows || []).map((a) => a.at),
+      ...(model.path_mm || []), ...(model.marks || []).map((m) => m.at), ...(model.arrows || []).map((a) => a.at),
       ...(model.obstacles || []).flatMap((o) => (o.kind === "box" ? [o.low_mm, o.high_mm] : o.kind === "post" ? [o.from_mm, o.to_mm] : [])),
     ];
     const ends = [0, 1, 2].map((i) => [Math.min(0, ...points.map((p) => p[i])), Math.max(1, ...points.map((p) => p[i]))]);
@@ -77,7 +77,7 @@ export function scenePicture(name) {
       const [x, y, depth] = at(place);
       put(depth + 1, svg("circle", { cx: x, cy: y, r: 6, class: "nest" }), svg("text", { x: x + 9, y: y + 4 }, label));
     }
-    if ((model.way_mm || []).length) put(1e8, svg("polyline", { points: path(model.way_mm), class: "way" }));
+    if ((model.path_mm || []).length) put(1e8, svg("polyline", { points: path(model.path_mm), class: "way" }));
     for (const each of model.marks || []) put(1e8 + at(each.at)[2], ...mark(at(each.at), each));
     for (const each of model.arrows || []) put(at(each.at)[2] + 1e6, ...arrow(at(each.at), at(add(each.at, each.by, model.enlarged || 1))));
     if (model.station_mm) put(1e9, ...beam(at, model.station_mm, ends));

@@ -1,6 +1,6 @@
 """Plans, scenes, prices, and poses again or left out, by HTTP.
 
-These would catch: a picture that shows another cell, a dry run without its way, a pose that moves the robot without the
+These would catch: a picture of another cell, a dry run without its path, a pose that moves the robot without the
 lease, one that is measured again and lost, a price that says leaving poses out makes predictions better, and a campaign
 file that names a path or a wrong key without saying where.
 """
@@ -76,7 +76,7 @@ def test_the_scene_is_that_of_the_cell_file_in_the_posture_asked_for(service: Se
         problem(service.client.get("/cell/scene", params={"joints_deg": bad}), 422)
 
 
-def test_a_dry_run_has_its_way_and_its_time(service: Served, cell: Path, tmp_path: Path) -> None:
+def test_a_dry_run_has_its_path_and_its_time(service: Served, cell: Path, tmp_path: Path) -> None:
     own = uploaded(service, tmp_path, calibration=6, validation=3, reference_every=0)
     run = service.client.post("/runs", json={"campaign_id": own}).json()
     plan = service.client.get(f"/runs/{run['id']}/plan").json()
@@ -86,10 +86,10 @@ def test_a_dry_run_has_its_way_and_its_time(service: Served, cell: Path, tmp_pat
     assert plan["seconds"] == run["seconds_left"] == pytest.approx(sum(v["seconds"] for v in posed), abs=0.5)
     (first,) = targets_at(read_cell(cell), np.array([posed[0]["joints_deg"]]))
     assert np.allclose([each["expected_mm"] for each in posed[0]["readings"]], first, atol=6e-4)
-    assert np.allclose(plan["way_mm"][0], first[0], atol=0.51)
+    assert np.allclose(plan["path_mm"][0], first[0], atol=0.51)
     box = np.array([[250, 350, 20], [450, 500, 220]])
-    way = np.array(plan["way_mm"])
-    assert not np.all((way > box[0]) & (way < box[1]), axis=1).any()
+    path = np.array(plan["path_mm"])
+    assert not np.all((path > box[0]) & (path < box[1]), axis=1).any()
     assert 0.0 < plan["noise_mm"] < 0.2
     problem(service.client.get(f"/runs/{run['id']}/visits/5/price"), 409)  # nothing is measured
     problem(service.client.get("/runs/nothing/plan"), 404)

@@ -40,6 +40,13 @@ def service(cell: Path) -> Iterator[Served]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def window(service: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A browser with the page in its first tab; every test has a tab, and so a token, of its own."""
+    with browser(f"{service.url}/", tmp_path_factory.mktemp("browser") / "profile") as page:
+        yield page
+
+
 def campaign(folder: Path, name: str) -> Path:
     file = campaign_file(folder, calibration=20, validation=4, warm_up_s=0.0, settle_s=0.5, samples=5)
     text = file.read_text("utf-8").replace('targets = ["T1", "T2", "T3"]', 'targets = ["T2"]')
@@ -54,8 +61,8 @@ def confirm(page: Page, name: str) -> None:
 
 
 @in_a_browser
-def test_a_whole_campaign_by_keyboard(service: Served, tmp_path: Path) -> None:
-    with browser(f"{service.url}/", tmp_path / "browser") as page:
+def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: Path) -> None:
+    with window.another(f"{service.url}/") as page:
         enter(page)
         assert page.value("document.createElement('canvas').getContext('webgl')") is None
         until(lambda: page.text("caption") == "Devices")
@@ -148,11 +155,11 @@ def speaks_german(page: Page) -> None:
 
 
 @in_a_browser
-def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, tmp_path: Path) -> None:
+def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp_path: Path) -> None:
     record = tmp_path / "record"
     with (
         served(record, "--cell", str(cell), "--simulate") as service,
-        browser(f"{service.url}/", tmp_path / "browser") as page,
+        window.another(f"{service.url}/") as page,
     ):
         enter(page)
         until(lambda: page.text("#holder").startswith("Nobody"))
