@@ -2,8 +2,8 @@
 
 import * as campaigns from "./campaigns.js";
 import * as cellView from "./cell.js";
-import { Silence, clock, connection, enter, leave, signals } from "./connection.js";
-import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop } from "./desk.js";
+import { Refusal, Silence, clock, connection, enter, leave, signals } from "./connection.js";
+import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } from "./desk.js";
 import { $, fill, h, wait } from "./dom.js";
 import * as report from "./report.js";
 import * as result from "./result.js";
@@ -100,11 +100,18 @@ function lookAt(of) {
   return next;
 }
 
+// What keeps the view from being shown; the service's silence has its band, and a fault of this page goes to the console.
+function failed(error) {
+  if (error instanceof Silence || !connection.token) return;
+  if (!(error instanceof Refusal)) { console.error(error); $("link").textContent = error.message; return; }
+  if (!$("trouble").textContent.startsWith(error.message)) trouble(error);
+}
+
 async function keepUp() {
   while (connection.token) {
     const pause = new Promise((wake) => { awake = wake; });
     try { await Promise.race([desk.look(), wait(BEAT_MS)]); $("link").textContent = ""; }
-    catch (error) { if (error instanceof TypeError) console.error(error); $("link").textContent = error instanceof Silence || !connection.token ? "" : error.message; }
+    catch (error) { failed(error); }
     await Promise.race([pause, wait(BEAT_MS)]);
   }
 }

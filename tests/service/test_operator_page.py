@@ -345,7 +345,29 @@ def test_back_leads_to_the_run_before_and_a_link_to_its_run(service: Served, tmp
         page.do("Page.reload")
         until(lambda: page.value("document.readyState === 'complete'") and shown(older))
         page.value("location.hash = '#/run/nobody-knows-it'")
-        until(lambda: "nobody-knows-it" in page.text("#link"))
+        until(lambda: "There is no run 'nobody-knows-it'" in page.text("#trouble"))
         page.value("location.hash = '#/nowhere'")
         until(lambda: page.value("document.querySelector('nav [aria-current]').hash") == "#/cell")
         assert page.value("document.querySelector('#simulated').checkVisibility()")
+        what_is_dropped_is_kept_or_refused(page, (tmp_path / "campaign.toml").read_text("utf-8"))
+
+
+DROP = """
+    (() => {
+      const held = new DataTransfer();
+      held.items.add(new File([TEXT], "dropped.toml"));
+      const dropped = { dataTransfer: held, bubbles: true, cancelable: true };
+      document.querySelector(".drop").dispatchEvent(new DragEvent("drop", dropped));
+    })()
+"""
+
+
+def what_is_dropped_is_kept_or_refused(page: Page, campaign: str) -> None:
+    page.value("location.hash = '#/campaigns'")
+    until(lambda: page.value("Boolean(document.querySelector('.drop'))"))
+    page.value(DROP.replace("TEXT", json.dumps("seed = = 4")))
+    until(lambda: "campaign.toml" in page.text("#trouble"))
+    assert "What to do: " in page.text("#trouble")
+    page.value(DROP.replace("TEXT", json.dumps(campaign)))
+    until(lambda: page.text("#desk h2") == "dropped")
+    assert page.text("#trouble") == ""

@@ -14,6 +14,7 @@ from service.http.wire.bodies import JobShown, JobsShown, OfDataset
 from service.http.wire.headers import After, IdempotencyKey, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
+from service.http.wire.problems import not_found
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
 
@@ -98,9 +99,11 @@ def get_model(here: Here, job_id: str) -> dict[str, Any]:
 def get_result(here: Here, result_id: str) -> dict[str, Any]:
     """A job of any kind, or a closed loop, for whoever has its id alone; `kind` says which of them it is."""
     kind = here.jobs.kind_of(result_id)
-    if kind is None:
-        return here.loops.document(result_id) | {"kind": "loop"}
-    return here.jobs.document(kind, result_id)
+    if kind is not None:
+        return here.jobs.document(kind, result_id)
+    if result_id not in here.loops.ids():
+        raise not_found("result", result_id)
+    return here.loops.document(result_id) | {"kind": "loop"}
 
 
 @router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)
