@@ -107,8 +107,10 @@ function failed(error) {
   if (!$("trouble").textContent.startsWith(error.message)) trouble(error);
 }
 
+let keeper = 0;
 async function keepUp() {
-  while (connection.token) {
+  const mine = keeper += 1;
+  while (connection.token && mine === keeper) {
     const pause = new Promise((wake) => { awake = wake; });
     try { await Promise.race([desk.look(), wait(BEAT_MS)]); $("link").textContent = ""; }
     catch (error) { failed(error); }

@@ -22,7 +22,7 @@ export class Refusal extends Error {
 
 // What `read` makes of an answer. Throws Silence when there is none, and Refusal.
 export async function reach(path, options, patience, read) {
-  const asked = new Date();
+  const asked = new Date(), mine = connection.token;
   let answer, told;
   try {
     answer = await fetch(API + path, { ...options, signal: AbortSignal.timeout(patience) });
@@ -32,7 +32,10 @@ export async function reach(path, options, patience, read) {
     throw new Silence(t("noAnswer", { time: clock(asked) }));
   }
   heard(true);
-  if (answer.status === 401) { leave(); throw new Error(t("wrongToken")); }
+  if (answer.status === 401) {
+    if (mine && mine === connection.token) leave();  // not for what was asked before somebody else came
+    throw new Error(t("wrongToken"));
+  }
   if (!answer.ok) throw new Refusal(told, answer.status);
   return told;
 }

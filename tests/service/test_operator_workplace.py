@@ -7,6 +7,7 @@ service that comes back and moves something.
 
 from __future__ import annotations
 
+import math
 import re
 import signal
 from collections.abc import Iterator
@@ -110,6 +111,7 @@ def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: P
         until(lambda: page.text("#job") == "✔ succeeded")
         until(lambda: page.value("document.querySelectorAll('.scene .error').length") == 4)
         assert "Nominal robot as found" in page.text("table")
+        arrows_are_the_errors(service, page.value("location.hash").rpartition("/")[2])
         audit(page)
         tab_to(page, "a[href^='#/report/']")
         page.press("Enter")
@@ -131,6 +133,17 @@ def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: P
         service.client.post(
             "/cell/lease/takeover", json={"holder": "test", "reason": "the end", "seconds": 1.0}
         )
+
+
+def arrows_are_the_errors(service: Served, job: str) -> None:
+    """Their lengths have the RMS that the result states, before and after."""
+    drawn = service.client.get(f"/results/{job}/arrows").json()
+    stated = service.client.get(f"/results/{job}").json()["result"]
+    assert (drawn["held_out"], drawn["readings"]) == (True, 4)
+    for which, errors in (("nominal_mm", "error_nominal_mm"), ("model_mm", "error_identified_mm")):
+        lengths = [math.hypot(*each[which]) for each in drawn["arrows"]]
+        rms = math.sqrt(sum(length**2 for length in lengths) / len(lengths))
+        assert rms == pytest.approx(stated[errors]["rms"], rel=2e-3)
 
 
 def leaves_one_out(page: Page) -> None:
