@@ -162,7 +162,8 @@ class Run:
         with ExitStack() as stack:
             if not simulated:  # simulated cells are as many as one likes
                 self._mover = stack.enter_context(Mover(self.cell.robot.url))
-            stack.enter_context(self._store.listening(on_event or _ignore))
+            if on_event is not None:
+                stack.enter_context(self._store.listening(on_event))
             execution = self._begin(devices, clock, foresee)
             if lease is not None:
                 stack.enter_context(lease.watched(lambda: self._owner_is_silent(lease, execution.control)))
@@ -395,7 +396,3 @@ class Run:
     def wait(self, after: int, seconds: float) -> int:
         """The version, waiting up to so many seconds for one beyond `after`."""
         return self._store.wait_beyond(after, seconds)
-
-
-def _ignore(_: Event) -> None:
-    """Nobody listens."""
