@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
+STEP, ARROWS = "step.json", "arrows.json"
 ROBOT, TRACKER, PICTURE = "robot.csv", "tracker.csv", "picture.svg"
 
 
@@ -35,6 +36,14 @@ def do(folder: Path) -> None:
         replace_file(folder / PROBLEM, as_json(problem))
 
 
+def tell(folder: Path, step: str) -> None:
+    """Say what the job does now, for whoever looks at it."""
+    from calib.text import replace_file
+    from service.files import as_json
+
+    replace_file(folder / STEP, as_json({"step": step}))
+
+
 def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
     from dataclasses import replace
@@ -48,12 +57,16 @@ def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     from service.files import as_json
     from service.report import diagnosis_report
     from service.results import documents
+    from service.results.arrows import arrows_of
 
-    found = diagnose(read_dataset(data))
+    dataset = read_dataset(data)
+    found = diagnose(dataset, progress=lambda step: tell(folder, step))
     here = None if cell is None else cell_of_record(cell, str(folder / JOB))
     if here is not None and found.follow_up is not None and fits(here, found.final):
         found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
     document = documents.of_diagnosis(found)
+    tell(folder, "drawing the report")
+    replace_file(folder / ARROWS, as_json(arrows_of(dataset, found.final)))
     if found.final.converged:
         save_model(folder / MODEL, found.final, found)
     replace_file(folder / REPORT, diagnosis_report(found, document))
@@ -65,9 +78,11 @@ def identification(data: Path, folder: Path) -> None:
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
+    from service.results.arrows import arrows_of
     from service.results.identified import Identified
 
-    result = Identified.of(data)
+    result = Identified.of(data, say=lambda step: tell(folder, step))
+    replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
     if result.found.converged:
         save_model(folder / MODEL, result.found)
     replace_file(folder / REPORT, result.report())

@@ -18,11 +18,12 @@ from acquisition.cell.cell import Cell
 from acquisition.record.store import Planned
 from drivers.interfaces import Answer
 
-Ask = Callable[[str], Answer]
+Ask = Callable[[str, str], Answer]
+"""A question, and the picture beside it: `seat/NAME`, `aim/NAME`, `off`, `span/BASE/TOOL`, `calibrator`."""
 
 
 class Hands:
-    """The manual work of one execution. `ask`: put a question to a person."""
+    """The manual work of one execution. `ask`: put a question to a person, with its picture."""
 
     def __init__(self, cell: Cell, ask: Ask) -> None:
         self._ask = ask
@@ -43,7 +44,7 @@ class Hands:
         """The SMR is in the nest of the reading, where there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
-        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.")
+        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", f"seat/{planned.target}")
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
@@ -52,14 +53,17 @@ class Hands:
         """The beam is on the SMR of a nest."""
         if not self._aimed or planned.visit.kind != "nest":
             return Answer.CONFIRM
-        return self._ask(f"Aim the tracker at the SMR in {planned.target} and press confirm.")
+        return self._ask(
+            f"Aim the tracker at the SMR in {planned.target} and press confirm.", f"aim/{planned.target}"
+        )
 
     def free(self, planned: Planned) -> Answer:
         """Free the robot of the ballbar, since it goes to the pose of the reading next."""
         if not self._ballbar or self._free:
             return Answer.CONFIRM
         answer = self._ask(
-            f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}."
+            f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}.",
+            "off",
         )
         if answer is Answer.CONFIRM:
             self._free, self._spanned = True, None
@@ -72,7 +76,8 @@ class Hands:
         self._free, self._spanned = False, None
         answer = self._ask(
             f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
-            f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke."
+            f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke.",
+            f"span/{planned.base_target}/{planned.target}",
         )
         if answer is Answer.CONFIRM:
             self._spanned = (planned.base_target, planned.target)
@@ -84,8 +89,10 @@ class Hands:
         if bar is not None:
             return self._ask(
                 f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
-                "its zero is read there."
+                "its zero is read there.",
+                "calibrator",
             )
         return self._ask(
-            "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres."
+            "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres.",
+            "calibrator",
         )

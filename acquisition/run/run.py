@@ -40,6 +40,7 @@ from acquisition.run.outcome import Outcome, not_resumed
 from acquisition.run.rig import Met, Rig
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import Pace, RunStatus, status_of
+from acquisition.run.visits import Visits
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
@@ -161,7 +162,8 @@ class Run:
         with ExitStack() as stack:
             if not simulated:  # simulated cells are as many as one likes
                 self._mover = stack.enter_context(Mover(self.cell.robot.url))
-            stack.enter_context(self._store.listening(on_event or _ignore))
+            if on_event is not None:
+                stack.enter_context(self._store.listening(on_event))
             execution = self._begin(devices, clock, foresee)
             if lease is not None:
                 stack.enter_context(lease.watched(lambda: self._owner_is_silent(lease, execution.control)))
@@ -238,9 +240,8 @@ class Run:
         return State.SUCCEEDED, " ".join(remarks)
 
     def _check_disk(self) -> None:
-        folder = self._store.database.path.parent
-        if shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
-            raise StorageError(f"{folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
+        if shutil.disk_usage(self.folder).free < LEAST_FREE_BYTES:
+            raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
     def _moments(self, clock: Clock) -> Callable[[], Moment]:
         """Campaign time goes on through a pause; the calendar is asked once, so its jumps do no harm."""
@@ -373,6 +374,11 @@ class Run:
         execution.desk.answer(prompt_id, answer, by, reason)
 
     @property
+    def visits(self) -> Visits:
+        """The visits of the plan, to be measured again or left out."""
+        return Visits(self._store)
+
+    @property
     def folder(self) -> Path:
         """The folder of the record."""
         return self._store.database.path.parent
@@ -390,7 +396,3 @@ class Run:
     def wait(self, after: int, seconds: float) -> int:
         """The version, waiting up to so many seconds for one beyond `after`."""
         return self._store.wait_beyond(after, seconds)
-
-
-def _ignore(_: Event) -> None:
-    """Nobody listens."""

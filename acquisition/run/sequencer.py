@@ -87,7 +87,7 @@ class Sequencer:
         self._clock = clock
         zeroing = Zeroing(self._needs_another_bar, self._zero)
         self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
-        self._hands = Hands(cell, lambda text: self._ask(text)[0])
+        self._hands = Hands(cell, lambda text, picture: self._ask(text, picture)[0])
         self._transit = Transit(cell)
         self._path = PathDrive(store, campaign, rig, control, self._transit)
         self._checks = BallbarChecks(store, cell)
@@ -374,11 +374,11 @@ class Sequencer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
         return self._ask(error.sentence)[0]
 
-    def _ask(self, text: str) -> tuple[Answer, str]:
+    def _ask(self, text: str, picture: str | None = None) -> tuple[Answer, str]:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        answer, reason = self._desk.ask(text, redo=self._last is not None)
+        answer, reason = self._desk.ask(text, picture, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()
             raise Stopping

@@ -9,6 +9,7 @@ from calib.fit.offsets import Offset, judge_points, offsets_of
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.fit.uncertainty import expanded
 from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "all_readings",
     "base_model_of",
     "errors_on",
+    "expanded",
     "identify",
     "judge_points",
     "left_out",

@@ -14,11 +14,13 @@ from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
 from service.http.routes import (
     alignment_routes,
+    campaign_file_routes,
     cell_routes,
     data_routes,
     job_routes,
     loop_routes,
     page,
+    plan_routes,
     prompt_routes,
     regression_routes,
     run_routes,
@@ -55,7 +57,9 @@ def create_app(settings: Settings) -> FastAPI:
         run_routes,
         prompt_routes,
         loop_routes,
+        campaign_file_routes,
         data_routes,
+        plan_routes,
         alignment_routes,
         job_routes,
         regression_routes,

@@ -12,8 +12,9 @@ from acquisition.loop import LoopResult, targets_csv
 from calib.saved import save_model
 from calib.text import replace_file
 from service.files import as_json
-from service.job import MODEL, REPORT, RESULT
+from service.job import ARROWS, MODEL, REPORT, RESULT
 from service.results import documents
+from service.results.arrows import arrows_of
 
 TARGETS = "targets.csv"
 
@@ -35,6 +36,7 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
             followed_up=result.followed_up,
         ),
     )
+    replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, result.diagnosis.final)))
     replace_file(folder / name, as_json(document))
     return document
 

@@ -1,65 +1,100 @@
-"use strict";
 // Asking the service, and saying so at once when it does not answer: nobody may trust Stop, or what is shown, any more.
 
-const API = "/api/v1", KEPT = "truepose-token", LOOK_MS = 4000, ORDER_MS = 60000, STOP_MS = 3000;
-const $ = (id) => document.getElementById(id);
-const wait = (ms) => new Promise((go) => setTimeout(go, ms));
-const clock = (date, digits = 8) => date.toTimeString().slice(0, digits);
-let token = sessionStorage.getItem(KEPT) || "";
-let silent = false, unstopped = false, heardAt = null;
+import { t } from "./words.js";
 
-class Silence extends Error {}
+export const API = "/api/v1";
+const KEPT = "truepose-token", LOOK_MS = 4000, ORDER_MS = 60000, STOP_MS = 3000;
+export const signals = new EventTarget();  // "heard": connection.silent or .unstopped has changed; "left": no token
+export const connection = { token: sessionStorage.getItem(KEPT) || "", silent: false, unstopped: false, heardAt: null };
+const tell = (kind) => signals.dispatchEvent(new Event(kind));
 
-// What `read` makes of an answer. Throws Silence when there is none, and what a refusal says.
-async function reach(path, options, patience, read) {
-  const asked = new Date();
+export const clock = (date, digits = 8) => date.toTimeString().slice(0, digits);
+
+export class Silence extends Error {}
+
+// A refusal of the service: what happened, and what to do.
+export class Refusal extends Error {
+  constructor(told, status) {
+    super(told.operator_text || told.detail || String(status));
+    Object.assign(this, { status, code: told.code, whatToDo: told.what_to_do || "", told });
+  }
+}
+
+// What `read` makes of an answer. Throws Silence when there is none, and Refusal.
+export async function reach(path, options, patience, read) {
+  const asked = new Date(), mine = connection.token;
   let answer, told;
   try {
     answer = await fetch(API + path, { ...options, signal: AbortSignal.timeout(patience) });
     told = await (answer.ok ? read(answer) : answer.json());  // what is no JSON comes from something else than the service
   } catch {
     heard(false);
-    throw new Silence(`The order of ${clock(asked)} had no answer. Look at the state before you give it again.`);
+    throw new Silence(t("noAnswer", { time: clock(asked) }));
   }
   heard(true);
-  if (answer.status === 401) { leave(); throw new Error("The token is not that of this service."); }
-  if (!answer.ok) throw Object.assign(new Error(`${told.operator_text} ${told.what_to_do}`), { status: answer.status, code: told.code });
+  if (answer.status === 401) {
+    if (mine && mine === connection.token) leave();  // not for what was asked before somebody else came
+    throw new Error(t("wrongToken"));
+  }
+  if (!answer.ok) throw new Refusal(told, answer.status);
   return told;
 }
 
-const bearer = () => ({ Authorization: `Bearer ${token}` });
+export const bearer = () => ({ Authorization: `Bearer ${connection.token}` });
+export const key = () => ({ "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() : `${Date.now()}-${Math.random()}` });
 
-function ask(method, path, body, headers = {}) {
+export function ask(method, path, body, headers = {}) {
   const sent = { ...bearer(), ...headers };
   if (body !== undefined) sent["Content-Type"] = "application/json";
   const options = { method, headers: sent, body: body === undefined ? undefined : JSON.stringify(body) };
   return reach(path, options, method === "GET" ? LOOK_MS : ORDER_MS, (answer) => (answer.status === 204 ? null : answer.json()));
 }
 
-// Whether the service answers. While it is silent nothing can be ordered but Stop, and what is shown is the past.
-function heard(yes) {
-  if (yes) heardAt = new Date();
-  if (silent !== yes) return;
-  silent = !yes;
-  showSilence();
-  if (yes) { prolong(); look(); }
+// What takes the service longer than a look: a plan, a price.
+export const reckoned = (path) => reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.json());
+
+export function upload(path, files) {
+  const form = new FormData();
+  for (const [name, value] of Object.entries(files)) form.append(name, value);
+  return reach(path, { method: "POST", headers: { ...bearer(), ...key() }, body: form }, ORDER_MS, (answer) => answer.json());
 }
 
-function showSilence() {
-  const here = document.activeElement;
-  $("desk").inert = silent;
-  if (silent) showSilence.focus = $("desk").contains(here) ? here : null;
-  else if (showSilence.focus) { showSilence.focus.focus(); showSilence.focus = null; }
-  document.body.classList.toggle("silent", silent);
-  $("silence").hidden = !silent && !unstopped;
-  $("alarm").textContent = silent ? "NOT stopped: no connection. Use the emergency stop" : unstopped ? "NOT stopped: no answer yet. Use the emergency stop" : "";
-  $("since").textContent = silent && heardAt ? `What is grey is as it was at ${clock(heardAt)}. The page goes on by itself when the service answers.` : "";
-  if (cell) { showCell(); showRun(); }
+export const text = (path) => reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.text());
+
+// A link cannot send a token: the file is fetched with it, and then saved.
+export async function save(path, name) {
+  keepFile(await reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.blob()), name);
+}
+
+export function keepFile(blob, name) {
+  const url = URL.createObjectURL(blob);
+  Object.assign(document.createElement("a"), { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 60000);
+}
+
+// Whether the service answers. While it is silent nothing can be ordered but Stop, and what is shown is the past.
+function heard(yes) {
+  if (yes) connection.heardAt = new Date();
+  if (connection.silent !== yes) return;
+  connection.silent = !yes;
+  tell("heard");
 }
 
 // Stop is not given up when its answer is late: the band is there until it comes.
-async function stopBy(path) {
-  const late = setTimeout(() => { unstopped = true; showSilence(); }, STOP_MS);
+export async function stopBy(path) {
+  const late = setTimeout(() => { connection.unstopped = true; tell("heard"); }, STOP_MS);
   try { return await ask("POST", path); }
-  finally { clearTimeout(late); unstopped = false; showSilence(); }
+  finally { clearTimeout(late); connection.unstopped = false; tell("heard"); }
+}
+
+export async function enter(token) {
+  connection.token = token;
+  await ask("GET", "/cell");
+  sessionStorage.setItem(KEPT, token);
+}
+
+export function leave() {
+  connection.token = "";
+  sessionStorage.removeItem(KEPT);
+  tell("left");
 }

@@ -1,80 +1,71 @@
-"use strict";
 // What a run gave: its data sets, what was found in them, and the files of both.
 
-const COLLECTIONS = { identification: "identifications", diagnosis: "diagnoses" }, COLLECT_MS = 10000;
-let given = null, collected = { key: "", at: 0 };
+import { API, ask, key, save } from "./connection.js";
+import { looksOn, order } from "./desk.js";
+import { button, fill, h } from "./dom.js";
+import { moment, sign, state } from "./units.js";
+import { t } from "./words.js";
 
+export const COLLECTIONS = { identification: "identifications", diagnosis: "diagnoses", regression: "regressions", alignment: "alignments" };
+const COLLECT_MS = 10000;
 const inHand = (job) => ["ready", "running"].includes(job.state);
 
-async function collect(now = false) {
-  const of = run;
-  if (!of || of.dry_run || !["succeeded", "failed"].includes(of.state)) { given = null; showGiven(); return; }
-  const key = `${of.id} ${of.version}`, known = given && collected.key === key && Date.now() - collected.at < COLLECT_MS;
-  if (known && !now && !given.jobs.some(inHand)) { showGiven(); return; }
-  const [{ datasets }, { loops }] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/loops")]);
-  const loop = loops.find((each) => each.runs.includes(of.id)) || null;
-  const own = datasets.filter((each) => each.run_id === of.id || (loop && each.id === loop.dataset_id));
-  const lists = await Promise.all(own.map((each) => ask("GET", `/datasets/${each.id}/jobs`)));
-  if (chosen !== of.id) return;
-  given = { run: of.id, datasets: own, loop, jobs: lists.flatMap((each) => each.jobs) };
-  collected = { key, at: Date.now() };
-  showGiven();
-}
-
 // A link cannot send a token: the file is fetched with it, and then saved.
-function link(text, path, name) {
-  const made = Object.assign(document.createElement("a"), { textContent: text, href: API + path });
-  made.addEventListener("click", (event) => { event.preventDefault(); order(() => save(path, name)); });
-  return made;
+export function link(text, path, name) {
+  return h("a", { href: API + path, className: "do", on: { click: (event) => { event.preventDefault(); order(() => save(path, name)); } } }, text);
 }
 
-async function save(path, name) {
-  const url = URL.createObjectURL(await reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.blob()));
-  Object.assign(document.createElement("a"), { href: url, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 60000);
-}
+export const results = (id) => [link(t("reportFile"), `/reports/${id}`, `${id}-report.html`), link(t("modelFile"), `/models/${id}`, `${id}-model.json`)];
 
-function begin(text, collection, dataset) {
-  const made = Object.assign(document.createElement("button"), { type: "button", textContent: text, hidden: looksOn() });
-  made.addEventListener("click", () => order(async () => {
-    await ask("POST", `/${collection}`, { dataset_id: dataset }, key());
-    await collect(true);
-  }));
-  return made;
-}
+const begin = (text, collection, dataset) => !looksOn() && button(text, () => order(async () => {
+  const job = await ask("POST", `/${collection}`, { dataset_id: dataset }, key());
+  location.hash = `#/result/${job.id}`;
+}));
 
-function results(id) {
-  return [link("report", `/reports/${id}`, `${id}-report.html`), link("model", `/models/${id}`, `${id}-model.json`)];
-}
-
-function rowOfJob(job) {
-  const text = `${words(job.kind)} of ${clock(new Date(job.created_utc), 5)}: ${words(job.state)}`;
-  if (job.problem) return [`${text}. ${job.problem.operator_text} ${job.problem.what_to_do}`];
-  if (job.state !== "succeeded" || !COLLECTIONS[job.kind]) return [text];
+export function rowOfJob(job) {
+  const words = `${sign(job.state)} ${t(`kind_${job.kind}`)} ${moment(new Date(job.created_utc))}: ${state(job.state)}`;
+  if (!["identification", "diagnosis"].includes(job.kind)) return [words];
+  const at = h("a", { href: `#/result/${job.id}`, className: "do" }, words);
+  if (job.problem) return [at, h("span", { lang: "en" }, `${job.problem.operator_text} ${job.problem.what_to_do}`)];
+  if (job.state !== "succeeded") return [at];
   const [report, model] = results(job.id);
-  return job.result.converged ? [text, report, model] : [`${text}, but it has not converged: no model`, report];
+  return job.result.converged ? [at, h("a", { href: `#/report/${job.id}`, className: "do" }, t("openReport")), report, model] : [at, t("notConverged"), report];
 }
 
-function rowOfDataset(data) {
-  return [`data set ${data.name}, ${data.readings} readings`,
-    link("data.csv", `/datasets/${data.id}/data.csv`, `${data.id}.csv`), link("data.toml", `/datasets/${data.id}/data.toml`, `${data.id}.toml`),
-    begin("Identify", COLLECTIONS.identification, data.id), begin("Diagnose", COLLECTIONS.diagnosis, data.id)];
+export function rowOfDataset(data) {
+  return [h("span", {}, t("dataSetOf", { name: data.name, n: data.readings })), link("data.csv", `/datasets/${data.id}/data.csv`, `${data.id}.csv`),
+    link("data.toml", `/datasets/${data.id}/data.toml`, `${data.id}.toml`), begin(t("identify"), COLLECTIONS.identification, data.id), begin(t("diagnose"), COLLECTIONS.diagnosis, data.id)];
 }
 
-function showGiven() {
-  $("given").hidden = !given;
-  $("export").hidden = looksOn() || Boolean(given && given.datasets.length);
-  const shown = JSON.stringify([given, looksOn()]);
-  if ($("files").dataset.shown === shown) return;  // what has the focus stays
-  $("files").dataset.shown = shown;
-  const rows = !given ? [] : [
-    ...(given.loop && given.loop.report ? [["closed loop", ...results(given.loop.id)]] : []),
-    ...given.jobs.map(rowOfJob), ...given.datasets.map(rowOfDataset),
-    ["record", link("events.jsonl", `/runs/${given.run}/events.jsonl`, `${given.run}-events.jsonl`)],
-  ];
-  $("files").replaceChildren(...rows.map((parts) => {
-    const line = document.createElement("li");
-    line.replaceChildren(...parts);
-    return line;
-  }));
+// A section with `look(run)` and `show()`.
+export function given() {
+  const files = h("ul", { id: "files", className: "list" }), make = button(t("makeData"), () => order(async () => {
+    await ask("POST", `/runs/${run.id}/dataset`, {}, key());
+    collected.key = "";
+    await whole.look(run);
+  }), { id: "export" });
+  const whole = h("section", { id: "given", className: "wide", hidden: true }, h("h2", {}, t("gave")), files, h("div", { className: "row" }, make));
+  let run = null, found = null, collected = { key: "", at: 0 };
+  whole.look = async (of) => {
+    run = of;
+    if (of.dry_run || !["succeeded", "failed", "paused", "stopped"].includes(of.state)) { found = null; whole.show(); return; }
+    const mark = `${of.id} ${of.version}`, known = found && collected.key === mark && Date.now() - collected.at < COLLECT_MS;
+    if (known && !found.jobs.some(inHand)) { whole.show(); return; }
+    const [{ datasets }, { loops }] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/loops")]);
+    const loop = loops.find((each) => each.runs.includes(of.id)) || null;
+    const own = datasets.filter((each) => each.run_id === of.id || (loop && each.id === loop.dataset_id));
+    const lists = await Promise.all(own.map((each) => ask("GET", `/datasets/${each.id}/jobs`)));
+    found = { run: of.id, datasets: own, loop, jobs: lists.flatMap((each) => each.jobs) };
+    collected = { key: mark, at: Date.now() };
+    whole.show();
+  };
+  whole.show = () => {
+    whole.hidden = !found;
+    make.hidden = looksOn() || Boolean(found && found.datasets.length && run.state === "succeeded");
+    fill(files, [found, looksOn()], () => (!found ? [] : [
+      ...(found.loop && found.loop.report ? [[h("a", { href: `#/result/${found.loop.id}`, className: "do" }, t("loop")), h("a", { href: `#/report/${found.loop.id}`, className: "do" }, t("openReport")), ...results(found.loop.id)]] : []),
+      ...found.jobs.map(rowOfJob), ...found.datasets.map(rowOfDataset), [h("span", {}, t("record")), link("events.jsonl", `/runs/${found.run}/events.jsonl`, `${found.run}-events.jsonl`)],
+    ]).map((parts) => h("li", {}, parts)));
+  };
+  return whole;
 }

@@ -19,6 +19,20 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "service/http/routes/plan_routes.py",
+        "    here.lease.needed(lease_id)\n",
+        "",
+        "the robot goes back to a pose that somebody without the lease wants again",
+        ("tests/service/test_http_plans.py",),
+    ),
+    Change(
+        "service/static/prompt.js",
+        "setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);",
+        "armed = asked;",
+        "a key that was meant for one question answers the next",
+        ("tests/service/test_operator_page.py",),
+    ),
+    Change(
         "service/http/state.py",
         "limiter=self._stoppers",
         "limiter=self._waiters",

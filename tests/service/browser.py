@@ -24,8 +24,9 @@ from tests.drivers.waiting import PATIENCE_S, until
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 QUIET = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --remote-debugging-port=0 --window-size=1280,1150"
+    "--headless --no-sandbox --disable-gpu --disable-3d-apis --disable-quic --no-first-run "
+    "--disable-background-networking --disable-component-update --disable-sync --remote-debugging-port=0 "
+    "--window-size=1280,1150"
 )
 
 
@@ -33,6 +34,7 @@ class Page:
     """One tab. `told`: what the browser had to say by itself, a violated policy for instance."""
 
     def __init__(self, address: str) -> None:
+        self._address = address
         parts = urlsplit(address)
         self._link = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=PATIENCE_S)
         key = base64.b64encode(os.urandom(16)).decode()
@@ -53,7 +55,14 @@ class Page:
         """One command and its result."""
         self._number += 1
         text = json.dumps({"id": self._number, "method": method, "params": params}).encode()
-        size = bytes([0xFE]) + struct.pack("!H", len(text)) if len(text) > 125 else bytes([0x80 | len(text)])
+        if len(text) < 126:
+            size = bytes([0x80 | len(text)])
+        else:
+            size = (
+                struct.pack("!BH", 0xFE, len(text))
+                if len(text) < 1 << 16
+                else struct.pack("!BQ", 0xFF, len(text))
+            )
         mask = os.urandom(4)
         masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(text))
         self._link.sendall(b"\x81" + size + mask + masked)
@@ -78,7 +87,8 @@ class Page:
         return got["result"].get("value")
 
     def text(self, selector: str) -> str:
-        return self.value(f"document.querySelector({json.dumps(selector)}).textContent")
+        """Of the first such element; empty where there is none (yet)."""
+        return self.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
     def press(self, key: str, *, held: bool = False) -> None:
         """A key, to whatever has the focus; `held`: one that has been down for a while, and repeats."""
@@ -100,6 +110,28 @@ class Page:
 
     def picture(self, file: Path) -> None:
         file.write_bytes(base64.b64decode(self.do("Page.captureScreenshot")["data"]))
+
+    def width(self, pixels: int) -> None:
+        """How wide the window is."""
+        size = {"width": pixels, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        self.do("Emulation.setDeviceMetricsOverride", **size)
+
+    def choose(self, selector: str, *files: Path) -> None:
+        """The files that a person chooses in a file field."""
+        found = self.do("Runtime.evaluate", expression=f"document.querySelector({json.dumps(selector)})")
+        names = [str(file) for file in files]
+        self.do("DOM.setFileInputFiles", files=names, objectId=found["result"]["objectId"])
+
+    @contextmanager
+    def another(self, url: str) -> Iterator[Page]:
+        """Another tab of the same browser."""
+        target = self.do("Target.createTarget", url=url)["targetId"]
+        page = Page(f"{self._address.rpartition('/')[0]}/{target}")
+        try:
+            until(lambda: page.value("location.href + document.readyState") == f"{url}complete", 20.0)
+            yield page
+        finally:
+            page.close()
 
     def close(self) -> None:
         self._in.close()

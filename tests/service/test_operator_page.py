@@ -18,7 +18,7 @@ import pytest
 
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell
-from service.http.routes.page import page_text, policy_of
+from service.http.routes.page import FOLDER, MODULES, page_text, policy_of
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser
@@ -41,21 +41,34 @@ def test_it_needs_no_token_and_says_what_it_may_do(service: Served) -> None:
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/html")
     policy = answer.headers["content-security-policy"]
-    assert policy.startswith("default-src 'none'; script-src 'sha256-")
-    assert "unsafe" not in policy
+    (nonce,) = re.findall(r"^default-src 'none'; script-src 'nonce-([\w-]{24})'; style-src 'sha256-", policy)
+    assert f'nonce="{nonce}"' in answer.text
+    assert nonce not in httpx2.get(f"{service.url}/").text  # drawn anew for every answer
+    assert not re.search(r"unsafe|\*|strict-dynamic", policy)
     assert TOKEN not in answer.text
     assert httpx2.get(f"{service.url}/", headers={"Host": "evil.example"}).status_code == 403
     assert httpx2.post(f"{service.url}/").status_code == 405
+    module = httpx2.get(f"{service.url}/page/app.js")
+    assert module.headers["content-type"].startswith("text/javascript")
+    assert module.headers["cache-control"] == "no-store"
+    for name in ("page.html", "..%2fpage.html", "nothing.js"):
+        assert httpx2.get(f"{service.url}/page/{name}").status_code == 404, name
 
 
 def test_it_loads_nothing_and_writes_no_markup_from_data() -> None:
-    page = page_text()
-    addresses = set(re.findall(r"https?://[^\s\"'<]+", page))
+    page = page_text("n")
+    everything = page + "".join((FOLDER / name).read_text("utf-8") for name in MODULES)
+    addresses = set(re.findall(r"https?://[^\s\"'<]+", everything))
     assert addresses == {"http://www.w3.org/2000/svg"}  # a name, which nobody fetches
-    for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "localStorage"):
-        assert way not in page
-    assert not re.search(r"\s(src|on[a-z]+)=", page)
-    assert policy_of(page) != policy_of(page.replace("use strict", "use Strict"))
+    for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "setHTML"):
+        assert way not in everything
+    kept = [name for name in MODULES if "localStorage" in (FOLDER / name).read_text("utf-8")]
+    assert kept == ["words.js"]  # the language; the token never
+    assert re.findall(r"\s((?:src|on[a-z]+)=[^\s>]+)", page) == ['src="page/app.js"']
+    assert policy_of(page, "n") != policy_of(page.replace("grid", "Grid"), "n")
+
+
+ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'false'"
 
 
 def enter(page: Page) -> None:
@@ -79,6 +92,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
     run = run_of(service, tmp_path)
     with browser(f"{service.url}/", tmp_path / "browser") as page:
         enter(page)
+        until(lambda: page.value("Boolean(document.querySelector('#question'))"), 20.0)
         for name in ("N1", "N2", "N3"):
             until(lambda name=name: name in page.text("#question"), 20.0)
             page.press("Enter")  # by mistake: the focus is on the question, not on a button
@@ -86,12 +100,12 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
             assert page.value("document.activeElement.id") == "asking"
             page.press("Tab")
             assert page.value("document.activeElement.id") == "confirm"
-            until(lambda: page.value("armed"), 20.0)
+            until(lambda: page.value(ARMED), 20.0)
             page.press("Enter", held=True)  # it still lies on the key from before
-            assert page.value("armed") == page.value("asked")
+            assert page.value(ARMED)
             page.press("Enter")
         until(lambda: "T1" in page.text("#question"), 20.0)
-        until(lambda: page.value("armed"), 20.0)
+        until(lambda: page.value(ARMED), 20.0)
         page.value("document.querySelector('#reason').focus()")
         page.type("the nest is bent")
         page.value("document.querySelector('[data-answer=skip]').click()")
@@ -103,7 +117,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         until(lambda: answered in page.text("#events"), 20.0)
 
         page.value("document.querySelector('#pause').click()")
-        until(lambda: page.text("#state") == "paused", 20.0)
+        until(lambda: page.text("#state") == "‖ paused", 20.0)
         assert page.value("document.querySelector('#resume').disabled")  # somebody else has the lease
         assert page.value("document.querySelector('#take').disabled")
         page.value("document.querySelector('#name').focus()")
@@ -120,9 +134,9 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         goes_on_when_loaded_again(service, page)
         until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
         page.value("document.querySelector('#resume').click()")
-        until(lambda: page.text("#state") == "waiting for operator", 20.0)
+        until(lambda: page.text("#state") == "? waiting for operator", 20.0)
         page.press("Escape")
-        until(lambda: page.text("#state") == "stopped", 20.0)
+        until(lambda: page.text("#state") == "■ stopped", 20.0)
         assert page.text("#trouble") == ""
         assert page.value("Object.keys(sessionStorage).sort().join()") == "truepose-lease,truepose-token"
         assert page.value("localStorage.length") == 0
@@ -179,12 +193,14 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             bridge = simulated.cell.faro.bridge
             bridge._hello = bridge._hello.replace("X01000500000", "X777")
 
+            page.value(f"location.hash = '#/run/{run}'")
             enter(page)
+            until(lambda: page.text("#state") == "‖ paused")
             page.value("document.querySelector('#name').focus()")
             page.type("bert")
             page.press("Enter")
             until(
-                lambda: page.text("#holder") == "You hold it as bert." and page.text("#state") == "paused",
+                lambda: page.text("#holder") == "You hold it as bert." and page.text("#state") == "‖ paused",
                 20.0,
             )
             until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
@@ -197,7 +213,7 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             assert page.value("document.activeElement.id") == "exchanged"
             page.type("calibrated elsewhere")
             page.value("document.querySelector('#accept').click()")
-            until(lambda: page.text("#state") == "succeeded")
+            until(lambda: page.text("#state") == "✔ succeeded")
             assert page.value("document.querySelector('#individual').hidden")
             (accepted,) = (e["data"] for e in events(service, run) if e["kind"] == "other_device_accepted")
             assert (accepted["by"], accepted["reason"]) == ("bert", "calibrated elsewhere")
@@ -219,6 +235,8 @@ def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
         page.type(service.hello["viewer_token"])
         page.press("Enter")
         until(lambda: page.value("!document.querySelector('#viewer').hidden"), 20.0)
+        page.value("location.hash = '#/cell'")
+        until(lambda: page.value("Boolean(document.querySelector('#holder'))"), 20.0)
         until(lambda: page.text("#holder").startswith("Nobody holds it"), 20.0)
         for control in ("take", "name", "give"):
             assert page.value(f"document.querySelector('#{control}').disabled")
@@ -231,10 +249,11 @@ def test_the_time_left_is_a_clock_time_and_never_nothing(service: Served, tmp_pa
 
         def left(state: str, seconds: str, done: int = 0) -> str:
             of = f"{{state: '{state}', seconds_left: {seconds}, done: {done}, total: 9}}"
-            return page.value(f"timeLeft({of}, new Date(2026, 10, 20, 14, 20))")  # a Friday
+            moment = "new Date(2026, 10, 20, 14, 20)"  # a Friday
+            return page.value(f"import('/page/units.js').then((m) => m.timeLeft({of}, false, {moment}))")
 
         assert left("running", "720") == "12 min left, done at 14:32"
-        assert left("running", "36000") == "10.0 h left, done at Sat 00:20"
+        assert left("running", "36000") == "10.0 h left, done at Sat, Nov 21 00:20"
         assert left("running", "0.2", 8) == "1 s left, done at 14:20"
         assert left("running", "null") == left("running", "0") == "time left: being reckoned"
         assert left("running", "0", 9) == "all readings are done"
@@ -245,20 +264,27 @@ def test_the_time_left_is_a_clock_time_and_never_nothing(service: Served, tmp_pa
 AT_ONCE = """
     new Promise((go) => {
       const look = setInterval(() => {
-        if (!asked) return;
+        const button = document.querySelector("#confirm");
+        if (!button || !button.checkVisibility()) return;
         clearInterval(look);
-        document.querySelector("#confirm").click();
-        go(asked);
+        button.click();
+        go(document.querySelector("#question").textContent);
       }, 5);
     })
 """
-AGAIN = """
-    (async () => {
-      const id = armed;
-      await ask("POST", `/runs/${chosen}/prompts/${id}/confirm`, {});  // somebody else was faster
-      asked = armed = id;
-      await order(() => answer("VERB"));
-      return $("trouble").textContent;
+# Somebody else is faster: their answer goes out before that of the page does.
+FASTER = """
+    (() => {
+      const real = window.fetch;
+      window.fetch = async (path, options) => {
+        if (!/prompts/.test(path)) return real(path, options);
+        window.fetch = real;
+        const headers = { ...options.headers, "Idempotency-Key": "other" + path };
+        await real(path.replace(/abort$/, "confirm"), { ...options, headers });
+        window.wasLate = true;
+        return real(path, options);
+      };
+      document.querySelector("#VERB").click();
     })()
 """
 
@@ -272,12 +298,15 @@ def test_an_answer_too_early_does_not_count_and_one_too_late_passes_quietly(
         enter(page)
         run = run_of(service, tmp_path)
         early = page.value(AT_ONCE)
-        until(lambda: page.value("armed"))
-        assert page.value("armed") == early  # the click before it could be read was none
+        until(lambda: page.value(ARMED))
+        assert page.text("#question") == early  # the click before it could be read was none
         assert not [e for e in events(service, run) if e["kind"] == "answer"]
-        assert page.value(AGAIN.replace("VERB", "confirm")) == ""
-        until(lambda: page.value("armed"))
-        assert "is not being asked" in page.value(AGAIN.replace("VERB", "abort"))  # this one has to be known
+        page.value(FASTER.replace("VERB", "confirm"))
+        until(lambda: page.text("#question") != early and page.value(ARMED))
+        assert page.value("wasLate")
+        assert page.text("#trouble") == ""
+        page.value(FASTER.replace("VERB", "abort"))
+        until(lambda: "is not being asked" in page.text("#trouble"))  # this one has to be known
         page.press("Escape")
         service.until(f"/runs/{run}", "stopped")
     service.client.delete("/cell/lease")
@@ -290,20 +319,55 @@ def test_back_leads_to_the_run_before_and_a_link_to_its_run(service: Served, tmp
         service.client.post("/runs", json={"campaign": campaign, "name": name}).json()["id"]
         for name in ("older", "newer")
     )
+
+    def shown(of: str) -> bool:
+        return (
+            page.value("location.hash") == f"#/run/{of}"
+            and page.value(
+                "Boolean(document.querySelector('#runs')) && document.querySelector('#runs').value"
+            )
+            == of
+        )
+
     with browser(f"{service.url}/", tmp_path / "browser") as page:
         enter(page)
-        until(lambda: page.value("chosen") == newer)
-        assert page.value("location.hash") == f"#{newer}"
-        page.value(f"runs.value = '{older}'; runs.dispatchEvent(new Event('change'))")
-        until(lambda: page.value("location.hash") == f"#{older}")
-        until(lambda: page.value("run && run.id") == older)
+        page.value("location.hash = '#/run'")
+        until(lambda: shown(newer))
+        page.value(
+            f"document.querySelector('#runs').value = '{older}';"
+            "document.querySelector('#runs').dispatchEvent(new Event('change'))"
+        )
+        until(lambda: shown(older))
         page.value("history.back()")
-        until(lambda: page.value("run && run.id") == newer)
-        assert page.value("runs.value") == newer
+        until(lambda: shown(newer))
         page.value("history.forward()")
-        until(lambda: page.value("chosen") == older)
+        until(lambda: shown(older))
         page.do("Page.reload")
-        until(lambda: page.value("typeof chosen === 'string' && chosen") == older)
-        page.value("location.hash = '#nobody-knows-it'")
-        until(lambda: page.value("location.hash") == f"#{older}")
+        until(lambda: page.value("document.readyState === 'complete'") and shown(older))
+        page.value("location.hash = '#/run/nobody-knows-it'")
+        until(lambda: "There is no run 'nobody-knows-it'" in page.text("#trouble"))
+        page.value("location.hash = '#/nowhere'")
+        until(lambda: page.value("document.querySelector('nav [aria-current]').hash") == "#/cell")
         assert page.value("document.querySelector('#simulated').checkVisibility()")
+        what_is_dropped_is_kept_or_refused(page, (tmp_path / "campaign.toml").read_text("utf-8"))
+
+
+DROP = """
+    (() => {
+      const held = new DataTransfer();
+      held.items.add(new File([TEXT], "dropped.toml"));
+      const dropped = { dataTransfer: held, bubbles: true, cancelable: true };
+      document.querySelector(".drop").dispatchEvent(new DragEvent("drop", dropped));
+    })()
+"""
+
+
+def what_is_dropped_is_kept_or_refused(page: Page, campaign: str) -> None:
+    page.value("location.hash = '#/campaigns'")
+    until(lambda: page.value("Boolean(document.querySelector('.drop'))"))
+    page.value(DROP.replace("TEXT", json.dumps("seed = = 4")))
+    until(lambda: "campaign.toml" in page.text("#trouble"))
+    assert "What to do: " in page.text("#trouble")
+    page.value(DROP.replace("TEXT", json.dumps(campaign)))
+    until(lambda: page.text("#desk h2") == "dropped")
+    assert page.text("#trouble") == ""

@@ -49,7 +49,9 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
         service.lease()
         run = run_of(service, tmp_path)
         enter(page)
-        until(lambda: page.text("#state") == "succeeded")
+        page.value(f"location.hash = '#/run/{run}'")
+        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
+        until(lambda: page.text("#state") == "✔ succeeded")
         until(lambda: "events.jsonl" in page.text("#files"))
         assert "data.csv" not in page.text("#files")
         click(page, "Make the data set")
@@ -60,17 +62,25 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
         kept_job(record, dataset["id"], "29991120-143200-a")
         kept_job(record, "of-another-one", "29991120-143300-b")
         assert lists_its_own_only(service, dataset["id"]) == ["29991120-143200-a"]
-        page.value("collect(true)")
-        assert page.text("#files").count("diagnosis of") == 1
-        bad = "{id: 'x', kind: 'diagnosis', state: 'succeeded', created_utc: '', result: {converged: false}}"
-        assert page.value(f"rowOfJob({bad}).slice(1).map((link) => link.textContent).join()") == "report"
+        page.do("Page.reload")
+        until(lambda: page.value("document.readyState === 'complete'"))
+        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
+        until(lambda: page.text("#files").count("diagnosis ") == 1)
+        bad = "{id: 'x', kind: 'diagnosis', state: 'succeeded', created_utc: '2026-11-20', result: {converged: false}}"
+        words = f"m.rowOfJob({bad}).slice(1).map((each) => each.textContent || each).join()"
+        told = page.value(f"import('/page/given.js').then((m) => {words})")
+        assert told == "It has not converged: no model.,download report"
         click(page, "Identify")
-        until(lambda: "identification of" in page.text("#files"))
+        until(lambda: page.value("location.hash").startswith("#/result/"))
+        until(lambda: "identification" in page.text("#desk h2"))
+        page.value("history.back()")
+        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
+        until(lambda: "identification " in page.text("#files"))
 
         saved = tmp_path / "saved"
         page.do("Page.setDownloadBehavior", behavior="allow", downloadPath=str(saved))
         for text, path, name in (
-            ("report", "/reports/29991120-143200-a", "29991120-143200-a-report.html"),
+            ("download report", "/reports/29991120-143200-a", "29991120-143200-a-report.html"),
             ("data.csv", f"/datasets/{dataset['id']}/data.csv", f"{dataset['id']}.csv"),
             ("events.jsonl", f"/runs/{run}/events.jsonl", f"{run}-events.jsonl"),
         ):
@@ -82,12 +92,16 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
         assert page.text("#trouble") == ""
         assert not [each for each in page.told if each["method"] in ("Log.entryAdded",)]
 
-        page.value("leave()")
-        page.value("document.querySelector('#token').focus()")
+        page.value("document.querySelector('#out').click()")
+        until(lambda: page.value("document.activeElement.id") == "token")
         page.type(service.hello["viewer_token"])
         page.press("Enter")
-        until(lambda: page.value("!document.querySelector('#given').hidden && looksOn()"))
-        until(lambda: "report" in page.text("#files"))
+        until(lambda: page.value("!document.querySelector('#viewer').hidden"))
+        until(
+            lambda: (
+                page.value("Boolean(document.querySelector('#files'))") and "report" in page.text("#files")
+            )
+        )
         assert not page.value(
             "[...document.querySelectorAll('#given button')].some((b) => b.checkVisibility())"
         )

@@ -39,12 +39,16 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         browser(f"{service.url}/", tmp_path / "browser") as page,
     ):
         enter(page)
+        until(lambda: page.value("Boolean(document.querySelector('#name'))"))
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
         page.value("document.querySelector('#take').click()")
         until(lambda: page.text("#holder") == "You hold it as bert.")
-        service.client.headers["Lease-Id"] = page.value("lease.lease_id")
+        service.client.headers["Lease-Id"] = page.value(
+            "JSON.parse(sessionStorage.getItem('truepose-lease')).lease_id"
+        )
         run_of(service, tmp_path)
+        until(lambda: page.value("Boolean(document.querySelector('#question'))"))
         until(lambda: "N1" in page.text("#question"))
         page.value("document.querySelector('#runs').focus()")
         assert not shown(page, "#silence")
@@ -71,7 +75,9 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         # On a machine that took long about it the lease has lapsed meanwhile, and nothing is asked any more.
         until(
             lambda: (
-                page.value("asking.hidden || !document.querySelector('#confirm').disabled")
+                page.value(
+                    "document.querySelector('#asking').hidden || !document.querySelector('#confirm').disabled"
+                )
                 and "Nobody knows" not in page.text("#holder")
             )
         )

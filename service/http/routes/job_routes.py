@@ -13,6 +13,8 @@ from service.http.state import Here, Service
 from service.http.wire.bodies import JobShown, JobsShown, OfDataset
 from service.http.wire.headers import After, IdempotencyKey, Wait
 from service.http.wire.paths import path_of
+from service.http.wire.plan_bodies import ArrowsShown, ResultShown
+from service.http.wire.problems import not_found
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
 
@@ -91,6 +93,23 @@ def list_dataset_jobs(here: Here, dataset_id: str) -> dict[str, Any]:
 def get_model(here: Here, job_id: str) -> dict[str, Any]:
     """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
     return here.jobs.model(job_id)
+
+
+@router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
+def get_result(here: Here, result_id: str) -> dict[str, Any]:
+    """A job of any kind, or a closed loop, for whoever has its id alone; `kind` says which of them it is."""
+    kind = here.jobs.kind_of(result_id)
+    if kind is not None:
+        return here.jobs.document(kind, result_id)
+    if result_id not in here.loops.ids():
+        raise not_found("result", result_id)
+    return here.loops.document(result_id) | {"kind": "loop"}
+
+
+@router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)
+def get_arrows(here: Here, job_id: str) -> dict[str, Any]:
+    """The errors of an identification or a diagnosis in space, before and after: at most 500 readings, held out."""
+    return here.jobs.arrows(job_id)
 
 
 @router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)

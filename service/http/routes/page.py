@@ -1,8 +1,9 @@
-"""The operator page: one answer, which a browser may run because its script and style have the hashes named here.
+"""The operator page: a frame in which a browser runs the modules of the service, and nothing else.
 
 It holds nothing of the cell and needs no token; what it shows it asks for with the token that a person pastes. The
-Content-Security-Policy lets it talk to this service and to nobody else.
-Source: Content Security Policy Level 3 (W3C), hashes of inline scripts and styles.
+Content-Security-Policy lets it talk to this service and to nobody else. Its script is known by a number that is drawn
+for every answer: what somebody writes into the page does not know it. Modules that a known one imports are known too.
+Source: Content Security Policy Level 3 (W3C), nonces, and hashes of inline styles.
 """
 
 from __future__ import annotations
@@ -10,50 +11,54 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import secrets
 from pathlib import Path
 
 from fastapi import APIRouter
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, Response
+
+from service.http.wire.problems import not_found
 
 router = APIRouter()
 FOLDER = Path(__file__).parents[2] / "static"
-STYLES = ("operator.css",)
-SCRIPTS = ("connection.js", "drift.js", "given.js", "operator.js")
+MODULES = tuple(sorted(path.name for path in FOLDER.glob("*.js")))
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",  # a page and its modules are of one version
+}
 
 
-def page_text() -> str:
-    """The page with its style and scripts in it: one text of `operator.html` and the files named here."""
-    text = (FOLDER / "operator.html").read_text(encoding="utf-8")
-    for tag, names in (("style", STYLES), ("script", SCRIPTS)):
-        parts = ((FOLDER / name).read_text(encoding="utf-8") for name in names)
-        content = "\n".join(f"<{tag}>\n{part}</{tag}>" for part in parts)
-        text = text.replace(f"<{tag}></{tag}>", content)
-    return text
+def page_text(nonce: str) -> str:
+    """The page with its style in it, and its script marked with this number."""
+    text, style = ((FOLDER / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
+    text = text.replace("<style></style>", f"<style>{style}</style>")
+    return text.replace('<script type="module"', f'<script type="module" nonce="{nonce}"')
 
 
-def policy_of(page: str) -> str:
-    """The Content-Security-Policy for a page: its own inline scripts and styles, its own service, nothing else."""
-    script, style = (_hashes(page, tag) for tag in ("script", "style"))
+def policy_of(page: str, nonce: str) -> str:
+    """The Content-Security-Policy for a page: its own script and style, its own service, nothing else."""
+    styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
+    digests = (base64.b64encode(hashlib.sha256(each.encode()).digest()).decode() for each in styles)
+    style = " ".join(f"'sha256-{digest}'" for digest in digests)
     return (
-        f"default-src 'none'; script-src {script}; style-src {style}; connect-src 'self'; img-src data:; "
+        f"default-src 'none'; script-src 'nonce-{nonce}'; style-src {style}; connect-src 'self'; img-src data:; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
-
-
-def _hashes(page: str, tag: str) -> str:
-    parts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
-    digests = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in parts)
-    return " ".join(f"'sha256-{digest}'" for digest in digests)
 
 
 @router.get("/", include_in_schema=False)
 def operator_page() -> HTMLResponse:
     """The page."""
-    page = page_text()
-    headers = {
-        "Content-Security-Policy": policy_of(page),
-        "X-Content-Type-Options": "nosniff",
-        "Referrer-Policy": "no-referrer",
-        "Cache-Control": "no-store",
-    }
-    return HTMLResponse(page, headers=headers)
+    nonce = secrets.token_urlsafe(18)
+    page = page_text(nonce)
+    return HTMLResponse(page, headers=_HEADERS | {"Content-Security-Policy": policy_of(page, nonce)})
+
+
+@router.get("/page/{name}", include_in_schema=False)
+def module(name: str) -> Response:
+    """A module of the page."""
+    if name not in MODULES:
+        raise not_found("module", name)
+    text = (FOLDER / name).read_text(encoding="utf-8")
+    return Response(text, media_type="text/javascript; charset=utf-8", headers=_HEADERS)

@@ -5,7 +5,7 @@ Planning takes seconds to minutes: what plans here is called in a worker process
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,10 @@ from service.files import as_json
 from service.http.runs.damage import unreadable
 from service.http.runs.run_document import run_document
 from service.http.work.campaigns import campaign_of
+from service.results.plan import plan_of_campaign, plan_of_record
 from service.wording import counted
 
-FILE = "dry_run.json"
+FILE, PLAN = "dry_run.json", "plan.json"
 
 
 def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]]:
@@ -31,20 +32,29 @@ def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]
 def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
     """How many visits and readings of poses a campaign has. Raises ConfigError, UnsafePlan."""
     _, visits = planned(cell, table)
-    return len(visits), sum(len(visit.targets) for visit in visits if visit.counted)
+    return len(visits), readings_in(visits)
+
+
+def readings_in(visits: Sequence[Visit]) -> int:
+    """How many readings of poses a plan has."""
+    return sum(len(visit.targets) for visit in visits if visit.counted)
 
 
 def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulated: bool) -> None:
     """Check a campaign and write what came of it into a new folder. Raises ConfigError, UnsafePlan."""
-    visits, total = readings_of(cell, table)
+    campaign, visits = planned(cell, table)
+    total = readings_in(visits)
+    plan = plan_of_campaign(cell, campaign, visits)
     folder.mkdir()
+    replace_file(folder / PLAN, as_json(plan))
     done = State.SUCCEEDED
     status = RunStatus(
         id=folder.name,
         name=name or cell.name,
         state=done.value,
         state_code=done.code,
-        reason=f"Checked only: {counted(visits, 'visit')}, {counted(total, 'reading')}; nothing has moved.",
+        seconds_left=plan["seconds"],
+        reason=f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
         version=1,
         done=0,
         total=total,
@@ -52,6 +62,13 @@ def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulate
     )
     document = run_document(folder.name, status, dry_run=True)
     replace_file(folder / FILE, as_json(document))
+
+
+def plan_in(folder: Path) -> dict[str, Any]:
+    """The plan of a run or a dry run in its folder. Raises RecordError, StorageError, DataError."""
+    if (folder / FILE).is_file():
+        return read_json(folder / PLAN)
+    return plan_of_record(folder)
 
 
 class DryRuns:

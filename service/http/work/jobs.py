@@ -27,7 +27,7 @@ from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
-from service.job import JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, TRACKER
+from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, STEP, TRACKER
 from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.results.alignment import Order
@@ -116,12 +116,24 @@ class Jobs:
             "state": state.value,
             "state_code": state.code,
             "version": version,
+            "step": self._step(folder) if current else "",
             "result": result,
             "problem": problem,
             "report": path_of("reports", name)
             if (folder / REPORT).is_file() and result is not None
             else None,
         }
+
+    def kind_of(self, name: str) -> str | None:
+        """The kind of the job with this id; None where there is none."""
+        known = (kind for kind, folder in _FOLDERS.items() if (self._record / folder / name / JOB).is_file())
+        return next(known, None) if safe_id(name) else None
+
+    def _step(self, folder: Path) -> str:
+        """What the job in hand does now; empty before it has said so."""
+        with suppress(Problem):
+            return str(read_kept(folder / STEP, Answered).get("step", ""))
+        return ""
 
     def _problem(self, folder: Path) -> dict[str, Any]:
         if (folder / PROBLEM).is_file():
@@ -153,6 +165,10 @@ class Jobs:
     def picture(self, name: str) -> str:
         """The SVG of an alignment. Raises Problem 404."""
         return self._file(name, PICTURE, "picture")
+
+    def arrows(self, name: str) -> dict[str, Any]:
+        """The errors of the readings in space. Raises Problem 404."""
+        return read_kept(self._path(name, ARROWS, "picture of errors"), Answered)
 
     def model(self, name: str) -> dict[str, Any]:
         """The model that a job or a loop has found. Raises Problem 404."""

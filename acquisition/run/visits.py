@@ -1,0 +1,58 @@
+"""The visits of a plan that a person wants measured again, or leaves out, while a run goes on or is paused.
+
+What is measured again stays in the record, out of use, and is planned once more in its place; a visit that is left out
+is skipped with its reason. The sequencer asks the record what comes next, so both hold from the next reading on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from acquisition.record.store import Planned, Store
+from acquisition.run.outcome import not_resumed
+
+_OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")
+
+
+class Visits:
+    """Of one record, of which this program is the writer. Both return how many readings are concerned."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def again(self, number: int, by: str, reason: str) -> int:
+        """What was measured or skipped in a visit is planned once more. Raises NotResumed for a run that has ended."""
+        return self._order("measure again", number, by, reason, _DONE, self._plan_again)
+
+    def leave_out(self, number: int, by: str, reason: str) -> int:
+        """What is left to measure in a visit is skipped. Raises NotResumed for a run that has ended."""
+        return self._order("leave out", number, by, reason, _OPEN, self._skip)
+
+    def _order(
+        self,
+        verb: str,
+        number: int,
+        by: str,
+        reason: str,
+        statuses: tuple[str, ...],
+        change: Callable[[list[Planned], str], None],
+    ) -> int:
+        with self._store.changing():  # what is looked at is what is changed
+            if self._store.state.final:
+                raise not_resumed(self._store.state, f"the campaign has {self._store.state.value}", verb)
+            concerned = [
+                each
+                for each in self._store.plan()
+                if each.visit.number == number and each.visit.counted and each.status in statuses
+            ]
+            if concerned:
+                self._store.command(verb, by)
+                change(concerned, reason or f"{verb}, by {by}")
+            return len(concerned)
+
+    def _plan_again(self, concerned: list[Planned], reason: str) -> None:
+        self._store.measure_again([each.id for each in concerned], reason)
+
+    def _skip(self, concerned: list[Planned], reason: str) -> None:
+        for each in concerned:
+            self._store.mark(each.id, "skipped", reason)

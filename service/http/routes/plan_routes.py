@@ -1,0 +1,109 @@
+"""The plan of a run, what each pose of it is worth, and the poses that a person wants again or leaves out."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import JSONResponse
+
+from calib.errors import DataError
+from service.http.routes.json_route import JsonRoute
+from service.http.routes.run_routes import RUNS, accepted, who
+from service.http.runs.dry_runs import plan_in
+from service.http.state import Here, Service
+from service.http.wire.bodies import RunShown, WhyBody
+from service.http.wire.headers import IdempotencyKey, LeaseId
+from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
+from service.http.wire.problems import not_found
+from service.results.price import price_of
+from service.results.scene import scene_of
+
+router = APIRouter(route_class=JsonRoute, tags=["plans"])
+Number = Annotated[
+    int, Path(ge=0, le=2**31, description="Number of the visit in the plan, from 0 on.", examples=[17])
+]
+Joints = Annotated[
+    str,
+    Query(
+        max_length=400,
+        description="Joint angles of the robot, deg, with commas; none: at home.",
+        examples=["0,20,-30,0,45,0"],
+    ),
+]
+
+
+@router.get("/cell/scene", operation_id="getScene", response_model=SceneShown)
+def get_scene(here: Here, joints_deg: Joints = "") -> dict[str, Any]:
+    """The cell as a picture needs it: arm and tool as capsules, boxes and posts, nests and targets, mm, world frame."""
+    try:
+        posture = [float(part) for part in joints_deg.split(",")] if joints_deg.strip() else []
+    except ValueError as error:
+        raise DataError("are no numbers.", do="Give angles in deg with commas.", key="joints_deg") from error
+    return here.workers.call(scene_of, here.cell, posture)
+
+
+@router.get("/runs/{run_id}/plan", operation_id="getPlan", response_model=PlanShown)
+def get_plan(here: Here, run_id: str) -> dict[str, Any]:
+    """Every visit of a run, or of a dry run: where its targets should be, what became of them, how long it takes."""
+    return here.workers.call(plan_in, here.book.path(run_id))
+
+
+@router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice", response_model=PriceShown)
+def get_price(here: Here, run_id: str, number: Number) -> dict[str, Any]:
+    """What a pose is worth: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
+    here.book.get(run_id)  # a dry run measures nothing
+    price = here.workers.call(price_of, here.book.path(run_id), number)
+    if price is None:
+        raise not_found("visit", str(number))
+    return price
+
+
+@router.post(
+    "/runs/{run_id}/visits/{number}/retake",
+    operation_id="retakeVisit",
+    status_code=202,
+    response_model=RunShown,
+)
+def retake_visit(
+    here: Here,
+    run_id: str,
+    number: Number,
+    body: WhyBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
+) -> JSONResponse:
+    """Measure a pose again: its readings are kept, out of use. The robot goes back there, so this needs `Lease-Id`."""
+    here.lease.needed(lease_id)
+    return _order(here, run_id, number, "retake", body.reason, idempotency_key, who(here, lease_id))
+
+
+@router.post(
+    "/runs/{run_id}/visits/{number}/skip",
+    operation_id="skipVisit",
+    status_code=202,
+    response_model=RunShown,
+)
+def skip_visit(
+    here: Here,
+    run_id: str,
+    number: Number,
+    body: WhyBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
+) -> JSONResponse:
+    """Leave out what is not measured yet in a pose. It can be asked for again with `retake`."""
+    return _order(here, run_id, number, "skip", body.reason, idempotency_key, who(here, lease_id))
+
+
+def _order(
+    here: Service, run_id: str, number: int, verb: str, reason: str, key: str, by: str
+) -> JSONResponse:
+    def work() -> JSONResponse:
+        visits = here.book.get(run_id).visits
+        order = visits.again if verb == "retake" else visits.leave_out
+        if not order(number, by, reason):
+            raise not_found("visit that this could be done with", str(number))
+        return accepted(here, run_id)
+
+    return here.keys.once(key, (f"{RUNS}/{run_id}/visits/{number}/{verb}", reason), work)

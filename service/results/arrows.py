@@ -1,0 +1,51 @@
+"""The errors of readings as arrows in space: measured less predicted, by the nominal robot in its place and by a model.
+
+Lengths mm, world frame.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from calib.data import Dataset
+from calib.fit import Identification, base_model_of, place_nominal
+from calib.model import Design
+from service.plain import finite
+
+FORMAT = "truepose-arrows/1"
+MOST = 500  # more cannot be told apart
+
+
+def arrows_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
+    """Held-out readings where there are any, else those that were fitted; points only. `readings`: of how many."""
+    held = dataset.validation_rows & dataset.pointed
+    rows = held if held.any() else dataset.fit_rows & dataset.pointed
+    shown = np.flatnonzero(rows)
+    if len(shown) > MOST:
+        shown = np.sort(np.random.default_rng(0).choice(shown, MOST, replace=False))
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "held_out": bool(held.any()),
+        "readings": int(rows.sum()),
+        "arrows": [],
+    }
+    if len(shown):
+        taken = np.isin(np.arange(len(dataset)), shown)
+        conditions, points = dataset.conditions.take(taken), dataset.points[taken]
+        nominal, placed = place_nominal(dataset, base_model_of(dataset, None))
+        before, after = (
+            points - Design(nominal, conditions).predict(placed),
+            points - found.predict(conditions),
+        )
+        document["arrows"] = [
+            {
+                "reading": dataset.reading_id[i],
+                "at_mm": np.round(at, 1).tolist(),
+                "nominal_mm": np.round(one, 5).tolist(),
+                "model_mm": np.round(other, 5).tolist(),
+            }
+            for i, at, one, other in zip(shown.tolist(), points, before, after, strict=True)
+        ]
+    return finite(document)

@@ -1,0 +1,48 @@
+// The view Cell: what stands there, who may move it, and what it does now.
+
+import { ask, reckoned } from "./connection.js";
+import { desk, order } from "./desk.js";
+import { fill, h, table } from "./dom.js";
+import { leasePanel } from "./lease.js";
+import { scenePicture } from "./scene.js";
+import { number, sign, state } from "./units.js";
+import { t } from "./words.js";
+
+export function open(root) {
+  const lease = leasePanel(), facts = h("section", {}, h("h2", {}, t("devices"))), body = h("div", {}), now = h("div", {});
+  const picture = scenePicture(t("cellPicture")), lists = h("div", {});
+  facts.append(body);
+  root.append(h("section", {}, h("h2", {}, t("nowHere")), now), lease, facts,
+    h("section", { className: "wide" }, h("h2", {}, t("cellPicture")), picture, lists));
+  let scene = null, health = null;
+
+  function show() {
+    const { cell, busy, loop } = desk;
+    if (!cell) return;
+    lease.show();
+    fill(now, [busy && busy.id, busy && busy.state, loop && loop.step, loop && loop.id], () => [
+      busy ? h("p", { className: "big" }, h("a", { href: `#/run/${busy.id}` }, `${sign(busy.state)} ${busy.name}: ${state(busy.state)}`)) : h("p", { className: "big" }, loop ? t("loopBetween") : t("nothingRuns")),
+      loop && h("p", {}, `${t("loop")}: ${loop.step}`),
+      !busy && h("p", {}, h("a", { href: "#/campaigns", className: "do" }, t("toCampaigns"))),
+    ]);
+    fill(body, [cell, health], () => table(t("devices"), ["", t("what"), t("driver")], [
+      [t("robot"), cell.robot, cell.robot_driver], [t("instrument"), cell.instrument, cell.instrument_driver],
+      [t("targets"), cell.targets.join(", "), ""], [t("nests"), cell.nests.join(", "), ""],
+      [t("service"), health ? `TruePose ${health.version}` : "–", cell.simulated ? t("simulatedShort") : t("real")],
+    ]));
+  }
+
+  async function look() {
+    if (!health) health = await ask("GET", "/health");
+    if (!scene) {
+      scene = await reckoned("/cell/scene");
+      picture.show({ ...scene, described: t("cellDescribed", { boxes: scene.obstacles.length, nests: Object.keys(scene.nests_mm).length }) });
+      fill(lists, scene, () => table(t("places"), ["", "x, mm", "y, mm", "z, mm"], [
+        ...Object.entries(scene.nests_mm).map(([name, p]) => [`${t("nest")} ${name}`, ...p.map((v) => ({ numeric: number(v, 1) }))]),
+        ...Object.entries(scene.tool_mm).map(([name, p]) => [`${t("target")} ${name} (${t("flangeFrame")})`, ...p.map((v) => ({ numeric: number(v, 1) }))]),
+      ]));
+    }
+    show();
+  }
+  return { look: () => look().catch((error) => { if (error.status !== 404) throw error; }), show, order };
+}

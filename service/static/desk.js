@@ -1,0 +1,61 @@
+// What is known of the cell, and the orders to it: the lease, stop, and errors with what to do about them.
+
+import { Silence, ask, connection, key, stopBy } from "./connection.js";
+import { $, h } from "./dom.js";
+import { t } from "./words.js";
+
+const LEASE = "truepose-lease";
+export const LEASE_S = 15;
+// `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now.
+export const desk = { cell: null, busy: null, loop: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
+
+export const looksOn = () => Boolean(desk.cell && desk.cell.role === "viewer");
+export const held = () => (desk.lease ? { "Lease-Id": desk.lease.lease_id } : {});
+export const moving = () => ({ ...held(), ...key() });
+
+// The secret of the lease is given once: a page that is loaded again in this window goes on with the one that is kept.
+export function keep(granted) {
+  desk.lease = granted && { holder: granted.holder, lease_id: granted.lease_id };
+  if (desk.lease) sessionStorage.setItem(LEASE, JSON.stringify(desk.lease)); else sessionStorage.removeItem(LEASE);
+}
+
+// What went wrong, and what to do. The service says both in English, whatever the language of the page.
+export function trouble(error) {
+  const parts = !error ? [] : error.whatToDo
+    ? [h("strong", { lang: "en" }, error.message), " ", h("span", { lang: "en" }, `${t("whatToDo")} ${error.whatToDo}`)]
+    : [error.message];
+  $("trouble").replaceChildren(...parts);
+}
+
+export async function order(work) {
+  try { trouble(null); const done = await work(); await desk.look(); return done; }
+  catch (error) { trouble(error); return undefined; }
+}
+
+export async function refresh() {
+  desk.cell = await ask("GET", "/cell");
+  desk.busy = desk.cell.run_id ? await ask("GET", `/runs/${desk.cell.run_id}`) : null;
+  desk.loop = desk.cell.loop_id ? await ask("GET", `/loops/${desk.cell.loop_id}`) : null;
+}
+
+// Stops what uses the robot; `shown`: the run that is looked at, where nothing is known to use it.
+export function stop(shown) {
+  const { cell } = desk;
+  const target = cell && cell.loop_id ? `/loops/${cell.loop_id}` : cell && cell.run_id ? `/runs/${cell.run_id}` : shown && `/runs/${shown}`;
+  if (!target) { trouble(new Error(cell ? t("nothingToStop") : t("nothingKnown"))); return; }
+  order(async () => {
+    const told = await stopBy(`${target}/stop`);
+    if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => `${p.message}. ${p.what_to_do}`).join(" "));
+  });
+}
+
+export async function prolong() {
+  const mine = desk.lease;
+  if (!mine || !connection.token) return;
+  try { await ask("POST", "/cell/lease", { holder: mine.holder, seconds: LEASE_S }, held()); }
+  catch (error) {
+    if (desk.lease !== mine || error instanceof Silence) return;  // given back meanwhile; or the page says it already
+    if (error.status === 409) { keep(null); await desk.look().catch(() => {}); }  // it has ended, or somebody took it over
+    trouble(error);
+  }
+}

@@ -1,0 +1,27 @@
+// The ladder of a result: the position error of every model, from the robot as found to the robot verified.
+
+import { bars } from "./charts.js";
+import { h, numeric, table } from "./dom.js";
+import { number } from "./units.js";
+import { t } from "./words.js";
+
+export function rungs(job) {
+  const r = job.result || {}, v = r.verification || {};
+  return [
+    [t("rungNominal"), r.error_nominal_mm], [t("rungBase"), r.error_before_mm || r.error_identified_mm],
+    [t("rungEffects"), (r.effects || []).length ? r.error_after_mm : null], [t("rungUncorrected"), v.error_uncorrected_mm], [t("rungVerified"), v.error_verified_mm],
+  ].filter(([, errors]) => errors);
+}
+
+export function errorsOf(job) {
+  const all = rungs(job), held = all.filter(([name]) => name !== t("rungUncorrected"));
+  return { first: held.length ? held[0][1].rms : null, last: held.length ? held.at(-1)[1].rms : null };
+}
+
+export function ladder(job) {
+  const rows = rungs(job);
+  if (!rows.length) return h("p", {}, t("nothingHeldOut"));
+  const figure = (errors, name) => numeric(number(errors[name]));
+  return h("div", {}, bars(t("ladder"), rows.map(([name, errors]) => [name, errors.rms, `${number(errors.rms)} mm`])),
+    table(t("ladderCaption"), [t("model"), "n", t("mean"), "RMS", "95 %", t("most")], rows.map(([name, errors]) => [name, numeric(String(errors.n)), figure(errors, "mean"), figure(errors, "rms"), figure(errors, "p95"), figure(errors, "max")])));
+}

@@ -1,0 +1,63 @@
+// The prompt of a run: one huge question with its picture, whose buttons are armed after it can have been read.
+
+import { ask, connection } from "./connection.js";
+import { desk, looksOn, moving, order } from "./desk.js";
+import { h } from "./dom.js";
+import { promptPicture, promptWords } from "./pictures.js";
+import { language, t } from "./words.js";
+
+const ARMED_MS = 1500, NOT_ASKED = 3020, VERBS = ["confirm", "redo", "skip", "abort"];
+
+// A card with `show(run, scene)`. The buttons take no answer before the question can have been read: a click may have
+// been meant for the one before.
+export function promptCard() {
+  let asked = "", armed = "", run = null, drawn = null;
+  const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim", lang: "en" }), arming = h("p", { id: "arming", className: "dim" });
+  const picture = h("div", { className: "prompt-side" }), reason = h("input", { id: "reason", maxLength: 500, size: 30 });
+  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
+  const card = h("section", { id: "asking", className: "wide", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
+    h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, arming,
+      h("div", { className: "row" }, buttons), h("label", { className: "row" }, t("reason"), " ", reason)), picture);
+
+  async function answer(verb) {
+    const id = armed;
+    if (!id) return;  // not armed yet, or answered: a second click is no second answer
+    armed = ""; dress();
+    try { await ask("POST", `/runs/${run.id}/prompts/${id}/${verb}`, { reason: reason.value }, moving()); }
+    catch (error) {
+      const late = error.code === NOT_ASKED;
+      if (late && verb !== "abort") { card.dispatchEvent(new CustomEvent("late")); return; }
+      if (!late && asked === id) armed = id;
+      throw error;
+    }
+  }
+
+  function dress() {
+    const prompt = run && run.prompt;
+    if (!prompt) return;
+    arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
+    for (const each of buttons) {
+      each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
+      each.setAttribute("aria-disabled", String(!armed));
+    }
+  }
+
+  card.show = (of, scene) => {
+    run = of;
+    const prompt = run && run.prompt;
+    card.hidden = !prompt;
+    if (!prompt) { asked = armed = ""; drawn = null; return; }
+    const fresh = asked !== prompt.id;
+    if (fresh) {
+      const mine = promptWords(prompt);  // short, in the language of the page; the service says it with all figures
+      asked = prompt.id; armed = ""; reason.value = "";
+      question.textContent = mine || prompt.text; question.lang = mine ? language() : "en";
+      original.textContent = mine && mine !== prompt.text ? prompt.text : "";
+      setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);
+    }
+    if (drawn !== prompt.id && (scene || !prompt.picture)) { drawn = prompt.id; picture.replaceChildren(...[promptPicture(prompt, scene)].filter(Boolean)); }
+    dress();
+    if (fresh && desk.cell) card.focus();
+  };
+  return card;
+}

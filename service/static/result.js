@@ -1,0 +1,135 @@
+// The view Result: what a job or a loop has found, with its ladder, effects, errors in space and what it could have seen.
+
+import { ask, keepFile, key, reckoned, upload } from "./connection.js";
+import { desk, looksOn, order } from "./desk.js";
+import { button, fill, h, numeric, table } from "./dom.js";
+import { results, rowOfDataset, rowOfJob } from "./given.js";
+import { ladder } from "./ladder.js";
+import { scenePicture } from "./scene.js";
+import { duration, length, moment, number, sign, state } from "./units.js";
+import { t } from "./words.js";
+
+const MOST = 40;
+
+export const open = (root, id) => (id ? one(root, id) : all(root));
+
+function all(root) {
+  const list = h("ul", { className: "list", ariaLabel: t("results") }), loops = h("ul", { className: "list", ariaLabel: t("loops") });
+  const csv = h("input", { type: "file", id: "csv", accept: ".csv", required: true }), toml = h("input", { type: "file", id: "toml", accept: ".toml", required: true });
+  const send = h("form", { className: "form", on: { submit: (event) => {
+    event.preventDefault();
+    order(async () => { await upload("/datasets", { csv: csv.files[0], toml: toml.files[0], name: csv.files[0].name.replace(/\.csv$/i, "") }); send.reset(); });
+  } } }, h("label", {}, "DATA.csv", csv), h("label", {}, "DATA.toml", toml), h("button", {}, t("upload")));
+  const own = h("section", { className: "wide" }, h("h2", {}, t("ownData")), send);
+  root.append(h("section", { className: "wide" }, h("h2", {}, t("dataSets")), list), h("section", { className: "wide" }, h("h2", {}, t("loops")), loops), own);
+  const look = async () => {
+    own.hidden = looksOn();
+    const [{ datasets }, found] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/loops")]);
+    const sets = await Promise.all(datasets.slice(0, MOST).map(async (data) => [data, (await ask("GET", `/datasets/${data.id}/jobs`)).jobs]));
+    fill(list, [sets.map(([data, jobs]) => [data.id, jobs.map((job) => [job.id, job.state])]), looksOn()], () => sets.length ? sets.flatMap(([data, jobs]) => [
+      h("li", { className: "head" }, rowOfDataset(data)), ...jobs.map((job) => h("li", { className: "under" }, rowOfJob(job)))]) : h("li", {}, t("noDataSets")));
+    fill(loops, found.loops.map((each) => [each.id, each.state]), () => found.loops.length ? found.loops.map((each) => h("li", {},
+      h("a", { href: `#/result/${each.id}`, className: "do" }, `${sign(each.state)} ${each.name} ${moment(new Date(each.created_utc))}: ${state(each.state)}`))) : h("li", {}, t("noLoops")));
+  };
+  return { look, show: () => {} };
+}
+
+function one(root, id) {
+  const head = h("h2", {}), says = h("p", { className: "big", id: "job", role: "status" }), step = h("p", { id: "step" }), bar = h("progress", { ariaLabel: t("working"), hidden: true }), steps = h("ol", { lang: "en" });
+  const files = h("div", { className: "row" }), body = h("div", { className: "views wide" }), picture = scenePicture(t("arrowPicture"));
+  root.append(h("section", { className: "wide" }, head, says, step, bar, steps, files), body);
+  let job = null, drawn = false;
+
+  const orders = (verb) => button(t(verb), () => order(() => ask("POST", `/loops/${id}/${verb}`, verb === "resume" ? {} : undefined, { ...(desk.lease ? { "Lease-Id": desk.lease.lease_id } : {}), ...key() })), { id: `loop-${verb}` });
+
+  function show() {
+    if (!job) return;
+    const busy = ["ready", "running", "waiting_for_operator", "paused"].includes(job.state), since = (Date.now() - new Date(job.created_utc)) / 1000;
+    head.textContent = [t(`kind_${job.kind}`), job.name, moment(new Date(job.created_utc))].filter(Boolean).join(" · ");
+    says.textContent = `${sign(job.state)} ${state(job.state)}`;
+    step.textContent = busy ? [job.step || (job.state === "ready" ? t("waitsForTurn") : ""), t("sinceThen", { time: duration(since) })].filter(Boolean).join(" · ") : job.reason || "";
+    bar.hidden = !busy || job.state === "paused";
+    fill(steps, job.steps || [], () => (job.steps || []).map((each) => h("li", {}, each)));
+    fill(files, [job.state, Boolean(job.report), looksOn(), job.run_id, Boolean(desk.lease)], () => [
+      ...(job.run_id ? [job.run_id] : job.runs || []).map((each) => h("a", { href: `#/run/${each}`, className: "do" }, `${t("toRun")} ${each.split("-").slice(3).join(" ")}`)),
+      ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
+      ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
+    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : []));
+  }
+
+  function findings() {
+    const r = job.result, wide = { className: "wide" };
+    const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
+    if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
+    whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
+    if ((r.power || []).length) whole.push(h("section", wide, h("h2", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
+      powerTable(r.power)));
+    const said = [...(r.warnings || []), ...(r.notes || [])];
+    if (said.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", { lang: "en" }, said.map((each) => h("li", {}, each)))));
+    if (!looksOn() && r.converged !== false) whole.push(programs());
+    const next = (r.follow_up || []).filter((each) => each.campaign);
+    if (next.length && !looksOn()) whole.push(h("section", wide, h("h2", {}, t("followUp")), h("p", {}, t("followUpHint")), next.map((each) => button(t("keepCampaign"), () => order(async () => {
+      const kept = await ask("POST", "/campaigns", { campaign: each.campaign, name: `follow-up of ${id}` }, key());
+      location.hash = `#/campaigns/${kept.id}`;
+    })))));
+    return whole;
+  }
+
+  // Targets of a program, corrected with this model.
+  function programs() {
+    const file = h("input", { type: "file", id: "targets", accept: ".csv", required: true }), refused = h("input", { type: "checkbox", id: "keep-refused" }), told = h("p", { role: "status" });
+    return h("section", { className: "wide" }, h("h2", {}, t("programs")), h("p", { className: "dim" }, t("programsHint")), h("form", { className: "form", on: { submit: (event) => {
+      event.preventDefault();
+      order(async () => {
+        const done = await ask("POST", `/models/${id}/targets`, { csv: await file.files[0].text(), keep_refused: refused.checked });
+        keepFile(new Blob([done.csv], { type: "text/csv" }), `corrected-${file.files[0].name}`);
+        told.textContent = t("corrected", { n: done.corrected, refused: done.refused, mm: number(done.largest_move_mm) });
+      });
+    } } }, h("label", {}, "TARGETS.csv", file), h("label", { className: "check" }, refused, t("keepRefused")), h("button", {}, t("correct"))), told);
+  }
+
+  async function draw() {
+    drawn = true;
+    const [found, scene] = [await reckoned(`/results/${id}/arrows`), await reckoned("/cell/scene").catch(() => ({ capsules: [], obstacles: [] }))];
+    if (!found.arrows.length) { picture.replaceWith(h("p", {}, t("noArrows"))); return; }
+    let which = "nominal_mm";
+    const both = () => {
+      const most = Math.max(...found.arrows.map((each) => length(each[which]))), enlarged = 10 ** Math.round(Math.log10(90 / most));
+      picture.show({ ...scene, arrows: found.arrows.map((each) => ({ at: each.at_mm, by: each[which] })), enlarged,
+        says: t("arrowScale", { n: found.arrows.length, of: found.readings, times: enlarged, mm: number(most) }), described: t(which === "nominal_mm" ? "arrowsBefore" : "arrowsAfter", { mm: number(most) }) });
+    };
+    const choice = (value, words) => h("label", { className: "check" }, h("input", { type: "radio", name: "which", value, checked: value === which, on: { change: () => { which = value; both(); } } }), words);
+    picture.before(h("fieldset", { className: "row" }, h("legend", {}, t("errorsOf")), choice("nominal_mm", t("rungNominal")), choice("model_mm", t("withModel"))));
+    both();
+  }
+
+  const look = async () => {
+    if (!job || ["ready", "running", "waiting_for_operator", "paused"].includes(job.state)) job = await ask("GET", `/results/${id}`);
+    show();
+    if (!drawn && job.result && picture.isConnected) await draw().catch((error) => { if (error.status === 404) picture.replaceWith(h("p", {}, t("noArrows"))); else throw error; });
+  };
+  return { look, show };
+}
+
+// One row a kind of effect, one column a joint; what acts on no joint stands in the first.
+function powerTable(power) {
+  const kinds = new Map(), joints = new Set();
+  for (const { label, smallest, unit } of power) {
+    const [kind, , joint] = label.match(/^(.*?)(:j(\d+))?$/).slice(1), key = `${kind}, ${unit}`;
+    if (joint) joints.add(Number(joint));
+    if (!kinds.has(key)) kinds.set(key, {});
+    kinds.get(key)[joint || ""] = smallest === null ? t("notSeen") : number(smallest, smallest >= 100 ? 0 : 3);
+  }
+  const columns = [...joints].sort((a, b) => a - b), some = [...kinds.values()].some((row) => row[""] !== undefined);
+  return table(t("power"), [t("effect"), ...(some ? [t("noJoint")] : []), ...columns.map((joint) => `${t("joint")} ${joint}`)],
+    [...kinds].map(([key, row]) => [key, ...(some ? [""] : []), ...columns].map((joint, i) => (i ? numeric(row[joint] ?? "") : joint))));
+}
+
+function effect(each) {
+  const { value, std, unit } = each.amplitude || {};
+  const rivals = Object.entries(each.candidates || {}).filter(([label]) => label !== each.label);
+  return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", { lang: "en" }, each.meaning),
+    h("p", {}, `${t("size")}: ${number(value)} ± ${number(std)} ${unit || ""} (${t("standardError")}); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
+    rivals.length ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
+    each.check && h("p", { lang: "en" }, `${t("checkIt")}: ${typeof each.check === "string" ? each.check : each.check.text || ""}`));
+}

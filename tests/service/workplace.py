@@ -1,0 +1,81 @@
+"""A person at the operator page with a keyboard alone, and what is looked at in every view."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.drivers.waiting import until
+from tests.service.browser import Page
+
+AXE = Path(__file__).parent / "vendored" / "axe_core" / "axe.min.js"
+ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'false'"
+MOST_TABS = 120
+_TOUCHED = "button, select, summary, nav a, a.do, label.check, input:not([type=checkbox], [type=radio], [type=range])"
+_SMALL = f"""
+    [...document.querySelectorAll("{_TOUCHED}")]
+      .filter((each) => each.checkVisibility() && each.getBoundingClientRect().height < 59.5)
+      .map((each) => each.outerHTML.slice(0, 90))
+"""
+_BEYOND = """
+    [...document.querySelectorAll("#desk *")]
+      .filter((each) => each.getBoundingClientRect().right > 390.5 && !each.closest(".scroll"))
+      .map((each) => each.outerHTML.slice(0, 90))
+"""
+_VIOLATIONS = """
+    axe.run(document, { resultTypes: ["violations"] }).then((found) => found.violations
+      .map((each) => [each.id, ...each.nodes.slice(0, 4).map((node) => `${node.target}: ${node.failureSummary}`)]))
+"""
+
+
+def tab_to(page: Page, selector: str) -> None:
+    """Press Tab until the element has the focus."""
+    wanted = f"document.activeElement.matches({json.dumps(selector)})"
+    until(lambda: page.value(f"Boolean(document.querySelector({json.dumps(selector)}))"))
+    for _ in range(MOST_TABS):
+        if page.value(wanted):
+            return
+        page.press("Tab")
+    raise AssertionError(f"no Tab leads to {selector}")
+
+
+def enter_on(page: Page, selector: str) -> None:
+    """Wait until it can be used, go there with Tab, press Enter."""
+    until(lambda: page.value(f"document.querySelector({json.dumps(selector)})?.disabled === false || false"))
+    tab_to(page, selector)
+    page.press("Enter")
+
+
+def open_view(page: Page, view: str) -> None:
+    """By its link, with the keyboard."""
+    tab_to(page, f"nav a[href='#/{view}']")
+    page.press("Enter")
+    until(lambda: page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}")
+
+
+def reachable(page: Page, selector: str) -> bool:
+    """Whether a click in the middle of it would reach it."""
+    return page.value(
+        f"(() => {{ const it = document.querySelector({json.dumps(selector)}), box = it.getBoundingClientRect();"
+        " return it.contains(document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)); })()"
+    )
+
+
+def audit(page: Page) -> None:
+    """The view as it is: axe has nothing to say, a telephone shows it whole, fingers hit it, Stop is in reach."""
+    if not page.value("typeof axe === 'object'"):
+        page.do("Runtime.evaluate", expression=AXE.read_text("utf-8"))
+    where = page.value("location.hash")
+    violations: list[Any] = page.value(_VIOLATIONS)
+    assert not violations, (where, violations)
+    page.width(390)
+    try:
+        wide = page.value("document.documentElement.scrollWidth")
+        assert wide <= 390, (where, wide, page.value(_BEYOND))
+        assert page.value(_SMALL) == [], where
+        page.value("scrollTo(0, document.body.scrollHeight)")
+        assert reachable(page, "#stop"), where
+        page.value("scrollTo(0, 0)")
+    finally:
+        page.width(1280)
