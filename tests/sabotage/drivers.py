@@ -27,6 +27,7 @@ _MBP = (
     "tests/drivers/test_reading_parsers.py",
     "tests/drivers/test_parsers.py",
     "tests/drivers/test_faro.py",
+    "tests/drivers/test_instruments.py",
     "tests/drivers/test_transcripts.py",
 )
 
@@ -179,7 +180,7 @@ CHANGES = (
         "rot_wxyz=(sign * q[0], sign * q[1], sign * q[2], sign * q[3])",
         "rot_wxyz=(sign * q[3], sign * q[0], sign * q[1], sign * q[2])",
         "a quaternion is read with its scalar last",
-        ("tests/drivers/test_ctrack.py",),
+        ("tests/drivers/test_ctrack.py", "tests/drivers/test_instruments.py"),
     ),
     Change(
         "drivers/fanuc/arm.py",
