@@ -7,6 +7,7 @@ from tests.sabotage.change import Change
 _ABB = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_abb.py",
+    "tests/drivers/test_robots.py",
     "tests/drivers/test_transcripts.py",
     "tests/drivers/test_parsers.py",
 )
@@ -20,6 +21,7 @@ _UR = (
 _FANUC = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_fanuc.py",
+    "tests/drivers/test_robots.py",
     "tests/drivers/test_fanuc_mappdk.py",
     "tests/drivers/test_fanuc_transcripts.py",
 )
