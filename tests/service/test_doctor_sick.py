@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from acquisition import Devices, open_devices
-from acquisition.examination import Examination, Finding, examine, meeting
+from acquisition.examination import Examination, Finding, examine
 from acquisition.examination.clocks import ClockReading, examine_clock, rate_of
 from acquisition.examination.finding import Chart
 from drivers import FaroTracker, Identity, JointReading, RobotStatus
@@ -19,17 +18,7 @@ from drivers.interfaces import RobotArm
 from mocks.faultproxy import FaultProxy
 from tests.service.benches import Bench, bench, faults, level_of
 
-
-@pytest.fixture
-def faro(tmp_path: Path) -> Iterator[Bench]:
-    with bench("irb120_faro", tmp_path) as made:
-        yield made
-
-
-@pytest.fixture(autouse=True)
-def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The two looks at a clock lie closer together than for people, who have half a second."""
-    monkeypatch.setattr(meeting, "APART_S", 0.05)
+pytestmark = pytest.mark.usefixtures("impatience")
 
 
 def test_a_device_that_is_gone_leaves_the_others_examined(faro: Bench) -> None:
