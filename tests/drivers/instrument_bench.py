@@ -11,6 +11,7 @@ import numpy as np
 from drivers import BeamBroken, LengthMeter, PointMeter, PoseMeter, open_instrument
 from mocks.cell import Cell, CellThread, make_world
 from mocks.cell_file import CellFile
+from mocks.leica.device import LeicaDevice
 from mocks.world import ArmState
 from tests.drivers.expected import ExpectedDevice, Pair
 
@@ -21,6 +22,11 @@ BALLS = {  # 300 mm from T1 at rest, and too near, and too far
     "B2": tuple(map(float, PLACE + np.array([0.0, 0.0, -298.5]))),
     "B3": tuple(map(float, PLACE + np.array([0.0, 301.5, 0.0]))),
 }
+
+
+def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
+    """Where a target is, in the frame of the simulated tracker, mm."""
+    return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
 
 
 @dataclass(frozen=True)
@@ -59,9 +65,7 @@ class Bench:
         meter.arm()
         if self.pointed:
             assert cell.cell is not None
-            device = cell.cell.at960
-            near = [float(v) for v in device.to_tracker(device.true_world("T1"))]
-            meter.measure("T1", samples=1, near_mm=near)
+            meter.measure("T1", samples=1, near_mm=truth(cell.cell.at960, "T1"))
         return meter
 
     def measure(self, meter: Any, samples: int = 10) -> Any:

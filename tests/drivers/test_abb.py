@@ -13,7 +13,6 @@ from drivers import (
     AbbDeadlines,
     EmergencyStop,
     JointLimit,
-    LinkError,
     LinkTimeout,
     ProtectiveStop,
     open_robot,
@@ -58,15 +57,6 @@ def test_sides_of_approach_follow_the_last_motion_of_each_joint(fast: CellThread
     assert state["sides"] == (-1, -1, 1, 1, 1, 1)
     assert state["previous_deg"] == (-5.0, 5.0, 5.0, 5.0, 5.0, 5.0)
     arm.disconnect()
-
-
-def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.stop()
-    arm.stop()
-    arm.disconnect()
-    with pytest.raises(LinkError):
-        AbbArm(fast.url("abb")).position()
 
 
 def test_stop_is_repeated_on_a_fresh_connection(fast: CellThread) -> None:

@@ -27,7 +27,7 @@ from mocks.cell_file import CellFile
 from mocks.leica import emscon as server
 from mocks.leica.device import LeicaDevice
 from tests.drivers.expected import Pair, converse
-from tests.drivers.instrument_bench import EMSCON
+from tests.drivers.instrument_bench import EMSCON, truth
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 
@@ -54,10 +54,6 @@ def tracker(shared: CellThread, device: LeicaDevice) -> Iterator[EmsconTracker]:
     tracker.arm()
     yield tracker
     tracker.disconnect()
-
-
-def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
-    return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
 
 
 def test_measures_where_it_points(tracker: EmsconTracker, device: LeicaDevice) -> None:

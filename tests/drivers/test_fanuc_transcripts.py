@@ -132,19 +132,18 @@ def test_driver_names_what_a_mappdk_server_refuses() -> None:
     refuses_to_move(refused, MAPPDK_STOCK_LOGGER, JointLimit, "not reachable")
 
 
-def test_another_version_of_our_server_is_refused() -> None:
-    other = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;")
-    with ExpectedDevice(GREETED) as main, ExpectedDevice(other) as logger:
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [
+        (b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;", "program version 1, needed 2"),
+        (b"0:c=0001,v=1,LR Mate 300iC,V7.70P,k=120;", "wrong sum"),
+    ],
+)
+def test_another_version_of_our_server_or_a_spoiled_answer_is_refused(name: bytes, match: str) -> None:
+    answers = GREETED + asked(b"calname:0001\n", name)
+    with ExpectedDevice(GREETED) as main, ExpectedDevice(answers) as logger:
         arm = between(main, logger)
-        with pytest.raises(ProtocolError, match="program version 1, needed 2"):
-            arm.connect()
-
-
-def test_an_answer_of_our_server_with_a_wrong_sum_is_refused() -> None:
-    spoiled = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 300iC,V7.70P,k=120;")
-    with ExpectedDevice(GREETED) as main, ExpectedDevice(spoiled) as logger:
-        arm = between(main, logger)
-        with pytest.raises(ProtocolError, match="wrong sum"):
+        with pytest.raises(ProtocolError, match=match):
             arm.connect()
 
 

@@ -23,7 +23,7 @@ from mocks.leica.device import LeicaDevice
 from mocks.shared.at_rest import hidden_by
 from mocks.shared.mbp import line
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shapes
-from tests.drivers.instrument_bench import LEICA
+from tests.drivers.instrument_bench import LEICA, truth
 from tests.drivers.waiting import until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
@@ -58,10 +58,6 @@ def tracker(shared: CellThread, device: LeicaDevice) -> Iterator[LeicaTracker]:
     tracker.arm()
     yield tracker
     tracker.disconnect()
-
-
-def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
-    return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
 
 
 def test_measures_by_name_and_by_place(tracker: LeicaTracker, device: LeicaDevice) -> None:

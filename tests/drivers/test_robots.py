@@ -182,6 +182,20 @@ def test_stop_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
     arm.disconnect()
 
 
+@pytest.mark.parametrize(
+    "bench", [BENCHES[name] for name in (*STOPPABLE, "ur-rtde")], ids=[*STOPPABLE, "ur-rtde"]
+)
+def test_stop_before_any_move_twice_and_without_a_connection(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast)
+    arm.stop()
+    arm.stop()
+    arm.disconnect()
+    arm.stop()
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        open_robot(bench.driver, "tcp://127.0.0.1:30004").position()
+
+
 def test_disconnect_from_another_thread_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
     arm = bench.arm(slow, speed_deg_s=4.0)
     arm.arm()

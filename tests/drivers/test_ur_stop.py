@@ -14,7 +14,7 @@ from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
 from drivers.ur.motion import Program
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
-from tests.drivers.ur_bench import FAR, PATIENT, connected, creeping
+from tests.drivers.ur_bench import FAR, PATIENT, creeping
 from tests.drivers.waiting import PATIENCE_S, in_thread, under_way, until
 
 ROBOT, DEVICES = "ur5", ("ur",)
@@ -55,14 +55,6 @@ def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
     # the joints that are read back trail the target, as behind any servo
     assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=0.013)
     arm.disconnect()
-
-
-def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.stop()
-    arm.stop()
-    arm.disconnect()
-    arm.stop()  # needs no connection that was there before
 
 
 def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None:
