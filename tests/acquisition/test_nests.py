@@ -41,12 +41,12 @@ def test_a_nest_beyond_its_stated_uncertainty_is_named(
     stage.bench.shift_mm = {"N2": 0.4}
     with closing(stage.run):
         assert stage.execute().state.value == "succeeded"
-        told = [event.data for event in stage.run.events() if event.kind == "nest_doubted"]
-    assert bool(told) == said
+        doubts = [event.data for event in stage.run.events() if event.kind == "nest_doubted"]
+    assert bool(doubts) == said
     if said:
-        assert [each["nest"] for each in told] == ["N2"]
-        assert "Nest N2 lies 0.4" in told[0]["text"]
-        assert "from where the cell file puts it to 0.02 mm" in told[0]["text"]
+        assert [each["nest"] for each in doubts] == ["N2"]
+        assert "Nest N2 lies 0.4" in doubts[0]["text"]
+        assert "from where the cell file puts it to 0.02 mm" in doubts[0]["text"]
 
 
 def test_wrong_nest_and_nobody_there(stage: Stage) -> None:

@@ -232,7 +232,7 @@ class Taciturn:
     name: str = "taciturn"
     unverified_on_hardware: bool = False
     can_stop: bool = False
-    told: RobotStatus = SILENT
+    reported: RobotStatus = SILENT
 
     def connect(self) -> None: ...
     def disconnect(self) -> None: ...
@@ -253,7 +253,7 @@ class Taciturn:
         raise AssertionError("stopped")
 
     def status(self) -> RobotStatus:
-        return self.told
+        return self.reported
 
 
 def with_robot(faro: Bench, robot: RobotArm) -> Examination:
@@ -262,11 +262,11 @@ def with_robot(faro: Bench, robot: RobotArm) -> Examination:
 
 def test_silence_is_not_taken_for_good_news(faro: Bench) -> None:
     found = with_robot(faro, Taciturn([(0.0,) * 6]))
-    told = {each.check: each for each in found.findings if each.device == "robot"}
-    assert told["untold"].level == told["model"].level == told["stop"].level == "note"
-    assert "mode, emergency stop, motors, clock" in told["untold"].found
-    assert "pendant" in told["untold"].do
-    assert not {"mode", "safety", "motors", "clock"} & set(told)
+    of_robot = {each.check: each for each in found.findings if each.device == "robot"}
+    assert of_robot["untold"].level == of_robot["model"].level == of_robot["stop"].level == "note"
+    assert "mode, emergency stop, motors, clock" in of_robot["untold"].found
+    assert "pendant" in of_robot["untold"].do
+    assert not {"mode", "safety", "motors", "clock"} & set(of_robot)
 
 
 def test_a_robot_that_moves_is_somebody_elses(faro: Bench) -> None:
@@ -275,7 +275,7 @@ def test_a_robot_that_moves_is_somebody_elses(faro: Bench) -> None:
 
 
 def test_a_number_on_the_controllers_display(faro: Bench) -> None:
-    found = with_robot(faro, Taciturn([(0.0,) * 6], told=RobotStatus("auto", True, False, False, 50027)))
+    found = with_robot(faro, Taciturn([(0.0,) * 6], reported=RobotStatus("auto", True, False, False, 50027)))
     assert level_of(found, "robot", "alarm") == "note"
     assert found.exit_code == 0
 
