@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, TextIO
 from urllib.parse import parse_qsl, urlsplit
 
@@ -61,6 +61,14 @@ class Address:
     host: str
     port: int
     options: Mapping[str, str] = field(default_factory=dict)
+
+
+def beside(address: Address, option: str, port: int, device: str) -> Address:
+    """The same controller at another of its ports: that of the option, else `port`. Raises ConfigError."""
+    text = address.options.get(option, str(port))
+    if not text.isdecimal() or not 0 < int(text) < 65536:
+        raise ConfigError(f"{option}={text!r} is not a port", device=device)
+    return replace(address, port=int(text))
 
 
 def parse_url(url: str) -> Address:

@@ -13,9 +13,9 @@ from functools import partial
 from acquisition.cell.cell import Cell
 from acquisition.cell.identity import match_instrument
 from acquisition.examination.finding import Chart
-from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
+from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
 from drivers.details import Details
-from drivers.errors import Busy, ConfigError, EmergencyStop, LinkError, NotReady
+from drivers.errors import Busy, ConfigError, EmergencyStop, NotReady
 from drivers.interfaces import InstrumentStatus, LengthMeter, PointMeter
 
 Instrument = PointMeter | LengthMeter
@@ -29,13 +29,8 @@ _BATTERY_LOW, _BATTERY_EMPTY = 20.0, 5.0
 
 def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: Place) -> None:
     """Writes into `chart`, ends when the link breaks, and disconnects."""
-    try:
-        if meet(instrument, chart, place, lambda who: match_instrument(cell, who)):
-            _examine(cell, instrument, chart, place.time_scale)
-    except LinkError:
-        return  # it is in the chart, and nothing more can be asked
-    finally:
-        instrument.disconnect()
+    more = partial(_examine, cell, instrument, chart, place.time_scale)
+    examine_device(instrument, chart, place, partial(match_instrument, cell), more)
 
 
 def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from acquisition.cell.identity import Match, OtherDevice
 from acquisition.examination.clocks import APART_S, ClockReading, examine_clock
 from acquisition.examination.finding import Chart
-from drivers.errors import AcquisitionError, SafetyStop
+from drivers.errors import AcquisitionError, LinkError, SafetyStop
 from drivers.interfaces import Device, Identity, weakness_of
 
 
@@ -25,7 +25,20 @@ class Place:
     time_scale: float = 1.0
 
 
-def meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match]) -> bool:
+def examine_device(
+    device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match], ask: Callable[[], None]
+) -> None:
+    """Meet the device, `ask` it what only its kind can be asked, disconnect. Ends when the link breaks."""
+    try:
+        if _meet(device, chart, place, match):
+            ask()
+    except LinkError:
+        return  # it is in the chart, and nothing more can be asked
+    finally:
+        device.disconnect()
+
+
+def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match]) -> bool:
     """Connect and compare with the cell file; whether there is more to ask. Raises LinkError."""
     begun = time.monotonic()
     try:

@@ -14,11 +14,11 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.identity import OtherDevice, match_robot
 from acquisition.examination.finding import Chart
-from acquisition.examination.meeting import Place, compare_clocks, meet, read_clock
+from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
 from calib.units import DEG
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
-from drivers.errors import Busy, CannotStop, EmergencyStop, LinkError, SafetyStop, WrongMode
+from drivers.errors import Busy, CannotStop, EmergencyStop, SafetyStop, WrongMode
 from drivers.interfaces import RobotArm, RobotStatus
 
 _MOVED_DEG = 0.02
@@ -27,13 +27,8 @@ _DH_OFF_MM = 0.5
 
 def examine_robot(cell: Cell, robot: RobotArm, chart: Chart, place: Place) -> None:
     """Writes into `chart`, ends when the link breaks, and disconnects."""
-    try:
-        if meet(robot, chart, place, lambda who: match_robot(cell, who)):
-            _examine(cell, robot, chart, place.time_scale)
-    except LinkError:
-        return  # it is in the chart, and nothing more can be asked
-    finally:
-        robot.disconnect()
+    more = partial(_examine, cell, robot, chart, place.time_scale)
+    examine_device(robot, chart, place, partial(match_robot, cell), more)
 
 
 def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> None:

@@ -23,7 +23,61 @@ from __future__ import annotations
 
 from acquisition.record.schema_streams import SCRIPT as _FIFTH
 
-_FIRST = """
+# What stands in two scripts, for the third makes the table of attempts anew. Scripts that files have seen never change:
+# another table of attempts is another script.
+_ATTEMPT_COLUMNS = """\
+  status TEXT NOT NULL DEFAULT 'open' CHECK (status IN ('open', 'good', 'failed', 'died')),
+  began_utc REAL NOT NULL,
+  began_t_s REAL NOT NULL,
+  ended_utc REAL,
+  ended_t_s REAL,
+  error_code INTEGER,
+  error TEXT,
+  raw BLOB,
+  read_deg TEXT,
+  tracker_x_mm REAL, tracker_y_mm REAL, tracker_z_mm REAL,
+  world_x_mm REAL, world_y_mm REAL, world_z_mm REAL,
+  std_x_mm REAL, std_y_mm REAL, std_z_mm REAL,
+  samples INTEGER,
+  device_t_s REAL,
+  t_air_c REAL, pressure_hpa REAL, humidity_percent REAL,
+"""
+_ATTEMPT_KEPT = """\
+CREATE UNIQUE INDEX one_good_reading ON attempt (pose) WHERE kind = 'measure' AND status = 'good';
+CREATE INDEX attempts_open ON attempt (status) WHERE status = 'open';
+CREATE TRIGGER attempt_closed BEFORE UPDATE ON attempt WHEN old.status <> 'open'
+  BEGIN SELECT RAISE(ABORT, 'a closed attempt never changes'); END;
+CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
+  BEGIN SELECT RAISE(ABORT, 'an attempt is never deleted'); END;
+CREATE TRIGGER reading_needs_arrival BEFORE INSERT ON attempt
+  WHEN new.kind = 'measure' AND (SELECT kind FROM pose WHERE id = new.pose) = 'pose'
+   AND NOT EXISTS (SELECT 1 FROM attempt AS a WHERE a.id = new.arrival AND a.kind = 'arrive'
+                   AND a.status = 'good' AND a.visit = new.visit)
+  BEGIN SELECT RAISE(ABORT, 'a reading needs its approach'); END;
+"""
+_MEASURED_BY = """\
+CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
+  WHEN new.status = 'measured' AND NOT EXISTS (SELECT 1 FROM attempt WHERE pose = new.id AND kind = 'measure'
+                                               AND status = 'good')
+  BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
+"""
+_ATTEMPT_ALLOWED = """\
+CREATE TRIGGER last_arrival BEFORE INSERT ON attempt
+  WHEN new.arrival IS NOT NULL
+   AND EXISTS (SELECT 1 FROM attempt AS a WHERE a.id > new.arrival AND a.kind = 'arrive')
+  BEGIN SELECT RAISE(ABORT, 'the robot has gone elsewhere since that arrival'); END;
+CREATE TRIGGER running BEFORE INSERT ON attempt WHEN (SELECT state FROM campaign) <> 'running'
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted unless the campaign runs'); END;
+CREATE TRIGGER prompt_answered BEFORE INSERT ON attempt
+  WHEN EXISTS (SELECT 1 FROM prompt WHERE answer IS NULL)
+  BEGIN SELECT RAISE(ABORT, 'nothing is attempted before the prompt is answered'); END;
+"""
+_OLD_COLUMNS = """\
+id, kind, visit, pose, arrival, status, began_utc, began_t_s, ended_utc, ended_t_s, error_code,
+    error, raw, read_deg, tracker_x_mm, tracker_y_mm, tracker_z_mm, world_x_mm, world_y_mm, world_z_mm, std_x_mm,
+    std_y_mm, std_z_mm, samples, device_t_s, t_air_c, pressure_hpa, humidity_percent, station"""
+
+_FIRST = f"""
 CREATE TABLE campaign (
   id TEXT NOT NULL PRIMARY KEY,
   one INTEGER NOT NULL DEFAULT 1 UNIQUE CHECK (one = 1),
@@ -60,37 +114,11 @@ CREATE TABLE attempt (
   visit INTEGER NOT NULL,
   pose INTEGER REFERENCES pose (id),
   arrival INTEGER REFERENCES attempt (id),
-  status TEXT NOT NULL DEFAULT 'open' CHECK (status IN ('open', 'good', 'failed', 'died')),
-  began_utc REAL NOT NULL,
-  began_t_s REAL NOT NULL,
-  ended_utc REAL,
-  ended_t_s REAL,
-  error_code INTEGER,
-  error TEXT,
-  raw BLOB,
-  read_deg TEXT,
-  tracker_x_mm REAL, tracker_y_mm REAL, tracker_z_mm REAL,
-  world_x_mm REAL, world_y_mm REAL, world_z_mm REAL,
-  std_x_mm REAL, std_y_mm REAL, std_z_mm REAL,
-  samples INTEGER,
-  device_t_s REAL,
-  t_air_c REAL, pressure_hpa REAL, humidity_percent REAL,
-  CHECK (kind = 'arrive' OR pose IS NOT NULL),
+{_ATTEMPT_COLUMNS}  CHECK (kind = 'arrive' OR pose IS NOT NULL),
   CHECK (kind = 'measure' OR (pose IS NULL AND arrival IS NULL)),
   CHECK (status <> 'good' OR kind = 'arrive' OR tracker_x_mm IS NOT NULL)
 ) STRICT;
-CREATE UNIQUE INDEX one_good_reading ON attempt (pose) WHERE kind = 'measure' AND status = 'good';
-CREATE INDEX attempts_open ON attempt (status) WHERE status = 'open';
-CREATE TRIGGER attempt_closed BEFORE UPDATE ON attempt WHEN old.status <> 'open'
-  BEGIN SELECT RAISE(ABORT, 'a closed attempt never changes'); END;
-CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
-  BEGIN SELECT RAISE(ABORT, 'an attempt is never deleted'); END;
-CREATE TRIGGER reading_needs_arrival BEFORE INSERT ON attempt
-  WHEN new.kind = 'measure' AND (SELECT kind FROM pose WHERE id = new.pose) = 'pose'
-   AND NOT EXISTS (SELECT 1 FROM attempt AS a WHERE a.id = new.arrival AND a.kind = 'arrive'
-                   AND a.status = 'good' AND a.visit = new.visit)
-  BEGIN SELECT RAISE(ABORT, 'a reading needs its approach'); END;
-
+{_ATTEMPT_KEPT}
 CREATE TABLE prompt (
   id TEXT NOT NULL PRIMARY KEY,
   text TEXT NOT NULL,
@@ -124,7 +152,7 @@ CREATE TRIGGER event_fixed BEFORE UPDATE ON event
   BEGIN SELECT RAISE(ABORT, 'an event never changes'); END;
 """
 
-_SECOND = """
+_SECOND = f"""
 ALTER TABLE campaign ADD COLUMN owner TEXT;
 ALTER TABLE campaign ADD COLUMN station INTEGER NOT NULL DEFAULT 1;
 ALTER TABLE attempt ADD COLUMN station INTEGER NOT NULL DEFAULT 1;
@@ -143,22 +171,9 @@ CREATE TRIGGER plan_kept BEFORE DELETE ON pose
 CREATE TRIGGER measured_stays BEFORE UPDATE OF status ON pose
   WHEN old.status = 'measured' AND new.status <> 'measured'
   BEGIN SELECT RAISE(ABORT, 'a reading that was measured stays measured'); END;
-CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
-  WHEN new.status = 'measured' AND NOT EXISTS (SELECT 1 FROM attempt WHERE pose = new.id AND kind = 'measure'
-                                               AND status = 'good')
-  BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
-CREATE TRIGGER replaced_once BEFORE UPDATE OF replaced_by ON pose WHEN old.replaced_by IS NOT NULL
+{_MEASURED_BY}CREATE TRIGGER replaced_once BEFORE UPDATE OF replaced_by ON pose WHEN old.replaced_by IS NOT NULL
   BEGIN SELECT RAISE(ABORT, 'a reading is replaced once'); END;
-CREATE TRIGGER last_arrival BEFORE INSERT ON attempt
-  WHEN new.arrival IS NOT NULL
-   AND EXISTS (SELECT 1 FROM attempt AS a WHERE a.id > new.arrival AND a.kind = 'arrive')
-  BEGIN SELECT RAISE(ABORT, 'the robot has gone elsewhere since that arrival'); END;
-CREATE TRIGGER running BEFORE INSERT ON attempt WHEN (SELECT state FROM campaign) <> 'running'
-  BEGIN SELECT RAISE(ABORT, 'nothing is attempted unless the campaign runs'); END;
-CREATE TRIGGER prompt_answered BEFORE INSERT ON attempt
-  WHEN EXISTS (SELECT 1 FROM prompt WHERE answer IS NULL)
-  BEGIN SELECT RAISE(ABORT, 'nothing is attempted before the prompt is answered'); END;
-CREATE INDEX prompts_open ON prompt (id) WHERE answer IS NULL;
+{_ATTEMPT_ALLOWED}CREATE INDEX prompts_open ON prompt (id) WHERE answer IS NULL;
 CREATE TRIGGER answer_fixed BEFORE UPDATE ON prompt WHEN old.answer IS NOT NULL
   BEGIN SELECT RAISE(ABORT, 'an answer never changes'); END;
 CREATE TRIGGER prompt_kept BEFORE DELETE ON prompt
@@ -169,7 +184,7 @@ CREATE TRIGGER command_kept BEFORE DELETE ON command
   BEGIN SELECT RAISE(ABORT, 'a command is never deleted'); END;
 """
 
-_THIRD = """
+_THIRD = f"""
 ALTER TABLE pose ADD COLUMN base_target TEXT;
 DROP TRIGGER plan_fixed;
 CREATE TRIGGER plan_fixed BEFORE UPDATE OF id, visit, name, kind, set_name, block, target, base_target, joints_deg,
@@ -185,22 +200,7 @@ CREATE TABLE attempt_3 (
   visit INTEGER NOT NULL,
   pose INTEGER REFERENCES pose (id),
   arrival INTEGER REFERENCES attempt_3 (id),
-  status TEXT NOT NULL DEFAULT 'open' CHECK (status IN ('open', 'good', 'failed', 'died')),
-  began_utc REAL NOT NULL,
-  began_t_s REAL NOT NULL,
-  ended_utc REAL,
-  ended_t_s REAL,
-  error_code INTEGER,
-  error TEXT,
-  raw BLOB,
-  read_deg TEXT,
-  tracker_x_mm REAL, tracker_y_mm REAL, tracker_z_mm REAL,
-  world_x_mm REAL, world_y_mm REAL, world_z_mm REAL,
-  std_x_mm REAL, std_y_mm REAL, std_z_mm REAL,
-  samples INTEGER,
-  device_t_s REAL,
-  t_air_c REAL, pressure_hpa REAL, humidity_percent REAL,
-  station INTEGER NOT NULL DEFAULT 1,
+{_ATTEMPT_COLUMNS}  station INTEGER NOT NULL DEFAULT 1,
   rot_w REAL, rot_x REAL, rot_y REAL, rot_z REAL, rot_std_mrad REAL,
   world_rot_w REAL, world_rot_x REAL, world_rot_y REAL, world_rot_z REAL,
   visible_tool INTEGER, visible_base INTEGER,
@@ -209,40 +209,12 @@ CREATE TABLE attempt_3 (
   CHECK (kind = 'measure' OR (pose IS NULL AND arrival IS NULL)),
   CHECK (status <> 'good' OR kind = 'arrive' OR tracker_x_mm IS NOT NULL OR length_mm IS NOT NULL)
 ) STRICT;
-INSERT INTO attempt_3 (id, kind, visit, pose, arrival, status, began_utc, began_t_s, ended_utc, ended_t_s, error_code,
-    error, raw, read_deg, tracker_x_mm, tracker_y_mm, tracker_z_mm, world_x_mm, world_y_mm, world_z_mm, std_x_mm,
-    std_y_mm, std_z_mm, samples, device_t_s, t_air_c, pressure_hpa, humidity_percent, station)
-  SELECT id, kind, visit, pose, arrival, status, began_utc, began_t_s, ended_utc, ended_t_s, error_code,
-    error, raw, read_deg, tracker_x_mm, tracker_y_mm, tracker_z_mm, world_x_mm, world_y_mm, world_z_mm, std_x_mm,
-    std_y_mm, std_z_mm, samples, device_t_s, t_air_c, pressure_hpa, humidity_percent, station
+INSERT INTO attempt_3 ({_OLD_COLUMNS})
+  SELECT {_OLD_COLUMNS}
   FROM attempt ORDER BY id;
 DROP TABLE attempt;
 ALTER TABLE attempt_3 RENAME TO attempt;
-CREATE UNIQUE INDEX one_good_reading ON attempt (pose) WHERE kind = 'measure' AND status = 'good';
-CREATE INDEX attempts_open ON attempt (status) WHERE status = 'open';
-CREATE TRIGGER attempt_closed BEFORE UPDATE ON attempt WHEN old.status <> 'open'
-  BEGIN SELECT RAISE(ABORT, 'a closed attempt never changes'); END;
-CREATE TRIGGER attempt_kept BEFORE DELETE ON attempt
-  BEGIN SELECT RAISE(ABORT, 'an attempt is never deleted'); END;
-CREATE TRIGGER reading_needs_arrival BEFORE INSERT ON attempt
-  WHEN new.kind = 'measure' AND (SELECT kind FROM pose WHERE id = new.pose) = 'pose'
-   AND NOT EXISTS (SELECT 1 FROM attempt AS a WHERE a.id = new.arrival AND a.kind = 'arrive'
-                   AND a.status = 'good' AND a.visit = new.visit)
-  BEGIN SELECT RAISE(ABORT, 'a reading needs its approach'); END;
-CREATE TRIGGER last_arrival BEFORE INSERT ON attempt
-  WHEN new.arrival IS NOT NULL
-   AND EXISTS (SELECT 1 FROM attempt AS a WHERE a.id > new.arrival AND a.kind = 'arrive')
-  BEGIN SELECT RAISE(ABORT, 'the robot has gone elsewhere since that arrival'); END;
-CREATE TRIGGER running BEFORE INSERT ON attempt WHEN (SELECT state FROM campaign) <> 'running'
-  BEGIN SELECT RAISE(ABORT, 'nothing is attempted unless the campaign runs'); END;
-CREATE TRIGGER prompt_answered BEFORE INSERT ON attempt
-  WHEN EXISTS (SELECT 1 FROM prompt WHERE answer IS NULL)
-  BEGIN SELECT RAISE(ABORT, 'nothing is attempted before the prompt is answered'); END;
-CREATE TRIGGER measured_by_reading BEFORE UPDATE OF status ON pose
-  WHEN new.status = 'measured' AND NOT EXISTS (SELECT 1 FROM attempt WHERE pose = new.id AND kind = 'measure'
-                                               AND status = 'good')
-  BEGIN SELECT RAISE(ABORT, 'only a good reading makes a planned one measured'); END;
-"""
+{_ATTEMPT_KEPT}{_ATTEMPT_ALLOWED}{_MEASURED_BY}"""
 
 _FOURTH = """
 CREATE TABLE device (

@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Choice:
+class Tuning:
     """The choice of cross-validation.
 
     rms: of the outputs' errors (all of a sample together) on the groups left out; rms_of_nothing: of predicting
@@ -57,7 +57,7 @@ def folds_of(group: NDArray[np.int64], count: int = FOLDS) -> list[Mask]:
 
 def choose(
     features: Array, outputs: Array, group: NDArray[np.int64], kernels: Sequence[Kernel] = (Linear(),)
-) -> Choice:
+) -> Tuning:
     """The best kernel, gamma and lambda for features (n, p) and outputs (n, m) by groups (n,) left out."""
     folds = folds_of(group)
     _, kernel, gamma, share = min(
@@ -70,7 +70,7 @@ def choose(
     nothing = (outputs**2).sum(axis=1)
     gains = np.bincount(np.unique(group, return_inverse=True)[1], weights=nothing - missed)
     spread = float(np.std(gains, ddof=1) * np.sqrt(len(gains)))
-    return Choice(
+    return Tuning(
         kernel,
         gamma,
         share,

@@ -21,14 +21,12 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 from drivers.abb.calsrv import CalSrv
 from drivers.abb.conversation import DECIMALS, AbbConversation, AbbDeadlines
 from drivers.caps import Caps
 from drivers.errors import (
     CannotStop,
-    ConfigError,
     LinkError,
     LinkTimeout,
     MotionStopped,
@@ -38,7 +36,7 @@ from drivers.errors import (
     ProtocolError,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import TcpLink, WireSink, parse_url
+from drivers.link import TcpLink, WireSink, beside, parse_url
 from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
@@ -78,15 +76,12 @@ class AbbArm:
     ) -> None:
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=_JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
-        background = address.options.get("background", str(address.port + 1))
-        if not background.isdecimal():
-            raise ConfigError(f"background={background!r} in {url!r} is not a port", device=name)
         self.name = name
         self._deadlines = deadlines or AbbDeadlines()
         self._caps = caps
         self._hold_deg = hold_deg
         self._watchdog_ms = round(watchdog_s * 1000)
-        behind = replace(address, port=int(background))
+        behind = beside(address, "background", address.port + 1, name)
         self._main = AbbConversation(TcpLink(address, name, wire=wire, clock=clock), self._deadlines)
         self._back = AbbConversation(
             TcpLink(behind, f"{name}-background", wire=wire, clock=clock), self._deadlines

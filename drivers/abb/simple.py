@@ -26,7 +26,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 
 from drivers.abb.simple_motion import MotionServer, patiently
 from drivers.abb.simple_packets import END, JOINTS, START, AbbState, raise_if_unfit
@@ -34,7 +33,6 @@ from drivers.abb.simple_stream import AbbSimpleDeadlines, StateStream
 from drivers.caps import Caps
 from drivers.errors import (
     Busy,
-    ConfigError,
     LinkLost,
     LinkTimeout,
     MotionStopped,
@@ -42,7 +40,7 @@ from drivers.errors import (
     NotReached,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import WireSink, parse_url
+from drivers.link import WireSink, beside, parse_url
 from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
@@ -79,16 +77,13 @@ class AbbSimpleArm:
     ) -> None:
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
-        state = address.options.get("state", str(address.port + 2))
-        if not state.isdecimal() or not 0 < int(state) < 65536:
-            raise ConfigError(f"state={state!r} in {url!r} is not a port", device=name)
         self.name = name
         self._deadlines = deadlines or AbbSimpleDeadlines()
         self._caps = caps
         self._hold_deg = hold_deg
         self._clock = clock
         self._motion = MotionServer(address, name, self._deadlines, wire, clock)
-        behind = replace(address, port=int(state))
+        behind = beside(address, "state", address.port + 2, name)
         self._stream = StateStream(behind, f"{name}-state", self._deadlines, wire, clock)
         self._lock = threading.RLock()
         self._armed = False

@@ -19,12 +19,10 @@ import math
 import re
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from drivers.errors import (
     AcquisitionError,
     CommandRefused,
-    ConfigError,
     LinkError,
     MotionStopped,
     ProtectiveStop,
@@ -57,7 +55,7 @@ from drivers.fanuc.mappdk_link import (
     sum_of,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import Address, TcpLink, WireSink, beside
 from drivers.read_back import apart_deg
 
 _WATCHDOG_MS = 2000
@@ -81,13 +79,10 @@ class MappdkController:
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        second = address.options.get("logger", str(address.port + 1))
-        if not second.isdecimal():
-            raise ConfigError(f"logger={second!r} is not a port", device=name)
         self.name = name
         self._clock = clock
         self._main = MappdkLink(TcpLink(address, name, wire=wire, clock=clock), deadlines)
-        behind = replace(address, port=int(second))
+        behind = beside(address, "logger", address.port + 1, name)
         self._logger = MappdkLink(TcpLink(behind, f"{name}-logger", wire=wire, clock=clock), deadlines)
         self._numbers = itertools.cycle(range(1, 10000))
         self._ours: Identity | None = None  # of our own server; None: a stock one

@@ -20,7 +20,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 
 from drivers.caps import Caps
 from drivers.errors import (
@@ -31,7 +30,7 @@ from drivers.errors import (
     NotArmed,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
-from drivers.link import Address, WireSink, parse_url
+from drivers.link import WireSink, beside, parse_url
 from drivers.ur.dashboard import read_serial
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.motion import Limits, Motion, not_ready
@@ -42,7 +41,6 @@ from drivers.ur.state import JOINTS, RUNNING, UrState
 from drivers.ur.stream import joint_stream
 
 _LOG = logging.getLogger(__name__)
-_PORTS = {"realtime": -1, "secondary": -2, "dashboard": -5}  # as seen from RTDE, 30004
 _WIDEST_DEG = 360.0
 _WEAKNESS = (
     "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
@@ -87,11 +85,12 @@ class UrArm:
         self._wire = wire
         self._deadlines = deadlines or UrDeadlines()
         self._caps = caps
-        self._secondary = _beside(address, "secondary", name)
-        self._dashboard = _beside(address, "dashboard", name)
+        self._secondary = beside(address, "secondary", address.port - 2, name)
+        self._dashboard = beside(address, "dashboard", address.port - 5, name)
         self._rtde = Rtde(address, name, self._deadlines, wire, clock)
         self._address, self._clock = address, clock
-        self._realtime = Realtime(_beside(address, "realtime", name), name, self._deadlines, wire, clock)
+        realtime = beside(address, "realtime", address.port - 1, name)
+        self._realtime = Realtime(realtime, name, self._deadlines, wire, clock)
         self._only_realtime = feed == "realtime"
         self._feed: Rtde | Realtime = self._realtime if self._only_realtime else self._rtde
         allowed = Limits(
@@ -262,14 +261,6 @@ class UrArm:
     def _named(self, error: AcquisitionError, command: str) -> AcquisitionError:
         error.device, error.command = self.name, command
         return error
-
-
-def _beside(address: Address, option: str, name: str) -> Address:
-    """The address of the same controller at another of its ports. Raises ConfigError."""
-    text = address.options.get(option, str(address.port + _PORTS[option]))
-    if not text.isdecimal() or not 0 < int(text) < 65536:
-        raise ConfigError(f"{option}={text!r} is not a port", device=name)
-    return replace(address, port=int(text))
 
 
 def _reading(state: UrState) -> JointReading:

@@ -61,8 +61,3 @@ def joint_number(text: str) -> int:
     if len(text) != 2 or text[0] != "j" or text[1] not in "123456":
         raise ValueError(f"{text!r} is not a joint j1..j6")
     return int(text[1])
-
-
-def order_text(order: float) -> str:
-    """The order as the labels write it: n3, n100.25."""
-    return f"n{order:g}"

@@ -32,7 +32,7 @@ _IDENTIFIED = {"from below": 1.0, "from above": -1.0}
 
 
 @dataclass(frozen=True)
-class Conditions:
+class ProgramConditions:
     """Stated conditions, in words for people and as numbers for programs, and what is odd about them."""
 
     stated: StatedConditions
@@ -55,7 +55,7 @@ class Conditions:
         return ", ".join(parts)
 
 
-def stated_conditions(text: str | None, saved: SavedModel) -> Conditions:
+def stated_conditions(text: str | None, saved: SavedModel) -> ProgramConditions:
     """Conditions from the option's text. Raises DataError naming the key that is wrong."""
     given = _pairs(text or "")
     robot = saved.model.robot
@@ -106,7 +106,7 @@ def stated_conditions(text: str | None, saved: SavedModel) -> Conditions:
         "mass_kg": mass,
         "series": series,
     }
-    return Conditions(stated, document, tuple(notes))
+    return ProgramConditions(stated, document, tuple(notes))
 
 
 def _pairs(text: str) -> dict[str, str]:

@@ -23,22 +23,22 @@ _DEEPEST = 8  # constants named by constants
 _LONGEST_VALUE = 200
 
 
-class Motion(NamedTuple):
+class MoveInstruction(NamedTuple):
     """The arguments of an instruction: which are targets, and which is the tool."""
 
     targets: tuple[int, ...]
     tool: int | None
 
 
-MOTIONS: dict[str, Motion] = {
-    "moveabsj": Motion((0,), None),
-    **dict.fromkeys(("movej", "movel", "movejdo", "moveldo", "movejao", "movelao"), Motion((0,), 3)),
-    **dict.fromkeys(("movejgo", "movelgo", "movejsync", "movelsync"), Motion((0,), 3)),
-    **dict.fromkeys(("movec", "movecdo", "movecao", "movecgo", "movecsync"), Motion((0, 1), 4)),
-    **dict.fromkeys(("triggl", "triggj"), Motion((0,), 4)),
-    "triggc": Motion((0, 1), 5),
-    "searchl": Motion((2,), 4),
-    **dict.fromkeys(("arcl", "arclstart", "arclend"), Motion((0,), 5)),
+MOTIONS: dict[str, MoveInstruction] = {
+    "moveabsj": MoveInstruction((0,), None),
+    **dict.fromkeys(("movej", "movel", "movejdo", "moveldo", "movejao", "movelao"), MoveInstruction((0,), 3)),
+    **dict.fromkeys(("movejgo", "movelgo", "movejsync", "movelsync"), MoveInstruction((0,), 3)),
+    **dict.fromkeys(("movec", "movecdo", "movecao", "movecgo", "movecsync"), MoveInstruction((0, 1), 4)),
+    **dict.fromkeys(("triggl", "triggj"), MoveInstruction((0,), 4)),
+    "triggc": MoveInstruction((0, 1), 5),
+    "searchl": MoveInstruction((2,), 4),
+    **dict.fromkeys(("arcl", "arclstart", "arclend"), MoveInstruction((0,), 5)),
 }
 
 

@@ -17,7 +17,7 @@ from calib.comparison import Comparison
 from calib.data import Dataset
 from calib.diagnose import CarryOver, Diagnosis
 from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
-from calib.model import RobotModel
+from calib.model import Effect, RobotModel
 from calib.regression import Regression
 from calib.saved import model_document
 from service import wording
@@ -89,7 +89,7 @@ def diagnosis_report(
             )
         )
     effects = [effect_of(f, sample, dataset, number) for number, f in enumerate(diagnosis.effects)]
-    joints = [panels.of_joint(sample, k, found) for k in range(1, final.model.robot.joints + 1)]
+    joints = _joints(sample, final.model, found)
     return _render(
         dataset,
         final,
@@ -109,7 +109,7 @@ def diagnosis_report(
         ),
         error_tables=[table for table in tables if table["rows"]],
         figures=_error_figures(measured),
-        joints=Markup(scatter.joints_figure(joints)),
+        joints=joints,
         effects=effects,
         error_after=diagnosis.error_after,
         groups=[
@@ -145,8 +145,7 @@ def identification_report(
     }
     measured = _held_out(dataset, models)
     before, after = [statistics_of(e.distances) for e in measured] or [None, None]
-    sample = Sample.of(dataset, found)
-    joints = [panels.of_joint(sample, k, ()) for k in range(1, found.model.robot.joints + 1)]
+    joints = _joints(Sample.of(dataset, found), found.model, ())
     return _render(
         dataset,
         found,
@@ -161,7 +160,7 @@ def identification_report(
         acceptance=acceptance,
         repeats=repeats.section_of(dataset, found.model, found.estimate),
         figures=_error_figures(measured),
-        joints=Markup(scatter.joints_figure(joints)),
+        joints=joints,
         ballbar=ballbar.section_of(dataset, models),
     )
 
@@ -171,8 +170,7 @@ def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> st
     asked = comparison.asked.predictor
     assert asked.found is not None  # of what is asked for only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
-    sample = Sample.of(dataset, found)
-    joints = [panels.of_joint(sample, k, ()) for k in range(1, found.model.robot.joints + 1)]
+    joints = _joints(Sample.of(dataset, found), found.model, ())
     return _render(
         dataset,
         found,
@@ -182,8 +180,15 @@ def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> st
         verdict="Compared",
         verdict_key="identified",
         sentence=" ".join(document["findings"]),
-        joints=Markup(scatter.joints_figure(joints)),
+        joints=joints,
         regression=regression.section_of(comparison, document["findings"]),
+    )
+
+
+def _joints(sample: Sample, model: RobotModel, found: tuple[Effect, ...]) -> Markup:
+    """A panel a joint of what is left, with the lines of the effects found."""
+    return Markup(
+        scatter.joints_figure([panels.of_joint(sample, k, found) for k in range(1, model.robot.joints + 1)])
     )
 
 

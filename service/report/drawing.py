@@ -13,6 +13,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from calib.array import Array
+
 # Colours that stay apart in grey print and for colour-blind eyes.
 INK = "#1d2733"
 QUIET = "#5b6876"
@@ -73,6 +75,23 @@ def legend(drawn: Figure, axes: Axes, columns: int) -> None:
         handletextpad=0.5,
         columnspacing=1.6,
         borderpad=0.2,
+    )
+
+
+def dots(
+    axes: Axes, x: Array, y: Array, *, size: float, alpha: float, colour: str = DOT, label: str | None = None
+) -> None:
+    """A small dot without an edge at each of x, y (n,)."""
+    axes.plot(
+        x,
+        y,
+        linestyle="none",
+        marker="o",
+        markersize=size,
+        markeredgewidth=0.0,
+        color=colour,
+        alpha=alpha,
+        label=label,
     )
 
 

@@ -98,17 +98,7 @@ def left_out(quantity: Quantity, error: Array, out: NDArray[np.bool_], name: str
     x = quantity.values[:, 0]
     y = error if quantity.values.shape[1] == 1 else quantity.values[:, 1]
     rest = thinned(np.flatnonzero(~out), MOST_DOTS)
-    axes.plot(
-        x[rest],
-        y[rest],
-        linestyle="none",
-        marker="o",
-        markersize=2.2,
-        markeredgewidth=0.0,
-        color=drawing.DOT,
-        alpha=0.5,
-        label="in the fit",
-    )
+    drawing.dots(axes, x[rest], y[rest], size=2.2, alpha=0.5, label="in the fit")
     axes.plot(
         x[out], y[out], linestyle="none", marker="x", markersize=5.0, color=drawing.FITTED, label="left out"
     )
@@ -123,15 +113,8 @@ def _dots(axes: Axes, x: Array, y: Array, held: NDArray[np.bool_]) -> None:
     shown = thinned(np.arange(len(x)), MOST_DOTS)
     for validation in (False, True):
         dots = shown[held[shown] == validation]
-        axes.plot(
-            x[dots],
-            y[dots],
-            linestyle="none",
-            marker="o",
-            markersize=2.6 if validation else 2.0,
-            markeredgewidth=0.0,
-            color=drawing.DOT,
-            alpha=0.75 if validation else 0.38,
+        drawing.dots(
+            axes, x[dots], y[dots], size=2.6 if validation else 2.0, alpha=0.75 if validation else 0.38
         )
 
 
@@ -178,16 +161,7 @@ def in_space(points: Array, left: Array, name: str) -> str:
     scale = 0.9 * side / longest if longest > 0.0 else 1.0
     for (axes, a, b, title), (at, vectors) in zip(views, arrows, strict=True):
         shown = thinned(np.arange(len(points)), MOST_DOTS)
-        axes.plot(
-            points[shown, a],
-            points[shown, b],
-            linestyle="none",
-            marker="o",
-            markersize=1.6,
-            markeredgewidth=0.0,
-            color=drawing.DOT,
-            alpha=0.3,
-        )
+        drawing.dots(axes, points[shown, a], points[shown, b], size=1.6, alpha=0.3)
         axes.quiver(
             *at.T,
             *(scale * vectors).T,

@@ -60,15 +60,13 @@ def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
         shown = thinned(np.flatnonzero(mine), MOST_DOTS // len(sides))
         for held in (False, True):
             dots = shown[panel.held[shown] == held]
-            axes.plot(
+            drawing.dots(
+                axes,
                 panel.x[dots],
                 panel.y[dots],
-                linestyle="none",
-                marker="o",
-                markersize=2.6 if held else 2.0,
-                markeredgewidth=0.0,
-                color=colour,
+                size=2.6 if held else 2.0,
                 alpha=0.75 if held else 0.38,
+                colour=colour,
             )
         if not fast:
             _means(axes, panel, mine, s, large=large)

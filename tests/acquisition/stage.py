@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from acquisition.errors import StorageError
 from acquisition.record.event import Event
+from acquisition.record.store import Store
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import Run
-from drivers.errors import (
-    AcquisitionError,
-)
+from drivers.errors import AcquisitionError
 from tests.acquisition.fakes import (
     Bench,
     JumpingClock,
@@ -20,6 +21,15 @@ from tests.acquisition.fakes import (
     a_cell,
     devices_of,
 )
+
+
+def fill_disk(store: Store) -> None:
+    """No more room in the file of a record: what is added next is refused."""
+    count = store.database.query("PRAGMA page_count")[0][0]
+    store.database.script(f"PRAGMA max_page_count = {count}")
+    with suppress(StorageError):
+        while True:
+            store.add_event("filler", text="x" * 400)
 
 
 class Stage:

@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from acquisition.errors import NotResumed, StorageError
+from acquisition.errors import NotResumed
 from acquisition.record.database import FILE
 from acquisition.record.event import Event
 from acquisition.run.run import Run
@@ -46,6 +46,7 @@ from tests.acquisition.fakes import (
     a_cell,
     devices_of,
 )
+from tests.acquisition.stage import fill_disk
 
 BLOCKS = [{"set": "calibration", "count": 2, "targets": ["T1", "T2"]}, {"set": "validation", "count": 1}]
 SETUPS: dict[str, tuple[dict[str, Any], list[dict[str, Any]], int]] = {
@@ -149,12 +150,7 @@ class CampaignMachine(RuleBasedStateMachine):
         elif what == "clock":
             self.clock.calendar += 3600.0
         elif what == "full disk":
-            database.script(f"PRAGMA max_page_count = {database.query('PRAGMA page_count')[0][0]}")
-            while True:
-                try:
-                    self.run._store.add_event("filler", text="x" * 2000)
-                except StorageError:
-                    break
+            fill_disk(self.run._store)
         elif what == "browser":
             database.script("PRAGMA busy_timeout = 1")
             self.browser = sqlite3.connect(self.folder / FILE, isolation_level=None, check_same_thread=False)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NestsDisagree
 from drivers.interfaces import Answer
 from tests.acquisition.fakes import (
@@ -40,12 +41,12 @@ def test_a_nest_beyond_its_stated_uncertainty_is_named(
     stage.bench.shift_mm = {"N2": 0.4}
     with closing(stage.run):
         assert stage.execute().state.value == "succeeded"
-        told = [event.data for event in stage.run.events() if event.kind == "nest_doubted"]
-    assert bool(told) == said
+        doubts = [event.data for event in stage.run.events() if event.kind == "nest_doubted"]
+    assert bool(doubts) == said
     if said:
-        assert [each["nest"] for each in told] == ["N2"]
-        assert "Nest N2 lies 0.4" in told[0]["text"]
-        assert "from where the cell file puts it to 0.02 mm" in told[0]["text"]
+        assert [each["nest"] for each in doubts] == ["N2"]
+        assert "Nest N2 lies 0.4" in doubts[0]["text"]
+        assert "from where the cell file puts it to 0.02 mm" in doubts[0]["text"]
 
 
 def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
@@ -56,15 +57,21 @@ def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
     assert NestsDisagree.exit_code == 1
 
 
-def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
+def paused_and_pushed(stage: Stage, by_mm: list[float]) -> WorldFrame:
+    """The world frame of a run that was paused and is resumed; meanwhile the tracker is elsewhere."""
     stage.bench.faults[10] = stage.run.pause
     stage.execute()
     before = stage.run._store.world
+    assert before is not None
     stage.run.resume()
-    stage.bench.tracker.origin[:] += [40.0, -30.0, 5.0]
+    stage.bench.tracker.origin[:] += by_mm
+    return before
+
+
+def test_a_tracker_that_was_moved_between_is_found(stage: Stage) -> None:
+    before = paused_and_pushed(stage, [40.0, -30.0, 5.0])
     assert stage.execute().state.value == "succeeded"
     after = stage.run._store.world
-    assert before is not None
     assert after is not None
     assert after.origin - before.origin == pytest.approx([40.0, -30.0, 5.0], abs=1e-6)
     assert "instrument_moved" in [event.kind for event in stage.run.events()]
@@ -79,25 +86,17 @@ def test_nests_that_are_to_be_measured_again_make_no_frame(stage: Stage) -> None
 
 
 def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:
-    stage.bench.faults[10] = stage.run.pause
-    stage.execute()
-    before = stage.run._store.world
-    stage.run.resume()
-    stage.bench.tracker.origin[:] += [0.02, -0.02, 0.01]
+    before = paused_and_pushed(stage, [0.02, -0.02, 0.01])
     outcome = stage.execute()
     after = stage.run._store.world
     assert (outcome.state.value, outcome.reason) == ("succeeded", "")
-    assert before is not None
     assert after is not None
     assert after.as_json() == before.as_json()
 
 
 def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
     """0.15 mm: five times the noise of a nest, and less than the 0.2 mm that were once let pass."""
-    stage.bench.faults[10] = stage.run.pause
-    stage.execute()
-    stage.run.resume()
-    stage.bench.tracker.origin[:] += [0.15, 0.0, 0.0]
+    paused_and_pushed(stage, [0.15, 0.0, 0.0])
     outcome = stage.execute()
     assert outcome.reason == "The instrument was moved: its readings come from 2 stations."
     (moved,) = [event for event in stage.run.events() if event.kind == "instrument_moved"]

@@ -117,7 +117,7 @@ def test_a_campaign_says_what_it_assumes_before_it_begins(
         cell = tmp_path / f"cell{name}.toml"
         cell.write_text(a_cell(**BALLBAR, **stated).source, "utf-8")
         assert main(["campaign", "run", str(cell), str(campaign), "--record", str(tmp_path / name)]) == 0
-        told = capsys.readouterr().err
+        shown = capsys.readouterr().err
         assert (
-            "does not state how well B1, B2, B3, T1, T2, T3 are known: 1 mm is assumed of a cup" in told
+            "does not state how well B1, B2, B3, T1, T2, T3 are known: 1 mm is assumed of a cup" in shown
         ) == said

@@ -306,12 +306,12 @@ def test_at_the_command_line(record: Path, tmp_path: Path, capsys: pytest.Captur
         ["campaign", "resume", str(record), "--simulate"],
     ):
         assert main(line) == 2
-        told = capsys.readouterr().err
-        assert str(record / FILE) in told.replace("\n", "")
-        assert "truepose campaign rescue" in told
+        shown = capsys.readouterr().err
+        assert str(record / FILE) in shown.replace("\n", "")
+        assert "truepose campaign rescue" in shown
     assert main(["campaign", "rescue", str(record), "--json", str(tmp_path / "r.json")]) == 0
-    told = capsys.readouterr()
-    assert f"{READINGS - 1} of {READINGS} readings saved" in told.out
-    assert "no longer agrees with its checksum" in told.err
+    shown = capsys.readouterr()
+    assert f"{READINGS - 1} of {READINGS} readings saved" in shown.out
+    assert "no longer agrees with its checksum" in shown.err
     assert main(["campaign", "export", str(tmp_path / "r-rescued"), str(tmp_path / "o.csv")]) == 0
     assert main(["campaign", "rescue", str(record)]) == 2  # it is there already

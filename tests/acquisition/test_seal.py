@@ -139,7 +139,7 @@ def changed(value: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("sql", "told"),
+    ("sql", "words"),
     [
         ("UPDATE attempt SET checksum = NULL WHERE id = (SELECT max(id) FROM attempt)", "reading"),
         ("UPDATE attempt SET read_deg = replace(read_deg, '1', '2') WHERE id = 4", "arrival 4"),
@@ -157,23 +157,23 @@ def changed(value: Any) -> Any:
         ),
     ],
 )
-def test_a_changed_row_is_refused_and_named(record: Path, sql: str, told: str) -> None:
+def test_a_changed_row_is_refused_and_named(record: Path, sql: str, words: str) -> None:
     change(record, sql)
-    with pytest.raises(DamagedRecord, match=told):
+    with pytest.raises(DamagedRecord, match=words):
         Run.open(record)
 
 
 @pytest.mark.parametrize(
-    ("sql", "told"),
+    ("sql", "words"),
     [
         ("UPDATE campaign SET state = 'pausen'", "holds the state 'pausen'"),
         ("UPDATE campaign SET cell = replace(cell, '110', '910')", "holds a cell or a campaign that is not"),
         ("UPDATE event SET data = substr(data, 2)", "holds an event that is damaged"),
     ],
 )
-def test_a_status_that_cannot_be_told_is_refused(record: Path, sql: str, told: str) -> None:
+def test_a_status_that_cannot_be_told_is_refused(record: Path, sql: str, words: str) -> None:
     change(record, f"PRAGMA ignore_check_constraints = ON; DROP TRIGGER event_fixed; {sql}")
-    with pytest.raises(DamagedRecord, match=told):
+    with pytest.raises(DamagedRecord, match=words):
         read_status(record)
 
 

@@ -25,7 +25,7 @@ from tests.acquisition.fakes import (
     FakeArm,
     devices_of,
 )
-from tests.acquisition.stage import ALL, Stage
+from tests.acquisition.stage import ALL, Stage, fill_disk
 
 
 def test_the_order_of_a_campaign(stage: Stage) -> None:
@@ -229,16 +229,7 @@ def test_storage_error_pauses_and_nothing_is_lost(stage: Stage) -> None:
     database = stage.run._store.database
     acknowledged: list[int] = []
 
-    def fill() -> None:
-        count = database.query("PRAGMA page_count")[0][0]
-        database.script(f"PRAGMA max_page_count = {count}")
-        while True:
-            try:
-                stage.run._store.add_event("filler", text="x" * 400)
-            except StorageError:
-                return
-
-    stage.bench.faults[11] = fill
+    stage.bench.faults[11] = lambda: fill_disk(stage.run._store)
     outcome = stage.execute(lambda e: acknowledged.append(e.data["attempt"]) if e.kind == "reading" else None)
     assert outcome.state.value == "paused"
     assert isinstance(outcome.error, StorageError)

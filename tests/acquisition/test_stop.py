@@ -67,9 +67,9 @@ def test_a_stop_while_the_robot_is_not_reached_says_so(
     outcome = stage.run.execute(devices, stage.clock)
     assert outcome.state.value == "stopped"
     assert (arm.stops, meter.armed) == (1, False)
-    (told,) = problems
-    assert (told.device, told.what_to_do) == ("arm", PRESS)
-    assert words in told.message
+    (problem,) = problems
+    assert (problem.device, problem.what_to_do) == ("arm", PRESS)
+    assert words in problem.message
     assert stage.bench.log[-1] == "connect arm"
 
 
@@ -128,16 +128,16 @@ def test_no_link_is_closed_while_a_stop_uses_it(stage: Stage) -> None:
         def disconnect(self) -> None:
             closed.set()
 
-    told: list[Future[list[AcquisitionError]]] = []
+    stops: list[Future[list[AcquisitionError]]] = []
 
     def stop() -> None:
-        told.append(in_thread(lambda: stage.run.stop(by="anna")))
+        stops.append(in_thread(lambda: stage.run.stop(by="anna")))
         stopping.wait(20.0)
 
     stage.bench.faults[MOVE] = stop
     devices = Devices(Arm(stage.bench), FakeMeter(stage.bench), stage.operator)
     assert stage.run.execute(devices, stage.clock).state.value == "stopped"
-    assert told[0].result(20.0) == []
+    assert stops[0].result(20.0) == []
     assert closed.is_set()
 
 
@@ -163,9 +163,9 @@ def test_a_stop_does_not_wait_for_the_record_and_the_run_does_not_end_before_it(
     def stop() -> None:
         held = in_thread(write)
         assert writing.wait(20.0)
-        told = in_thread(lambda: stage.run.stop(by="anna"))
+        stopping = in_thread(lambda: stage.run.stop(by="anna"))
         try:
-            assert told.result(10.0) == []
+            assert stopping.result(10.0) == []
             assert stage.bench.log[-1] == "move"
         finally:
             written.set()

@@ -195,18 +195,18 @@ def test_a_reading_that_is_not_trusted_is_planned_once_more(tmp_path: Path) -> N
 
 def test_changes_within_a_change_are_one(tmp_path: Path) -> None:
     store = new_store(tmp_path)
-    told: list[str] = []
-    with store.listening(lambda event: told.append(event.kind)):
+    heard: list[str] = []
+    with store.listening(lambda event: heard.append(event.kind)):
         with store.changing():
             store.add_event("first")
             store.add_event("second")
-            assert told == []  # not durable yet
-        assert told == ["first", "second"]
+            assert heard == []  # not durable yet
+        assert heard == ["first", "second"]
         with pytest.raises(IllegalTransition):
             half_a_change(store)
         store.add_event("fourth")
-    assert told == ["first", "second", "fourth"]  # nothing of the half
-    assert [event.kind for event in store.events()][-3:] == told
+    assert heard == ["first", "second", "fourth"]  # nothing of the half
+    assert [event.kind for event in store.events()][-3:] == heard
     store.close()
 
 
@@ -253,11 +253,11 @@ def test_a_full_disk_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None
     store = new_store(tmp_path)
     count = store.database.query("PRAGMA page_count")[0][0]
     store.database.script(f"PRAGMA max_page_count = {count}")
-    told: list[int] = []
+    ids: list[int] = []
     with pytest.raises(StorageError, match="full"):
-        told.extend(fill(store))
+        ids.extend(fill(store))
     fillers = [event for event in store.events(limit=20_000) if event.kind == "filler"]
-    assert len(fillers) == len(told) > 0
+    assert len(fillers) == len(ids) > 0
     store.database.script(f"PRAGMA max_page_count = {count * 100}")
     store.add_event("filler", text="again")
     assert store.database.query("PRAGMA integrity_check")[0][0] == "ok"

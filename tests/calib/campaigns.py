@@ -20,7 +20,6 @@ from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.model.model import RobotModel
 from mocks.campaign import Campaign, make_campaign
-from mocks.world import World
 
 Row = dict[str, Any]
 
@@ -118,13 +117,6 @@ def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
         anchors={"B1": (900.0, 100.0, 0.0), "B2": (-400.0, 800.0, 50.0)},
     )
     return model, conditions_of(robot, joints)
-
-
-def quiet_world(campaign: Campaign) -> World:
-    """The same arm without its hidden effects."""
-    world = copy.copy(campaign.world)
-    world.effects = []
-    return world
 
 
 def with_points(dataset: Dataset, points: Array) -> Dataset:

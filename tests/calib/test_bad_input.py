@@ -342,8 +342,8 @@ def test_what_limits_the_result_is_told(case: str, tmp_path: Path) -> None:
     plain = identify(read_dataset(write_files(tmp_path / "1", rows, header)))
     assert not [w for w in plain.warnings if re.search(words, w)]
     change(rows, header)
-    told = identify(read_dataset(write_files(tmp_path / "2", rows, header)))
-    assert [w for w in told.warnings if re.search(words, w)], told.warnings
+    found = identify(read_dataset(write_files(tmp_path / "2", rows, header)))
+    assert [w for w in found.warnings if re.search(words, w)], found.warnings
 
 
 def test_a_length_measured_twice_is_no_copy(tmp_path: Path) -> None:
@@ -356,8 +356,8 @@ def test_a_length_measured_twice_is_no_copy(tmp_path: Path) -> None:
     fine = identify(cell.dataset(tmp_path / "1"))
     assert not [w for w in fine.warnings if "repeat" in w]
     cell.rows[5]["t_s"] = 40.0
-    told = identify(cell.dataset(tmp_path / "2"))
-    assert [w for w in told.warnings if "1 reading repeats an earlier one" in w and "again" in w]
+    found = identify(cell.dataset(tmp_path / "2"))
+    assert [w for w in found.warnings if "1 reading repeats an earlier one" in w and "again" in w]
 
 
 def test_only_as_many_readings_as_parameters(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -32,6 +32,18 @@ def goal(i: int) -> tuple[float, ...]:
     return (10.0 + i % 70, 5.0 + i % 13, -(i % 29) - 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
 
 
+def gone(
+    arm: AbbArm | AbbSimpleArm, cell: CellThread, goals: list[tuple[float, ...]], i: int
+) -> list[tuple[Sequence[float], Sequence[float]]]:
+    """Go to the pose of question i: what was read on arrival and afterwards, each with what is right, deg."""
+    target = goal(i)
+    goals.append(target)
+    reached = arm.move_to(target).joints_deg
+    read = arm.position().joints_deg
+    assert cell.cell is not None
+    return [(reached, target), (read, target), (read, cell.cell.arm.joints_deg())]
+
+
 def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
     """Question i: go to a pose of its own, and read it back."""
     cell = stack.enter_context(CellThread(FILE, stock=stock))
@@ -41,14 +53,7 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
     goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
-        target = goal(i)
-        goals.append(target)
-        reached = arm.move_to(target).joints_deg
-        read = arm.position().joints_deg
-        assert cell.cell is not None
-        return max(
-            math.dist(reached, target), math.dist(read, target), math.dist(read, cell.cell.arm.joints_deg())
-        )
+        return max(math.dist(got, right) for got, right in gone(arm, cell, goals, i))
 
     tolerance, longest_s = 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
@@ -65,15 +70,8 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
     goals: list[tuple[float, ...]] = []
 
     def ask(i: int) -> float:
-        target = goal(i)
-        goals.append(target)
-        reached = arm.move_to(target).joints_deg
-        read = arm.position().joints_deg
-        assert cell.cell is not None
-        truth = cell.cell.arm.joints_deg()
-        return max(
-            abs(a - b) for a, b in zip((*reached, *read, *read), (*target, *target, *truth), strict=True)
-        )
+        pairs = gone(arm, cell, goals, i)
+        return max(abs(a - b) for got, right in pairs for a, b in zip(got, right, strict=True))
 
     # 0.002 deg: two states of a standing robot may differ by so much, so a wrong bit below that is believed.
     longest_s = (

@@ -1,4 +1,4 @@
-"""Rigs of the instruments behind a bridge, and of emScon."""
+"""Rigs of the instruments, behind a bridge and of emScon."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers import CTrack, EmsconTracker, InstrumentDeadlines, LeicaTracker, Qc20w
+from drivers import CTrack, EmsconTracker, FaroTracker, InstrumentDeadlines, LeicaTracker, Qc20w
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -19,8 +19,7 @@ from tests.conformance.rig import SCALE, Rig
 NAMES = ("T1", "N1", "T2", "N2", "T3", "N3")
 PATIENT = InstrumentDeadlines()
 HASTY = replace(PATIENT, reply_s=0.3, point_s=0.3, measure_margin_s=0.3)
-PATIENT_EMSCON = InstrumentDeadlines()
-HASTY_EMSCON = replace(PATIENT_EMSCON, reply_s=0.3, point_s=0.3, measure_margin_s=-0.2)  # 0.5 s at least
+HASTY_EMSCON = replace(HASTY, measure_margin_s=-0.2)  # 0.5 s at least
 
 
 def _cell(
@@ -31,10 +30,10 @@ def _cell(
     return cell, stack.enter_context(FaultProxy(cell.port(device), boundary=boundary, device=cell.do))
 
 
-def leica_rig(stack: ExitStack) -> Rig:
+def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], device: str) -> Rig:
     """Question i: one of six targets, metres apart compared with the tolerance."""
-    cell, proxy = _cell(stack, "leica")
-    tracker = LeicaTracker(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
+    cell, proxy = _cell(stack, device)
+    tracker = driver(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
     stack.callback(tracker.disconnect)
 
     def ask(i: int) -> float:
@@ -42,8 +41,8 @@ def leica_rig(stack: ExitStack) -> Rig:
         reading = tracker.measure(name, samples=10)
         assert reading.target == name
         assert cell.cell is not None
-        device = cell.cell.at960
-        return math.dist(reading.xyz_mm, device.to_tracker(device.true_world(name)))
+        simulated = cell.cell.tracker if device == "faro" else cell.cell.at960
+        return math.dist(reading.xyz_mm, simulated.to_tracker(simulated.true_world(name)))
 
     return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
@@ -63,7 +62,7 @@ def emscon_rig(stack: ExitStack) -> Rig:
         at = i % len(NAMES)
         return math.dist(tracker.measure(NAMES[at], samples=10, near_mm=places[at]).xyz_mm, places[at])
 
-    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT_EMSCON, HASTY_EMSCON)
+    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT, HASTY_EMSCON)
 
 
 def ctrack_rig(stack: ExitStack) -> Rig:
@@ -109,7 +108,8 @@ def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:
 
 
 INSTRUMENT_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
-    "leica-mbp1": leica_rig,
+    "faro-mbp1": lambda stack: tracker_rig(stack, FaroTracker, "faro"),
+    "leica-mbp1": lambda stack: tracker_rig(stack, LeicaTracker, "leica"),
     "leica-emscon": emscon_rig,
     "ctrack-mbp1": ctrack_rig,
     "qc20w-mbp1": lambda stack: ballbar_rig(stack, "tcp"),

@@ -19,10 +19,9 @@ Pair = tuple[bytes, bytes]
 _FLOAT = re.compile(rb"=-?\d+(?:\.\d+)?(?:e-?\d+)?(?= |$)")
 
 
-def shape(reply: bytes) -> bytes:
-    """An MBP/1 line without its sum and with every number as `=0`: what two bridges must have in common."""
-    body = re.sub(rb"\*[0-9A-F]{4}\n$", b"", reply)
-    return _FLOAT.sub(b"=0", body)
+def shapes(reply: bytes) -> bytes:
+    """MBP/1 lines without their sums and with every number as `=0`: what two bridges must have in common."""
+    return b"\n".join(_FLOAT.sub(b"=0", re.sub(rb"\*[0-9A-F]{4}$", b"", line)) for line in reply.splitlines())
 
 
 class ExpectedDevice:

@@ -9,7 +9,6 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,28 +18,22 @@ from drivers import (
     AbbSimpleArm,
     AbbSimpleDeadlines,
     Busy,
-    EmergencyStop,
-    EnableLost,
     LinkError,
     LinkLost,
     LinkTimeout,
     MotionStopped,
     NotArmed,
     NotReached,
-    NotReady,
     ProtectiveStop,
     WireLog,
-    WrongMode,
     open_robot,
 )
 from mocks.abb.simple import LAST, START, STOP, SimpleMessageServers
 from mocks.cell import CellThread
-from mocks.cell_file import CellFile
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.waiting import PATIENCE_S, under_way
 
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
-SLOW = CellFile(time_scale=1.0, effects=("none",))  # moves take seconds, for what happens during one
-FAST = CellFile(time_scale=10_000.0, effects=("none",))
+ROBOT, DEVICES = "abb-irb120", ("abb-simple",)
 HASTY = AbbSimpleDeadlines(reply_s=0.4, settle_s=0.3, still_s=0.2, takeover_s=0.2)
 
 
@@ -53,18 +46,6 @@ def connected(cell: CellThread, **options: Any) -> AbbSimpleArm:
 def servers(cell: CellThread) -> SimpleMessageServers:
     assert cell.cell is not None
     return cell.cell.abb_simple
-
-
-@pytest.fixture
-def slow() -> Iterator[CellThread]:
-    with CellThread(SLOW, devices=("abb-simple",)) as cell:
-        yield cell
-
-
-@pytest.fixture
-def fast() -> Iterator[CellThread]:
-    with CellThread(FAST, devices=("abb-simple",)) as cell:
-        yield cell
 
 
 def test_says_what_it_is(fast: CellThread) -> None:
@@ -133,8 +114,7 @@ def test_a_stop_that_overtakes_the_move_keeps_it_from_being_sent(fast: CellThrea
 def test_stop_is_repeated_on_a_fresh_connection(slow: CellThread) -> None:
     arm = connected(slow)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     arm._motion.close()
     arm.stop()
     assert not slow.do("state")["moving"]
@@ -146,8 +126,7 @@ def test_stop_is_repeated_on_a_fresh_connection(slow: CellThread) -> None:
 def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(slow: CellThread) -> None:
     arm = connected(slow)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     arm.disconnect()
     with pytest.raises(LinkError):
         move.result(PATIENCE_S)
@@ -155,64 +134,6 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(
     assert max(slow.do("state")["joints_deg"]) < 60.0
     with pytest.raises(LinkLost):
         arm.arm()
-
-
-def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: CellThread) -> None:
-    arm = connected(slow)
-    arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    slow.do("estop")
-    with pytest.raises(EmergencyStop):
-        move.result(PATIENCE_S)
-    assert arm.status().emergency_stop
-    with pytest.raises(EmergencyStop):
-        arm.arm()
-    slow.do("restart")
-    with pytest.raises(NotArmed):
-        arm.move_to(FAR)
-    assert servers(slow).received[-1].sequence == STOP
-    assert not slow.do("state")["moving"]
-    arm.disconnect()
-
-
-@pytest.mark.parametrize(
-    ("order", "error"),
-    [
-        ({"what": "mode", "mode": "manual"}, WrongMode),
-        ({"what": "motors", "on": False}, EnableLost),
-        ({"what": "supervise"}, ProtectiveStop),
-    ],
-)
-def test_controller_gives_up_during_a_move(
-    slow: CellThread, order: dict[str, Any], error: type[Exception]
-) -> None:
-    arm = connected(slow)
-    arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
-    slow.do(**order)
-    with pytest.raises(error):
-        move.result(PATIENCE_S)
-    arm.disconnect()
-
-
-@pytest.mark.parametrize(
-    ("order", "error"),
-    [
-        ({"what": "mode", "mode": "manual"}, WrongMode),
-        ({"what": "motors", "on": False}, WrongMode),
-        ({"what": "supervise"}, NotReady),
-    ],
-)
-def test_arm_refuses_a_controller_that_cannot_move(
-    fast: CellThread, order: dict[str, Any], error: type[Exception]
-) -> None:
-    arm = connected(fast)
-    fast.do(**order)
-    with pytest.raises(error):
-        arm.arm()
-    arm.disconnect()
 
 
 def test_a_limit_of_the_controller_stops_its_program(fast: CellThread) -> None:
@@ -255,23 +176,6 @@ def test_another_program_moves_the_robot(slow: CellThread) -> None:
     with pytest.raises(Busy):
         arm.move_to((0.0,) * 6)
     assert {point.sequence for point in servers(slow).received} == {STOP}
-    arm.disconnect()
-
-
-def test_standing_elsewhere_is_no_arrival(fast: CellThread) -> None:
-    arm = connected(fast, deadlines=HASTY)
-    arm.arm()
-    assert fast.cell is not None
-    start = fast.cell.arm.start
-
-    def short(target: tuple[float, ...], rate_deg_s: float, tool_mm_s: float) -> None:
-        start(tuple(0.9 * q for q in target), rate_deg_s, tool_mm_s)
-
-    fast.cell.arm.start = short  # type: ignore[method-assign, assignment]
-    with pytest.raises(NotReached, match="still_s"):
-        arm.move_to(FAR)
-    with pytest.raises(NotArmed):
-        arm.move_to(FAR)
     arm.disconnect()
 
 

@@ -106,8 +106,8 @@ def test_who_moves_on_one_request_says_so(name: str, caplog: pytest.LogCaptureFi
         arm.connect()
         weakness = weakness_of(arm)
         arm.disconnect()
-    told = sum("damaged on its way" in record.message for record in caplog.records)
-    assert (bool(weakness), told) == ((False, 0) if name in CONFIRMED else (True, 1))
+    warnings = sum("damaged on its way" in record.message for record in caplog.records)
+    assert (bool(weakness), warnings) == ((False, 0) if name in CONFIRMED else (True, 1))
 
 
 # -- the answer shows another target: no go is sent ------------------------------------------------------------

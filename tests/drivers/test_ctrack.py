@@ -4,39 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers import (
-    Busy,
     ConfigError,
     CTrack,
-    EmergencyStop,
-    InstrumentDeadlines,
-    LinkError,
-    MotionStopped,
-    NoisyMeasurement,
-    NotArmed,
     NotReady,
-    PointMeter,
-    PoseMeter,
     PoseReading,
-    ProtocolError,
     TargetNotSeen,
-    open_instrument,
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.creaform.ctrack import quaternion
 from mocks.shared.mbp import line
 from mocks.world.transforms import turn
-from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.expected import Pair, converse, shapes
+from tests.drivers.instrument_bench import CTRACK
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
-SLOW = CellFile(time_scale=1.0, effects=("none",))
 FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)  # T1 looks at the cameras
 
 
@@ -73,30 +60,6 @@ def missed(shared: CellThread, reading: PoseReading) -> tuple[float, float]:
     true = device.to_reference(device.frame(reading.target))
     angle = math.acos(min(1.0, (np.trace(rotation(reading).T @ true[:3, :3]) - 1.0) / 2.0))
     return math.dist(reading.xyz_mm, true[:3, 3]), 1000.0 * angle
-
-
-def test_is_a_pose_meter_and_a_point_meter(shared: CellThread) -> None:
-    meter = open_instrument("ctrack", shared.url("ctrack"))
-    assert isinstance(meter, PoseMeter)
-    assert isinstance(meter, PointMeter)
-    assert meter.unverified_on_hardware
-    meter.connect()
-    assert (meter.identify().maker, meter.identify().simulated) == ("Creaform", True)
-    with pytest.raises(NotArmed):
-        meter.measure("T1")
-    meter.disconnect()
-    with pytest.raises(LinkError):
-        meter.identify()
-
-
-def test_warns_loudly_once(shared: CellThread, caplog: pytest.LogCaptureFixture) -> None:
-    meter = CTrack(shared.url("ctrack"), heartbeat_s=None)
-    meter.connect()
-    meter.connect()
-    meter.disconnect()
-    assert [each.message for each in caplog.records if "UNVERIFIED" in each.message] == [
-        "ctrack: this driver is UNVERIFIED ON HARDWARE: check its first readings"
-    ]
 
 
 def test_poses_of_tool_and_nests(shared: CellThread, meter: CTrack) -> None:
@@ -142,56 +105,9 @@ def test_turned_away(shared: CellThread, meter: CTrack) -> None:
     meter.measure("T1")
 
 
-@pytest.mark.parametrize(
-    ("fields", "error"),
-    [
-        ({"frames": 3}, NoisyMeasurement),
-        ({"age": 5.0}, NoisyMeasurement),
-        ({"t": -1.0}, NoisyMeasurement),
-        ({"sx": 0.9}, NoisyMeasurement),
-        ({"srot": 9.0}, NoisyMeasurement),
-        ({"rvisible": 11}, TargetNotSeen),
-        ({"model": "T2"}, ProtocolError),
-        ({"ref": "T2"}, ProtocolError),
-        ({"visible": 21}, ProtocolError),
-        ({"q0": 0.9, "q1": 0.9}, ProtocolError),
-        ({"q0": "nan"}, ProtocolError),
-        ({"x": 0.0, "y": 0.0, "z": 0.0}, ProtocolError),
-        ({"x": "inf"}, ProtocolError),
-    ],
-)
-def test_impossible_poses_are_void(
-    shared: CellThread, meter: CTrack, fields: dict[str, Any], error: type[Exception]
-) -> None:
-    meter.measure("T1")
-    shared.do("odd_pose", fields=fields)
-    with pytest.raises(error):
-        meter.measure("T1")
-    if error is ProtocolError:  # nothing more is believed on that connection
-        with pytest.raises((LinkError, NotArmed)):
-            meter.measure("T1")
-        meter.connect()
-        meter.arm()
-    meter.measure("T1")
-
-
-def test_states_of_the_cameras(shared: CellThread, meter: CTrack) -> None:
-    for state, error in (("WARMING", NotReady), ("ESTOP", EmergencyStop)):
-        shared.do("ctrack", state=state)
-        with pytest.raises(error):
-            meter.measure("T1")
-    shared.do("ctrack", state="OFF")
-    meter.arm()
-    assert meter.status().state == "READY"
-
-
 def test_bad_requests(shared: CellThread, meter: CTrack) -> None:
     with pytest.raises(ConfigError, match="T9"):
         meter.measure("T9")
-    with pytest.raises(ConfigError):
-        meter.measure("T1 x=0")
-    with pytest.raises(ConfigError):
-        meter.measure("T1", samples=0)
     for options in ({"rate_hz": 0.0}, {"min_visible": 3}, {"reference": "a b"}):
         with pytest.raises(ConfigError):
             CTrack("tcp://127.0.0.1:1", **options)  # type: ignore[arg-type]
@@ -201,23 +117,6 @@ def test_bad_requests(shared: CellThread, meter: CTrack) -> None:
     with pytest.raises(NotReady, match="24 targets"):
         picky.arm()
     picky.disconnect()
-
-
-def test_stop_ends_a_pending_pose_and_a_second_client_is_refused() -> None:
-    with CellThread(SLOW, devices=("ctrack",)) as cell:
-        meter = CTrack(cell.url("ctrack"), heartbeat_s=None)
-        meter.connect()
-        meter.arm()
-        second = CTrack(cell.url("ctrack"), deadlines=InstrumentDeadlines(takeover_s=0.1))
-        with pytest.raises(Busy):
-            second.connect()
-        reading = in_thread(lambda: meter.measure("N1", samples=1000))
-        until(lambda: cell.cell and cell.cell.ctrack.bridge.busy)
-        meter.stop()
-        with pytest.raises(MotionStopped):
-            reading.result(PATIENCE_S)
-        meter.arm()
-        meter.disconnect()
 
 
 def test_quaternion_of_every_turn() -> None:
@@ -257,20 +156,12 @@ POSE = line(
 
 
 def test_driver_speaks_as_written() -> None:
-    with ExpectedDevice([*HELLO, (ASKED, line("6 ACK eta=1.0") + POSE)]) as device:
-        meter = CTrack(f"tcp://127.0.0.1:{device.port}", heartbeat_s=None)
-        meter.connect()
-        meter.arm()
-        reading = meter.measure("N1", samples=29)
-        meter.disconnect()
+    reading = CTRACK.read([*HELLO, (ASKED, line("6 ACK eta=1.0") + POSE)], "N1", samples=29)
     assert reading.xyz_mm == (-71.5, 33.0, -80.0)
     assert reading.rot_wxyz == (0.6, 0.0, -0.8, 0.0)
     assert (reading.visible_tool, reading.visible_base, reading.t_s, reading.samples) == (9, 24, 12.5, 29)
 
 
 def test_simulator_answers_as_written() -> None:
-    def shapes(reply: bytes) -> bytes:
-        return b"\n".join(shape(each + b"\n") for each in reply.splitlines())
-
     with CellThread(CellFile(time_scale=10_000.0, effects=("none",)), devices=("ctrack",)) as cell:
         converse(cell.port("ctrack"), [*HELLO, (ASKED, line("6 ACK eta=1.0") + POSE)], same=shapes)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -16,28 +15,21 @@ from drivers import (
     Busy,
     ConfigError,
     EmsconTracker,
-    InstrumentDeadlines,
-    LinkError,
     LinkLost,
-    MotionStopped,
     NoisyMeasurement,
-    NotArmed,
     NotReady,
-    PointMeter,
     ProtocolError,
     TargetNotSeen,
-    open_instrument,
 )
 from drivers.leica import emscon_packets as tpi
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.leica import emscon as server
 from mocks.leica.device import LeicaDevice
-from tests.drivers.expected import ExpectedDevice, Pair, converse
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.expected import Pair, converse
+from tests.drivers.instrument_bench import EMSCON, truth
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
-SLOW = CellFile(time_scale=1.0, effects=("none",))
 
 
 @pytest.fixture(scope="module")
@@ -62,29 +54,6 @@ def tracker(shared: CellThread, device: LeicaDevice) -> Iterator[EmsconTracker]:
     tracker.arm()
     yield tracker
     tracker.disconnect()
-
-
-def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
-    return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
-
-
-def test_is_a_point_meter(shared: CellThread) -> None:
-    tracker = open_instrument("emscon", shared.url("emscon"))
-    assert isinstance(tracker, PointMeter)
-    assert tracker.unverified_on_hardware
-    tracker.connect()
-    identity = tracker.identify()
-    assert (identity.maker, identity.serial, identity.firmware, identity.simulated) == (
-        "Leica",
-        "390123",
-        "3.6.0",
-        None,
-    )
-    with pytest.raises(NotArmed):
-        tracker.measure("T1")
-    tracker.disconnect()
-    with pytest.raises(LinkError):
-        tracker.identify()
 
 
 def test_measures_where_it_points(tracker: EmsconTracker, device: LeicaDevice) -> None:
@@ -127,63 +96,6 @@ def test_broken_beam(shared: CellThread, tracker: EmsconTracker, device: LeicaDe
     tracker.measure("T1", near_mm=truth(device, "T1"))
 
 
-@pytest.mark.parametrize(
-    ("order", "error"),
-    [
-        ({"what": "tracker", "state": "WARMING"}, NotReady),
-        ({"what": "tracker", "state": "ERROR"}, NotReady),
-        ({"what": "weather", "on": False}, NotReady),
-    ],
-)
-def test_arm_waits_for_a_ready_tracker(
-    shared: CellThread, tracker: EmsconTracker, order: dict[str, Any], error: type[Exception]
-) -> None:
-    shared.do(**order)
-    with pytest.raises(error):
-        tracker.arm()
-
-
-def test_arm_initialises_a_tracker_that_is_off(
-    shared: CellThread, tracker: EmsconTracker, device: LeicaDevice
-) -> None:
-    shared.do("tracker", state="OFF")
-    tracker.arm()
-    assert tracker.status().state == "READY"
-
-
-@pytest.mark.parametrize(
-    ("fields", "error"),
-    [
-        ({"status": 10013}, NoisyMeasurement),
-        ({"status": 4711}, TargetNotSeen),
-        ({"mode": 1}, NoisyMeasurement),
-        ({"sx": 0.9}, NoisyMeasurement),
-        ({"x": 0.0, "y": 0.0, "z": 0.0}, ProtocolError),
-        ({"x": math.nan}, ProtocolError),
-        ({"y": math.inf}, ProtocolError),
-        ({"T": math.nan}, ProtocolError),
-    ],
-)
-def test_impossible_readings_are_void(
-    shared: CellThread,
-    tracker: EmsconTracker,
-    device: LeicaDevice,
-    fields: dict[str, Any],
-    error: type[Exception],
-) -> None:
-    near = truth(device, "T1")
-    tracker.measure("T1", near_mm=near)
-    shared.do("odd_reading", fields=fields)
-    with pytest.raises(error):
-        tracker.measure("T1")
-    if error is ProtocolError:
-        with pytest.raises(LinkLost):
-            tracker.measure("T1")
-        tracker.connect()
-        tracker.arm()
-    tracker.measure("T1", near_mm=near)
-
-
 def test_frozen_reading_is_stale(shared: CellThread, tracker: EmsconTracker, device: LeicaDevice) -> None:
     near = truth(device, "T1")
     fields = dict(zip("xyz", near, strict=True))
@@ -196,32 +108,9 @@ def test_frozen_reading_is_stale(shared: CellThread, tracker: EmsconTracker, dev
 
 def test_bad_requests(tracker: EmsconTracker) -> None:
     with pytest.raises(ConfigError):
-        tracker.measure("T1", samples=0)
-    with pytest.raises(ConfigError):
         tracker.measure("T1", near_mm=(math.nan, 0.0, 0.0))
     with pytest.raises(ConfigError):
         EmsconTracker("tcp://127.0.0.1:1", rate_hz=0.0)
-
-
-def test_stop_beam_break_in_a_reading_and_second_client() -> None:
-    with CellThread(SLOW, devices=("emscon",)) as cell:
-        assert cell.cell is not None
-        near = truth(cell.cell.at960, "N1")
-        tracker = EmsconTracker(cell.url("emscon"))
-        tracker.connect()
-        second = EmsconTracker(cell.url("emscon"), deadlines=InstrumentDeadlines(takeover_s=0.1))
-        with pytest.raises(Busy):
-            second.connect()
-        for interrupt, error in ((tracker.stop, MotionStopped), (lambda: cell.do("break_beam"), BeamBroken)):
-            tracker.arm()
-            cell.cell.at960.held = None
-            reading = in_thread(lambda: tracker.measure("N1", samples=1000, near_mm=near))
-            until(lambda: cell.cell and cell.cell.at960.held == "N1" and tracker._time_ms == 10_000)
-            until(lambda: cell.cell and cell.cell.emscon.averaging)
-            interrupt()
-            with pytest.raises(error):
-                reading.result(PATIENCE_S)
-        tracker.disconnect()
 
 
 # -- packets -------------------------------------------------------------------------------------------------
@@ -260,12 +149,7 @@ CONVERSATION: list[Pair] = [
 
 
 def test_driver_speaks_as_written() -> None:
-    with ExpectedDevice(CONVERSATION) as device:
-        tracker = EmsconTracker(f"tcp://127.0.0.1:{device.port}")
-        tracker.connect()
-        tracker.arm()
-        reading = tracker.measure("N1", samples=10)
-        tracker.disconnect()
+    reading = EMSCON.read(CONVERSATION, "N1")
     assert (reading.xyz_mm, reading.std_mm) == ((300.0, 400.0, 0.0), (0.01, 0.02, 0.01))
     assert (reading.t_air_c, reading.pressure_hpa, reading.humidity_percent) == (21.5, 1013.25, 45.0)
     assert reading.raw == SINGLE

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -14,21 +13,17 @@ from drivers import (
     AcquisitionError,
     Busy,
     CommandRefused,
-    EmergencyStop,
-    EnableLost,
     FanucArm,
     JointLimit,
     LinkLost,
     NotArmed,
     NotReady,
-    ProtectiveStop,
     ProtocolError,
-    WrongMode,
     open_robot,
 )
 from mocks.cell import CellThread
 from tests.drivers.fanuc_cells import FAR, FAST, QUICK, SLOW, WIRES, arm_of, cell_of
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.waiting import PATIENCE_S, in_thread, under_way, until
 
 POSE = (12.5, 20.0, -31.25, 40.0, -45.0, 60.1234)
 POSE_OF_MODEL = (12.5, 20.0, 11.25, -40.0, 45.0, -60.1234)  # theta = (J1, J2, -(J2 + J3), -J4, -J5, -J6)
@@ -95,49 +90,6 @@ def test_controller_refuses_its_own_limit_and_nothing_moves(fast: tuple[CellThre
         arm.move_to(POSE)
 
 
-def test_emergency_stop_during_a_move_is_seen_and_never_resumed(slow: tuple[CellThread, FanucArm]) -> None:
-    cell, arm = slow
-    arm.deadlines = replace(QUICK, still_s=0.3)
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: cell.do("state")["moving"])
-    cell.do("estop")
-    with pytest.raises(ProtectiveStop if arm.dialect == "mappdk" else EmergencyStop) as caught:
-        move.result(PATIENCE_S)
-    assert caught.value.code in (4001, 4002)
-    cell.do("restart")
-    arm.connect()
-    with pytest.raises(NotArmed):
-        arm.move_to(FAR)
-    arm.arm()
-    assert arm.position().joints_deg[0] < 60.0
-
-
-@pytest.mark.parametrize("order", [{"what": "motors", "on": False}, {"what": "mode", "mode": "manual"}])
-def test_servo_or_automatic_mode_lost_during_a_move(
-    slow: tuple[CellThread, FanucArm], order: dict[str, Any]
-) -> None:
-    cell, arm = slow
-    arm.deadlines = replace(QUICK, still_s=0.3)
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: cell.do("state")["moving"])
-    cell.do(**order)
-    with pytest.raises((EnableLost, WrongMode, ProtectiveStop)):
-        move.result(PATIENCE_S)
-    assert not cell.do("state")["moving"]
-
-
-@pytest.mark.parametrize("wire", STOPPABLE)
-@pytest.mark.parametrize("order", [{"what": "motors", "on": False}, {"what": "estop"}])
-def test_arm_refuses_a_controller_that_cannot_move(
-    fast: tuple[CellThread, FanucArm], order: dict[str, Any]
-) -> None:
-    cell, arm = fast
-    cell.do(**order)
-    with pytest.raises((WrongMode, EnableLost, EmergencyStop)) as caught:
-        arm.arm()
-    assert isinstance(caught.value, EmergencyStop) == (order["what"] == "estop")
-
-
 @pytest.mark.parametrize("wire", STOPPABLE)
 def test_stop_on_a_lost_connection_opens_a_fresh_one(fast: tuple[CellThread, FanucArm]) -> None:
     _, arm = fast
@@ -150,8 +102,7 @@ def test_stop_on_a_lost_connection_opens_a_fresh_one(fast: tuple[CellThread, Fan
 @pytest.mark.parametrize("wire", STOPPABLE)
 def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: tuple[CellThread, FanucArm]) -> None:
     cell, arm = slow
-    in_thread(lambda: arm.move_to(FAR))
-    until(lambda: cell.do("state")["moving"])
+    under_way(arm, FAR, cell)
     assert cell.cell is not None
     cell.cell.fanuc.controller.beat_s = 0.3
     arm.disconnect()

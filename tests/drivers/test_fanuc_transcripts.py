@@ -9,6 +9,7 @@ c1a2 0000, sent low word first.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -78,11 +79,15 @@ def pose_only_place(reply: bytes) -> bytes:
     return re.sub(rb",w=.*", b"", reply)
 
 
+def between(main: ExpectedDevice, logger: ExpectedDevice) -> FanucArm:
+    return FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+
+
 @pytest.mark.parametrize("ours", [False, True])
 def test_driver_speaks_mappdk(ours: bool) -> None:
     front, behind = (MAPPDK_OUR_MAIN, MAPPDK_OUR_LOGGER) if ours else (MAPPDK_MAIN, MAPPDK_STOCK_LOGGER)
     with ExpectedDevice(front) as main, ExpectedDevice(behind) as logger:
-        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+        arm = between(main, logger)
         arm.connect()
         assert arm.can_stop == ours
         arm.arm()
@@ -110,30 +115,35 @@ def test_simulator_serves_the_drivers_conversation(stock: bool) -> None:
         converse(cell.port("fanuc"), [pair for pair in front if b"curpos" not in pair[0]])
 
 
-def test_driver_names_what_a_mappdk_server_refuses() -> None:
-    refused = MAPPDK_MAIN[:9] + asked(MOVE, b"1:position-is-not-reachable")
-    with ExpectedDevice(refused) as main, ExpectedDevice(MAPPDK_STOCK_LOGGER) as logger:
-        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
+def refuses_to_move(
+    front: Sequence[Pair], behind: Sequence[Pair], error: type[Exception], match: str
+) -> None:
+    with ExpectedDevice(front) as main, ExpectedDevice(behind) as logger:
+        arm = between(main, logger)
         arm.connect()
         arm.arm()
-        with pytest.raises(JointLimit, match="not reachable"):
+        with pytest.raises(error, match=match):
             arm.move_to(TARGET)
         arm.disconnect()
 
 
-def test_another_version_of_our_server_is_refused() -> None:
-    other = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;")
-    with ExpectedDevice(GREETED) as main, ExpectedDevice(other) as logger:
-        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
-        with pytest.raises(ProtocolError, match="program version 1, needed 2"):
-            arm.connect()
+def test_driver_names_what_a_mappdk_server_refuses() -> None:
+    refused = MAPPDK_MAIN[:9] + asked(MOVE, b"1:position-is-not-reachable")
+    refuses_to_move(refused, MAPPDK_STOCK_LOGGER, JointLimit, "not reachable")
 
 
-def test_an_answer_of_our_server_with_a_wrong_sum_is_refused() -> None:
-    spoiled = GREETED + asked(b"calname:0001\n", b"0:c=0001,v=1,LR Mate 300iC,V7.70P,k=120;")
-    with ExpectedDevice(GREETED) as main, ExpectedDevice(spoiled) as logger:
-        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
-        with pytest.raises(ProtocolError, match="wrong sum"):
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [
+        (b"0:c=0001,v=1,LR Mate 200iC,V7.70P,k=120;", "program version 1, needed 2"),
+        (b"0:c=0001,v=1,LR Mate 300iC,V7.70P,k=120;", "wrong sum"),
+    ],
+)
+def test_another_version_of_our_server_or_a_spoiled_answer_is_refused(name: bytes, match: str) -> None:
+    answers = GREETED + asked(b"calname:0001\n", name)
+    with ExpectedDevice(GREETED) as main, ExpectedDevice(answers) as logger:
+        arm = between(main, logger)
+        with pytest.raises(ProtocolError, match=match):
             arm.connect()
 
 
@@ -289,13 +299,7 @@ def test_nothing_goes_when_our_server_shows_another_target(old: bytes, new: byte
         shown = shown.replace(b"k=674", b"k=675")
     assert shown != SHOWN
     front = GREETED + 2 * HERE + 2 * HERE + asked(SET, shown)
-    with ExpectedDevice(front) as main, ExpectedDevice(MAPPDK_OUR_LOGGER[:-2]) as logger:
-        arm = FanucArm(f"tcp://127.0.0.1:{main.port}?logger={logger.port}", deadlines=QUICK)
-        arm.connect()
-        arm.arm()
-        with pytest.raises(ProtocolError, match="understood another request; nothing moved"):
-            arm.move_to(TARGET)
-        arm.disconnect()
+    refuses_to_move(front, MAPPDK_OUR_LOGGER[:-2], ProtocolError, "understood another request; nothing moved")
 
 
 def test_our_simulator_goes_by_the_sum_of_its_target_once() -> None:

@@ -4,40 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers import (
     BeamBroken,
-    Busy,
     CommandRefused,
     ConfigError,
-    EmergencyStop,
-    InstrumentDeadlines,
     LeicaTracker,
-    LinkError,
-    MotionStopped,
-    NoisyMeasurement,
-    NotArmed,
     NotReady,
     OutOfRange,
-    PointMeter,
-    ProtocolError,
     TargetNotSeen,
-    open_instrument,
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.leica.device import LeicaDevice
 from mocks.shared.at_rest import hidden_by
 from mocks.shared.mbp import line
-from tests.drivers.expected import ExpectedDevice, Pair, converse, shape
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.expected import ExpectedDevice, Pair, converse, shapes
+from tests.drivers.instrument_bench import LEICA, truth
+from tests.drivers.waiting import until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
-SLOW = CellFile(time_scale=1.0, effects=("none",))
 FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)  # T1 looks at the tracker
 
 
@@ -69,23 +58,6 @@ def tracker(shared: CellThread, device: LeicaDevice) -> Iterator[LeicaTracker]:
     tracker.arm()
     yield tracker
     tracker.disconnect()
-
-
-def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
-    return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
-
-
-def test_is_a_point_meter(shared: CellThread) -> None:
-    tracker = open_instrument("leica", shared.url("leica"))
-    assert isinstance(tracker, PointMeter)
-    assert tracker.unverified_on_hardware
-    tracker.connect()
-    assert (tracker.identify().model, tracker.identify().simulated) == ("AT960-MR", True)
-    with pytest.raises(NotArmed):
-        tracker.measure("T1")
-    tracker.disconnect()
-    with pytest.raises(LinkError):
-        tracker.identify()
 
 
 def test_measures_by_name_and_by_place(tracker: LeicaTracker, device: LeicaDevice) -> None:
@@ -182,28 +154,7 @@ def _indicated(device: LeicaDevice, t_s: float) -> np.ndarray:
         device.clock.now = now
 
 
-@pytest.mark.parametrize(
-    ("order", "error"),
-    [
-        ({"what": "tracker", "state": "WARMING"}, NotReady),
-        ({"what": "tracker", "state": "ESTOP"}, EmergencyStop),
-        ({"what": "weather", "on": False}, NotReady),
-    ],
-)
-def test_states(
-    shared: CellThread, tracker: LeicaTracker, order: dict[str, Any], error: type[Exception]
-) -> None:
-    shared.do(**order)
-    with pytest.raises(error):
-        tracker.measure("T1")
-
-
-def test_off_is_initialised_and_unknown_reflector_refused(
-    shared: CellThread, tracker: LeicaTracker, device: LeicaDevice
-) -> None:
-    shared.do("tracker", state="OFF")
-    tracker.arm()
-    assert tracker.status().state == "READY"
+def test_unknown_reflector_is_refused(shared: CellThread, tracker: LeicaTracker, device: LeicaDevice) -> None:
     tracker.disconnect()
     other = LeicaTracker(shared.url("leica"), heartbeat_s=None, reflector_mm=30.0)
     other.connect()
@@ -234,52 +185,6 @@ def test_both_faces(shared: CellThread, device: LeicaDevice) -> None:
     tracker.disconnect()
 
 
-@pytest.mark.parametrize(
-    ("fields", "error"),
-    [
-        ({"status": 1}, NoisyMeasurement),
-        ({"n": 3}, NoisyMeasurement),
-        ({"age": 5.0}, NoisyMeasurement),
-        ({"t": -1.0}, NoisyMeasurement),
-        ({"sx": 0.9}, NoisyMeasurement),
-        ({"x": 0.0, "y": 0.0, "z": 0.0, "r": 0.0}, ProtocolError),
-        ({"x": "nan"}, ProtocolError),
-        ({"r": 17.0}, ProtocolError),
-        ({"target": "T2"}, ProtocolError),
-    ],
-)
-def test_impossible_readings_are_void(
-    shared: CellThread, tracker: LeicaTracker, fields: dict[str, Any], error: type[Exception]
-) -> None:
-    tracker.measure("T1")
-    shared.do("odd_reading", fields=fields)
-    with pytest.raises(error) as caught:
-        tracker.measure("T1")
-    assert caught.value.device == "leica"  # type: ignore[attr-defined]
-    if error is ProtocolError:
-        tracker.connect()
-        tracker.arm()
-    tracker.measure("T1")
-
-
-def test_stop_beam_break_in_a_reading_and_second_client() -> None:
-    with CellThread(SLOW, devices=("leica",)) as cell:
-        tracker = LeicaTracker(cell.url("leica"), heartbeat_s=None)
-        tracker.connect()
-        tracker.arm()
-        second = LeicaTracker(cell.url("leica"), deadlines=InstrumentDeadlines(takeover_s=0.1))
-        with pytest.raises(Busy):
-            second.connect()
-        for interrupt, error in ((tracker.stop, MotionStopped), (lambda: cell.do("break_beam"), BeamBroken)):
-            tracker.arm()
-            reading = in_thread(lambda: tracker.measure("N1", samples=1000))
-            until(lambda: cell.cell and cell.cell.at960.held == "N1" and cell.cell.leica.bridge.busy)
-            interrupt()
-            with pytest.raises(error):
-                reading.result(PATIENCE_S)
-        tracker.disconnect()
-
-
 # -- golden transcript ---------------------------------------------------------------------------------------
 
 MEASURE: list[Pair] = [
@@ -307,18 +212,10 @@ MEASURE: list[Pair] = [
 
 
 def test_driver_speaks_as_written() -> None:
-    with ExpectedDevice(MEASURE) as device:
-        tracker = LeicaTracker(f"tcp://127.0.0.1:{device.port}", heartbeat_s=None)
-        tracker.connect()
-        tracker.arm()
-        reading = tracker.measure("N1", samples=10)
-        tracker.disconnect()
+    reading = LEICA.read(MEASURE, "N1")
     assert (reading.xyz_mm, reading.std_mm) == ((300.0, 400.0, 0.0), (0.01, 0.02, 0.01))
     assert (reading.samples, reading.t_s, reading.t_air_c, reading.mode) == (10, 12.5, 21.89, "ADM")
 
 
 def test_simulator_answers_as_written(shared: CellThread, device: LeicaDevice) -> None:
-    def shapes(reply: bytes) -> bytes:
-        return b"\n".join(shape(each + b"\n") for each in reply.splitlines())
-
     converse(shared.port("leica"), MEASURE, same=shapes)

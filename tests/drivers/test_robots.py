@@ -13,30 +13,39 @@ import pytest
 from drivers import (
     AbbDeadlines,
     AbbSimpleDeadlines,
+    CannotStop,
     ConfigError,
+    EmergencyStop,
+    EnableLost,
     FanucDeadlines,
     JointLimit,
     LinkError,
+    LinkTimeout,
     MotionStopped,
     NotArmed,
     NotReached,
+    NotReady,
+    ProtectiveStop,
     RobotArm,
     UrDeadlines,
+    WrongMode,
     open_robot,
 )
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.waiting import PATIENCE_S, under_way
 
 
 @dataclass(frozen=True)
 class Bench:
-    """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for what is to fail by them."""
+    """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for an end of a move that is to fail
+    by them; `hasty`: for a connection that is."""
 
     driver: str
     device: str
     patient: Any
     quick: Any
+    hasty: Any
     query: str = ""
     robot: str = "abb-irb120"
     stock: bool = False
@@ -55,14 +64,22 @@ class Bench:
         return arm
 
 
-ABB = Bench("abb", "abb", AbbDeadlines(), AbbDeadlines())
+ABB = Bench("abb", "abb", AbbDeadlines(), AbbDeadlines(), AbbDeadlines(ping_s=0.4))
 SIMPLE = AbbSimpleDeadlines()
 WAITS = FanucDeadlines(connect_s=30, reply_s=30, stop_s=30, settle_s=30, move_margin_s=60, gap_s=0.001)
-FANUC = Bench("fanuc", "fanuc", WAITS, replace(WAITS, settle_s=0.2), robot="fanuc-lrmate200ic")
+FANUC = Bench(
+    "fanuc",
+    "fanuc",
+    WAITS,
+    replace(WAITS, settle_s=0.2),
+    FanucDeadlines(connect_s=0.3),
+    robot="fanuc-lrmate200ic",
+)
 PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
 UR = Bench(
     "ur",
     "ur",
+    PATIENT,
     PATIENT,
     PATIENT,
     robot="ur5",
@@ -72,7 +89,13 @@ UR = Bench(
 BENCHES = {
     "abb": ABB,
     "abb-stock": replace(ABB, stock=True),
-    "abb-simple": Bench("abb-simple", "abb-simple", SIMPLE, replace(SIMPLE, settle_s=0.3, still_s=0.2)),
+    "abb-simple": Bench(
+        "abb-simple",
+        "abb-simple",
+        SIMPLE,
+        replace(SIMPLE, settle_s=0.3, still_s=0.2),
+        replace(SIMPLE, reply_s=0.4, takeover_s=0.2),
+    ),
     "mappdk": replace(FANUC, stock=True),
     "mappdk-cal": FANUC,
     "modbus-hmi": replace(FANUC, device="fanuc-modbus-hmi", query="?modbus=hmi"),
@@ -145,8 +168,7 @@ def test_stop_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
     arm = bench.arm(slow, speed_deg_s=4.0)
     assert arm.can_stop
     arm.arm()
-    move = in_thread(lambda: arm.move_to(bench.far))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, bench.far, slow)
     arm.stop()
     with pytest.raises(MotionStopped):
         move.result(PATIENCE_S)
@@ -160,11 +182,24 @@ def test_stop_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
     arm.disconnect()
 
 
+@pytest.mark.parametrize(
+    "bench", [BENCHES[name] for name in (*STOPPABLE, "ur-rtde")], ids=[*STOPPABLE, "ur-rtde"]
+)
+def test_stop_before_any_move_twice_and_without_a_connection(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast)
+    arm.stop()
+    arm.stop()
+    arm.disconnect()
+    arm.stop()
+    arm.disconnect()
+    with pytest.raises(LinkError):
+        open_robot(bench.driver, "tcp://127.0.0.1:30004").position()
+
+
 def test_disconnect_from_another_thread_ends_a_pending_move(bench: Bench, slow: CellThread) -> None:
     arm = bench.arm(slow, speed_deg_s=4.0)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(bench.far))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, bench.far, slow)
     arm.disconnect()
     with pytest.raises(LinkError):
         move.result(PATIENCE_S)
@@ -187,6 +222,111 @@ def test_end_of_a_move_elsewhere_is_not_believed(bench: Bench, fast: CellThread)
     with pytest.raises(NotArmed):
         arm.move_to(bench.far)
     arm.disconnect()
+
+
+MANUAL, MOTORS_OFF = {"what": "mode", "mode": "manual"}, {"what": "motors", "on": False}
+ESTOP, SUPERVISED = {"what": "estop"}, {"what": "supervise"}
+
+
+@pytest.mark.parametrize(
+    ("bench", "order", "error"),
+    [
+        (BENCHES["abb"], MANUAL, WrongMode),
+        (BENCHES["abb"], MOTORS_OFF, EnableLost),
+        (BENCHES["abb-simple"], MANUAL, WrongMode),
+        (BENCHES["abb-simple"], MOTORS_OFF, EnableLost),
+        (BENCHES["abb-simple"], SUPERVISED, ProtectiveStop),
+        *(
+            (BENCHES[wire], order, (EnableLost, WrongMode, ProtectiveStop))
+            for wire in ("mappdk", "mappdk-cal", "modbus-hmi", "modbus-io")
+            for order in (MANUAL, MOTORS_OFF)
+        ),
+    ],
+)
+def test_controller_gives_up_during_a_move(
+    bench: Bench, slow: CellThread, order: dict[str, Any], error: Any
+) -> None:
+    arm = bench.arm(slow, speed_deg_s=4.0)
+    arm.arm()
+    move = under_way(arm, bench.far, slow)
+    slow.do(**order)
+    with pytest.raises(error):
+        move.result(PATIENCE_S)
+    assert not slow.do("state")["moving"]
+    arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    "bench", [BENCHES[name] for name in (*STOPPABLE, "mappdk")], ids=[*STOPPABLE, "mappdk"]
+)
+def test_emergency_stop_during_a_move_is_seen_and_never_resumed(bench: Bench, slow: CellThread) -> None:
+    arm = bench.arm(slow, speed_deg_s=4.0)
+    arm.arm()
+    move = under_way(arm, bench.far, slow)
+    slow.do("estop")
+    with pytest.raises(ProtectiveStop if bench == BENCHES["mappdk"] else EmergencyStop):
+        move.result(PATIENCE_S)
+    slow.do("restart")
+    arm.connect()
+    with pytest.raises(NotArmed):
+        arm.move_to(bench.far)
+    assert not slow.do("state")["moving"]
+    arm.arm()
+    assert arm.position().joints_deg[0] < 60.0
+    arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("bench", "order", "error"),
+    [
+        (BENCHES["abb"], MANUAL, WrongMode),
+        (BENCHES["abb"], MOTORS_OFF, WrongMode),
+        (BENCHES["abb-simple"], MANUAL, WrongMode),
+        (BENCHES["abb-simple"], MOTORS_OFF, WrongMode),
+        (BENCHES["abb-simple"], SUPERVISED, NotReady),
+        (BENCHES["abb-simple"], ESTOP, EmergencyStop),
+        *((BENCHES[wire], ESTOP, EmergencyStop) for wire in ("mappdk-cal", "modbus-hmi", "modbus-io")),
+        *(
+            (BENCHES[wire], MOTORS_OFF, (WrongMode, EnableLost))
+            for wire in ("mappdk-cal", "modbus-hmi", "modbus-io")
+        ),
+    ],
+)
+def test_arm_refuses_a_controller_that_cannot_move(
+    bench: Bench, fast: CellThread, order: dict[str, Any], error: Any
+) -> None:
+    arm = bench.arm(fast)
+    fast.do(**order)
+    with pytest.raises(error):
+        arm.arm()
+    if order is ESTOP:
+        assert arm.status().emergency_stop
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("bench", [BENCHES["abb-stock"], BENCHES["mappdk"]])
+def test_a_stock_server_cannot_be_stopped_and_says_so(bench: Bench, fast: CellThread) -> None:
+    arm = bench.arm(fast)
+    assert not arm.can_stop
+    arm.arm()
+    with pytest.raises(CannotStop):
+        arm.stop()
+    with pytest.raises(NotArmed):
+        arm.move_to(bench.far)
+    arm.disconnect()
+
+
+@pytest.mark.parametrize("bench", [BENCHES["abb"], BENCHES["mappdk"]])
+def test_second_client_is_refused(bench: Bench, fast: CellThread) -> None:
+    first = bench.arm(fast)
+    second = open_robot(bench.driver, fast.url(bench.device), deadlines=bench.hasty)
+    with pytest.raises(LinkTimeout) as caught:
+        second.connect()
+    assert "no other program" in caught.value.what_to_do
+    first.disconnect()
+    second.deadlines = bench.patient  # type: ignore[attr-defined]
+    second.connect()
+    second.disconnect()
 
 
 @pytest.mark.parametrize("driver", ["abb", "abb-simple", "fanuc", "ur"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers import AbbArm, CannotStop, FaroTracker
+from drivers import AbbArm, CannotStop
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.shared.mbp import line
@@ -18,8 +18,9 @@ from tests.drivers.expected import (
     ExpectedDevice,
     Pair,
     converse,
-    shape,
+    shapes,
 )
+from tests.drivers.instrument_bench import FARO
 
 TARGET = (10.12345, -5.0, 0.0, 0.0, 0.0, 90.0)
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
@@ -75,12 +76,7 @@ def test_driver_speaks_calsrv() -> None:
 
 
 def test_driver_speaks_mbp() -> None:
-    with ExpectedDevice(MBP_FULL) as device:
-        tracker = FaroTracker(f"tcp://127.0.0.1:{device.port}", heartbeat_s=None)
-        tracker.connect()
-        tracker.arm()
-        reading = tracker.measure("T1", samples=10)
-        tracker.disconnect()
+    reading = FARO.read(MBP_FULL, "T1")
     assert reading.xyz_mm == (300.0, 400.0, 0.0)
     assert reading.std_mm == (0.01, 0.02, 0.01)
     assert (reading.samples, reading.t_s, reading.age_s) == (10, 12.5, 0.0)
@@ -90,13 +86,8 @@ def test_driver_speaks_mbp() -> None:
 
 def test_the_answer_to_an_earlier_question_is_no_reading() -> None:
     late = MEASURE_REPLY[: MEASURE_REPLY.rindex(b"*")].replace(b"6 OK x=300.0", b"5 OK x=310.0").decode()
-    told = (MEASURE_REQUEST, line("6 ACK eta=1.0") + line(late) + MEASURE_REPLY)
-    with ExpectedDevice([*MBP_FULL[:-1], told]) as device:
-        tracker = FaroTracker(f"tcp://127.0.0.1:{device.port}", heartbeat_s=None)
-        tracker.connect()
-        tracker.arm()
-        reading = tracker.measure("T1", samples=10)
-        tracker.disconnect()
+    later = (MEASURE_REQUEST, line("6 ACK eta=1.0") + line(late) + MEASURE_REPLY)
+    reading = FARO.read([*MBP_FULL[:-1], later], "T1")
     assert reading.xyz_mm == (300.0, 400.0, 0.0)
 
 
@@ -126,7 +117,7 @@ def test_calsrv_simulator_answers_questions_of_open_abb() -> None:
 
 def test_faro_simulator() -> None:
     with CellThread(FAST) as cell:
-        converse(cell.port("faro"), MBP_MEASURE, same=shape)
+        converse(cell.port("faro"), MBP_MEASURE, same=shapes)
 
 
 def test_faro_simulator_measures() -> None:
@@ -135,7 +126,3 @@ def test_faro_simulator_measures() -> None:
         converse(
             cell.port("faro"), [*pairs, (MEASURE_REQUEST, line("6 ACK eta=1.0") + MEASURE_REPLY)], same=shapes
         )
-
-
-def shapes(reply: bytes) -> bytes:
-    return b"\n".join(shape(each + b"\n") for each in reply.splitlines())

@@ -6,7 +6,6 @@ import logging
 import math
 import socket
 import struct
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -34,20 +33,10 @@ from mocks.cell import CellThread
 from mocks.ur.servo import COUNT_RAD
 from tests.drivers.expected import ExpectedDevice
 from tests.drivers.nobody import nobody_listens
-from tests.drivers.ur_bench import FAR, FAST, HASTY, PATIENT, SLOW, connected, creeping
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.ur_bench import FAR, HASTY, PATIENT, connected, creeping
+from tests.drivers.waiting import PATIENCE_S, in_thread, under_way
 
-
-@pytest.fixture
-def slow() -> Iterator[CellThread]:
-    with CellThread(SLOW, devices=("ur",)) as cell:
-        yield cell
-
-
-@pytest.fixture
-def fast() -> Iterator[CellThread]:
-    with CellThread(FAST, devices=("ur",)) as cell:
-        yield cell
+ROBOT, DEVICES = "ur5", ("ur",)
 
 
 @pytest.fixture(params=["", "?feed=realtime"])
@@ -128,8 +117,7 @@ def test_safety_during_a_move_is_seen_and_never_resumed(
 ) -> None:
     arm = creeping(slow)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     slow.do(**order)
     with pytest.raises(error) as caught:
         move.result(timeout=PATIENCE_S)
@@ -213,8 +201,7 @@ def test_a_program_on_the_controller_is_not_aborted(slow: CellThread, feed: str)
 def test_a_program_that_replaces_ours_is_not_its_end(slow: CellThread, feed: str) -> None:
     arm = creeping(slow, feed)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     send_script(slow, b"movej([0.1,0,0,0,0,0],a=1,v=1)\n")
     with pytest.raises(MotionStopped, match="before its target"):
         move.result(timeout=PATIENCE_S)

@@ -14,8 +14,10 @@ from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
 from drivers.ur.motion import Program
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
-from tests.drivers.ur_bench import FAR, FAST, PATIENT, SLOW, connected, creeping
-from tests.drivers.waiting import PATIENCE_S, in_thread, until
+from tests.drivers.ur_bench import FAR, PATIENT, creeping
+from tests.drivers.waiting import PATIENCE_S, in_thread, under_way, until
+
+ROBOT, DEVICES = "ur5", ("ur",)
 
 
 class Doorkeeper:
@@ -31,18 +33,6 @@ class Doorkeeper:
             assert self.open.wait(PATIENCE_S)
 
 
-@pytest.fixture
-def slow() -> Iterator[CellThread]:
-    with CellThread(SLOW, devices=("ur",)) as cell:
-        yield cell
-
-
-@pytest.fixture
-def fast() -> Iterator[CellThread]:
-    with CellThread(FAST, devices=("ur",)) as cell:
-        yield cell
-
-
 @pytest.fixture(params=["", "?feed=realtime"])
 def feed(request: pytest.FixtureRequest) -> str:
     return request.param
@@ -52,8 +42,7 @@ def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
     # A program that was stopped before its first state came is waited for during start_s: it may yet begin.
     arm = creeping(slow, feed, deadlines=replace(PATIENT, start_s=3.0))
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     arm.stop()
     state = slow.do("state")
     assert not state["moving"]
@@ -66,14 +55,6 @@ def test_stop_ends_a_pending_move(slow: CellThread, feed: str) -> None:
     # the joints that are read back trail the target, as behind any servo
     assert arm.position().joints_deg == pytest.approx(slow.do("state")["joints_deg"], abs=0.013)
     arm.disconnect()
-
-
-def test_stop_before_any_move_and_twice(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.stop()
-    arm.stop()
-    arm.disconnect()
-    arm.stop()  # needs no connection that was there before
 
 
 def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None:
@@ -110,8 +91,7 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_motion(
 ) -> None:
     arm = creeping(slow, feed)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     arm.disconnect()
     with pytest.raises((LinkError, MotionStopped)):
         move.result(timeout=PATIENCE_S)
@@ -123,8 +103,7 @@ def test_disconnect_does_not_cut_the_stop_of_the_move_that_it_ends(slow: CellThr
     door = Doorkeeper()
     arm = creeping(slow, wire=door)
     arm.arm()
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     close = arm._rtde.close
 
     def close_and_see_the_stop_begin() -> None:
@@ -166,8 +145,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
     arm = creeping(slow, watchdog_s=0.4)
     arm.arm()
     arm._motion.halt = lambda: None  # type: ignore[method-assign]  # a dead program says no stop
-    move = in_thread(lambda: arm.move_to(FAR))
-    until(lambda: slow.do("state")["moving"])
+    move = under_way(arm, FAR, slow)
     arm._rtde.close()
     with pytest.raises(LinkError):
         move.result(timeout=PATIENCE_S)
@@ -207,8 +185,7 @@ def test_reconnect_over_a_slow_link_after_a_move_that_was_cut(slow: CellThread) 
         )
         arm.connect()
         arm.arm()
-        move = in_thread(lambda: arm.move_to(FAR))
-        until(lambda: slow.do("state")["moving"])
+        move = under_way(arm, FAR, slow)
         proxy.spoil("close")
         with pytest.raises(LinkLost):
             move.result(timeout=PATIENCE_S)

@@ -74,7 +74,9 @@ GOAL = HALF_RAD + ZERO * 4 + QUARTER_RAD
 ARGUMENTS = GOAL + struct.pack(">dd", 1.047198, 0.349066) + ZERO + HALF_RAD  # half a beat a second
 
 
-def data(second: int, joints: bytes, speed: bytes, runtime: int, echo: int, told: bytes = 10 * ZERO) -> bytes:
+def data(
+    second: int, joints: bytes, speed: bytes, runtime: int, echo: int, registers: bytes = 10 * ZERO
+) -> bytes:
     """A data package of recipe 1: 300 bytes, mode running, safety normal; `second` up to 8."""
     t = (
         b"\x3f\xf0",
@@ -87,7 +89,7 @@ def data(second: int, joints: bytes, speed: bytes, runtime: int, echo: int, told
         b"\x40\x20",
     )[second - 1]
     modes = b"\0\0\0\x07\0\0\0\x01" + b"\0\0\0" + bytes([runtime]) + b"\0\0\0" + bytes([echo])
-    return b"\x01\x2cU\x01" + t + bytes(6) + joints * 2 + speed * 2 + modes + told
+    return b"\x01\x2cU\x01" + t + bytes(6) + joints * 2 + speed * 2 + modes + registers
 
 
 AT_HOME = data(1, HOME, HOME, 1, 5) + data(2, HOME, HOME, 1, 5)

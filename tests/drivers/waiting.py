@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
+
+from mocks.cell import CellThread
 
 # Seconds for what surely comes; a process that the machine starves may take long, and nothing waits in vain
 PATIENCE_S = 60.0
@@ -27,3 +29,10 @@ def in_thread(verb: Callable[[], Any]) -> Future[Any]:
     future = pool.submit(verb)
     pool.shutdown(wait=False)
     return future
+
+
+def under_way(arm: Any, target: Sequence[float], cell: CellThread) -> Future[Any]:
+    """The outcome of a move that the simulated robot has begun."""
+    move = in_thread(lambda: arm.move_to(target))
+    until(lambda: cell.do("state")["moving"])
+    return move

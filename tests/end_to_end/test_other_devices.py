@@ -208,7 +208,7 @@ def test_another_robot_than_the_cell_file_says(bench: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "maker", "told", "same"),
+    ("name", "maker", "reported", "same"),
     [
         ("abb-irb120", "ABB", "IRB 120-3/0.6", True),
         ("abb-irb120", "ABB", "IRB120", True),
@@ -221,8 +221,8 @@ def test_another_robot_than_the_cell_file_says(bench: str) -> None:
         ("ur10", "Universal Robots", "UR5", False),
     ],
 )
-def test_how_makers_write_their_models(name: str, maker: str, told: str, same: bool) -> None:
-    assert is_model(name, maker, told) is same
+def test_how_makers_write_their_models(name: str, maker: str, reported: str, same: bool) -> None:
+    assert is_model(name, maker, reported) is same
 
 
 def test_silence_about_the_model_proves_nothing() -> None:

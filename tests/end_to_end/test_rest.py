@@ -166,8 +166,7 @@ def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) 
     cell = cell_file(tmp_path, time_scale=100.0)
     campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=0.0).read_text("utf-8"))
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
-        service.lease()
-        run = service.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
+        run = service.begin(campaign)
         until(lambda: service.client.get(f"/runs/{run}").json()["done"] > 0)
         simulators = children_of(service.process.pid)
         assert simulators
@@ -194,8 +193,7 @@ def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators
     cell = cell_file(tmp_path, time_scale=1.0)
     campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=600.0).read_text("utf-8"))
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
-        service.lease()
-        run = service.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
+        run = service.begin(campaign)
         limits = httpx2.Limits(max_connections=60)
         with (
             ThreadPoolExecutor(50) as pool,

@@ -77,15 +77,15 @@ def test_answers_and_stations_keep_their_reasons(tmp_path: Path) -> None:
         client.post(f"{path}/confirm", headers={"Content-Type": "application/json"})  # a body may be left out
         client.post(f"{asked(service, run, SET_UP)}/confirm")
         asked(service, run, "Seat the SMR in N1 and press confirm.")
-        told = events(service, run)
-        (skipped,) = [each["data"] for each in told if each["kind"] == "skipped"]
+        seen = events(service, run)
+        (skipped,) = [each["data"] for each in seen if each["kind"] == "skipped"]
         assert skipped["reason"] == "the nest is bent"
-        (answered,) = [each["data"] for each in told if each["data"].get("answer") == "skip"]
+        (answered,) = [each["data"] for each in seen if each["data"].get("answer") == "skip"]
         assert (answered["by"], answered["reason"]) == ("anna", "the nest is bent")
-        (station,) = [each["data"] for each in told if each["kind"] == "restation"]
+        (station,) = [each["data"] for each in seen if each["kind"] == "restation"]
         assert station["reason"] == "a forklift needs the place"
         assert "anna" in station["by"]
-        assert [each["id"] for each in told] == list(range(1, len(told) + 1))
+        assert [each["id"] for each in seen] == list(range(1, len(seen) + 1))
         client.post(f"/runs/{run}/stop")
 
 

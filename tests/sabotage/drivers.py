@@ -7,6 +7,7 @@ from tests.sabotage.change import Change
 _ABB = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_abb.py",
+    "tests/drivers/test_robots.py",
     "tests/drivers/test_transcripts.py",
     "tests/drivers/test_parsers.py",
 )
@@ -20,6 +21,7 @@ _UR = (
 _FANUC = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_fanuc.py",
+    "tests/drivers/test_robots.py",
     "tests/drivers/test_fanuc_mappdk.py",
     "tests/drivers/test_fanuc_transcripts.py",
 )
@@ -27,6 +29,7 @@ _MBP = (
     "tests/drivers/test_reading_parsers.py",
     "tests/drivers/test_parsers.py",
     "tests/drivers/test_faro.py",
+    "tests/drivers/test_instruments.py",
     "tests/drivers/test_transcripts.py",
 )
 
@@ -179,7 +182,7 @@ CHANGES = (
         "rot_wxyz=(sign * q[0], sign * q[1], sign * q[2], sign * q[3])",
         "rot_wxyz=(sign * q[3], sign * q[0], sign * q[1], sign * q[2])",
         "a quaternion is read with its scalar last",
-        ("tests/drivers/test_ctrack.py",),
+        ("tests/drivers/test_ctrack.py", "tests/drivers/test_instruments.py"),
     ),
     Change(
         "drivers/fanuc/arm.py",

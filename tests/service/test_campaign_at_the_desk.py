@@ -243,9 +243,9 @@ def test_the_event_log_is_json_lines(measured: Path, tmp_path: Path, capsys: Out
     capsys.readouterr()
     assert main(["campaign", "events", str(record)]) == 0
     text = capsys.readouterr().out
-    told = [json.loads(line) for line in text.splitlines()]
-    assert [event["id"] for event in told] == list(range(1, len(told) + 1))
-    assert sum(event["kind"] == "reading" for event in told) == 9 + 3
+    rows = [json.loads(line) for line in text.splitlines()]
+    assert [event["id"] for event in rows] == list(range(1, len(rows) + 1))
+    assert sum(event["kind"] == "reading" for event in rows) == 9 + 3
     assert main(["campaign", "events", str(record), str(out)]) == 0
     assert out.read_text("utf-8") == text
     refused(["events", str(record), str(record / FILE)], 2, "OUT.jsonl", capsys)

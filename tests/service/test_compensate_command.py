@@ -10,22 +10,13 @@ import numpy as np
 import pytest
 
 from service.cli import main
-from tests.service.campaigns import edit_text, write_data
+from tests.service.campaigns import edit_text
 from tests.service.robot_programs import LS, RAPID, TABLE, write
 
 JOINTS = """target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg
 a,10,20,-30,40,50,60
 b,-20,30,-10,-40,-50,0
 """
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A diagnosed IRB 120 with backlash in joint 4."""
-    folder = tmp_path_factory.mktemp("model")
-    path = folder / "m.json"
-    assert main(["diagnose", str(write_data(folder)), "--model", str(path)]) == 0
-    return path
 
 
 def run(model: Path, program: Path, *options: str) -> tuple[int, Path]:

@@ -88,10 +88,10 @@ def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) ->
     out = tmp_path / "out"
     with start("--out", str(out)) as demo:
         assert demo.stderr is not None
-        told = ""
-        while "readings" not in told:
-            told = demo.stderr.readline()
-            assert told, "it ended before its first reading"
+        line = ""
+        while "readings" not in line:
+            line = demo.stderr.readline()
+            assert line, "it ended before its first reading"
         os.kill(demo.pid, signal.SIGINT)
         _, rest = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 130
@@ -102,16 +102,16 @@ def test_interrupted_it_ends_cleanly_and_can_be_started_again(tmp_path: Path) ->
 def test_a_record_of_a_real_robot_is_not_thrown_away(tmp_path: Path) -> None:
     (tmp_path / "out" / "campaign1").mkdir(parents=True)
     with start("--out", str(tmp_path / "out")) as demo:
-        _, told = demo.communicate(timeout=PATIENCE_S)
-    assert demo.returncode == 2, told
+        _, errors = demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 2, errors
     assert (tmp_path / "out" / "campaign1").is_dir()
 
 
 def test_in_memory_needs_no_devices(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with start("--in-memory", "--seed", "3", "--out", str(out)) as demo:
-        shown, told = demo.communicate(timeout=PATIENCE_S)
-    assert demo.returncode == 0, told
+        shown, errors = demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 0, errors
     assert "Now revealed" in shown
     assert (out / "report.html").is_file()
     assert not (out / "wire_abb.log").exists()

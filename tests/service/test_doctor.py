@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from acquisition import open_devices
-from acquisition.examination import meeting
 from acquisition.run.mover import Mover
 from service.cli import main
 from tests.end_to_end.simulated import ROOT
 from tests.service.benches import EXAMPLES, Bench, Requests, bench, faults, level_of
 
+pytestmark = pytest.mark.usefixtures("impatience")
 KEYS = {"device", "check", "level", "found", "do", "code", "error"}
-
-
-@pytest.fixture
-def faro(tmp_path: Path) -> Iterator[Bench]:
-    with bench("irb120_faro", tmp_path) as made:
-        yield made
-
-
-@pytest.fixture(autouse=True)
-def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The two looks at a clock lie closer together than for people, who have half a second."""
-    monkeypatch.setattr(meeting, "APART_S", 0.05)
 
 
 # -- healthy -------------------------------------------------------------------------------------------------

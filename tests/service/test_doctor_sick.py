@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from acquisition import Devices, open_devices
-from acquisition.examination import Examination, Finding, examine, meeting
+from acquisition.examination import Examination, Finding, examine
 from acquisition.examination.clocks import ClockReading, examine_clock, rate_of
 from acquisition.examination.finding import Chart
 from drivers import FaroTracker, Identity, JointReading, RobotStatus
@@ -19,17 +18,7 @@ from drivers.interfaces import RobotArm
 from mocks.faultproxy import FaultProxy
 from tests.service.benches import Bench, bench, faults, level_of
 
-
-@pytest.fixture
-def faro(tmp_path: Path) -> Iterator[Bench]:
-    with bench("irb120_faro", tmp_path) as made:
-        yield made
-
-
-@pytest.fixture(autouse=True)
-def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The two looks at a clock lie closer together than for people, who have half a second."""
-    monkeypatch.setattr(meeting, "APART_S", 0.05)
+pytestmark = pytest.mark.usefixtures("impatience")
 
 
 def test_a_device_that_is_gone_leaves_the_others_examined(faro: Bench) -> None:
@@ -243,7 +232,7 @@ class Taciturn:
     name: str = "taciturn"
     unverified_on_hardware: bool = False
     can_stop: bool = False
-    told: RobotStatus = SILENT
+    reported: RobotStatus = SILENT
 
     def connect(self) -> None: ...
     def disconnect(self) -> None: ...
@@ -264,7 +253,7 @@ class Taciturn:
         raise AssertionError("stopped")
 
     def status(self) -> RobotStatus:
-        return self.told
+        return self.reported
 
 
 def with_robot(faro: Bench, robot: RobotArm) -> Examination:
@@ -273,11 +262,11 @@ def with_robot(faro: Bench, robot: RobotArm) -> Examination:
 
 def test_silence_is_not_taken_for_good_news(faro: Bench) -> None:
     found = with_robot(faro, Taciturn([(0.0,) * 6]))
-    told = {each.check: each for each in found.findings if each.device == "robot"}
-    assert told["untold"].level == told["model"].level == told["stop"].level == "note"
-    assert "mode, emergency stop, motors, clock" in told["untold"].found
-    assert "pendant" in told["untold"].do
-    assert not {"mode", "safety", "motors", "clock"} & set(told)
+    of_robot = {each.check: each for each in found.findings if each.device == "robot"}
+    assert of_robot["untold"].level == of_robot["model"].level == of_robot["stop"].level == "note"
+    assert "mode, emergency stop, motors, clock" in of_robot["untold"].found
+    assert "pendant" in of_robot["untold"].do
+    assert not {"mode", "safety", "motors", "clock"} & set(of_robot)
 
 
 def test_a_robot_that_moves_is_somebody_elses(faro: Bench) -> None:
@@ -286,7 +275,7 @@ def test_a_robot_that_moves_is_somebody_elses(faro: Bench) -> None:
 
 
 def test_a_number_on_the_controllers_display(faro: Bench) -> None:
-    found = with_robot(faro, Taciturn([(0.0,) * 6], told=RobotStatus("auto", True, False, False, 50027)))
+    found = with_robot(faro, Taciturn([(0.0,) * 6], reported=RobotStatus("auto", True, False, False, 50027)))
     assert level_of(found, "robot", "alarm") == "note"
     assert found.exit_code == 0
 

@@ -58,8 +58,7 @@ def test_it_ends_promptly_with_its_run_paused_and_its_workers_gone(tmp_path: Pat
     cell = cell_file(tmp_path, time_scale=1.0)
     campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=600.0).read_text("utf-8"))
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
-        service.lease()
-        run = service.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
+        run = service.begin(campaign)
         asked = ask_much(service, 2)
         until(lambda: len(workers_of(service.process.pid)) == 2, 30.0)
         workers = workers_of(service.process.pid)

@@ -28,7 +28,6 @@ from calib.saved.model_file import SavedModel
 from service.cli import main
 from service.exports import FORMATS, Export
 from tests.calib.chain import chain, shift, turn
-from tests.service.campaigns import write_data
 from tests.service.robot_programs import model_of, real_flange
 
 STATED = StatedConditions(temperature_c=22.0)
@@ -221,14 +220,6 @@ def test_what_is_constant_at_the_stated_conditions_is_carried() -> None:
     assert not any("gap" in name or "expansion" in name for name in below.left_out)
     with pytest.raises(DataError, match="not stated"):
         carried(model, estimate, StatedConditions(), constant_slots(robot))
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("model")
-    path = folder / "m.json"
-    assert main(["diagnose", str(write_data(folder)), "--model", str(path)]) == 0
-    return path
 
 
 def test_the_command_says_what_is_lost(

@@ -133,15 +133,15 @@ def test_a_beat_prolongs_and_shortens(tmp_path: Path) -> None:
 def test_stop_needs_no_lease(tmp_path: Path) -> None:
     with a_run(tmp_path) as (bench, run):
         clock = LeaseClock()
-        told: list[object] = []
+        problems: list[object] = []
 
         def fall_silent_and_stop() -> None:
             clock.pass_by(SECONDS + 1.0)
-            told.append(run.stop(by="anybody"))
+            problems.append(run.stop(by="anybody"))
 
         bench.faults[8] = fall_silent_and_stop
         devices = devices_of(bench, SeatingOperator(bench))
         outcome = run.execute(devices, JumpingClock(), lease=Lease("anna", SECONDS, clock))
         assert outcome.state.value == "stopped"
         assert bench.calls == 8
-        assert told == [[]]
+        assert problems == [[]]

@@ -113,25 +113,14 @@ def ls_programs(draw: st.DrawFn) -> tuple[str, int]:
 
 
 @settings(max_examples=20)
-@given(rapid_modules())
-def test_rapid_modules(drawn: tuple[str, int]) -> None:
-    text, count = drawn
+@given(rapid_modules(), ls_programs())
+def test_drawn_programs(module: tuple[str, int], listing: tuple[str, int]) -> None:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "b.mod"
-        round_trip(Path(folder), "a.mod", text.encode("utf-8"))
-        path.write_bytes(text.encode("utf-8"))
-        assert len(read_program(path, IRB.model.robot, KNOWN).targets) == count
-
-
-@settings(max_examples=20)
-@given(ls_programs())
-def test_ls_programs(drawn: tuple[str, int]) -> None:
-    text, count = drawn
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "b.ls"
-        round_trip(Path(folder), "a.ls", text.encode("utf-8"))
-        path.write_bytes(text.encode("utf-8"))
-        assert len(read_program(path, LR_MATE.model.robot, KNOWN).targets) == count
+        for (text, count), ending, robot in ((module, "mod", IRB), (listing, "ls", LR_MATE)):
+            round_trip(Path(folder), f"a.{ending}", text.encode("utf-8"))
+            path = Path(folder) / f"b.{ending}"
+            path.write_bytes(text.encode("utf-8"))
+            assert len(read_program(path, robot.model.robot, KNOWN).targets) == count
 
 
 PLAIN = RAPID.replace("zSafe]", "520]")

@@ -95,7 +95,7 @@ def test_of_a_fit_that_did_not_converge_only_the_model_is_refused(
 ) -> None:
     monkeypatch.setattr(diagnose, "diagnose", unfinished)
     monkeypatch.setattr(identified, "identify", unfinished_fit)
-    for command, told in (("diagnose", "Complete."), ("identify", "Parameters")):
+    for command, words in (("diagnose", "Complete."), ("identify", "Parameters")):
         out = tmp_path / command
         out.mkdir()
         files = [
@@ -108,7 +108,7 @@ def test_of_a_fit_that_did_not_converge_only_the_model_is_refused(
         ]
         assert main([command, str(plain), *files]) == 2
         shown = capsys.readouterr()
-        assert told in shown.out
+        assert words in shown.out
         assert "did not converge: it is not saved as a model" in shown.err
         found = json.loads((out / "r.json").read_text("utf-8"))
         assert (found["converged"], found["ending"]) == (False, "round limit")

@@ -158,8 +158,10 @@ def test_the_middle_step_is_told(diagnosis: Diagnosis, tmp_path: Path) -> None:
 def test_what_stays_ambiguous_is_said(tmp_path: Path) -> None:
     narrow = diagnose(read_dataset(write_narrow_data(tmp_path)))
     assert narrow.follow_up is not None
-    told = middle_step_in_words(FollowedUp(narrow, narrow.follow_up, 12), narrow)
-    assert f"the readings still cannot distinguish {narrow.effects[0].effect.label} from its rivals" in told
+    sentence = middle_step_in_words(FollowedUp(narrow, narrow.follow_up, 12), narrow)
+    assert (
+        f"the readings still cannot distinguish {narrow.effects[0].effect.label} from its rivals" in sentence
+    )
 
 
 def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) -> None:

@@ -121,9 +121,9 @@ def test_refusals(
 def test_poses_of_a_ballbar_are_not_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell = CELL.parents[1] / "lrmate_ballbar" / "cell.toml"
     assert main(["select", str(cell), "--count", "10", "--out", str(tmp_path / "poses.csv")]) == 2
-    told = " ".join(capsys.readouterr().err.split())
-    assert "key 'instrument.driver': the qc20w measures distances" in told
-    assert "kind = 'hexapod'" in told
+    shown = " ".join(capsys.readouterr().err.split())
+    assert "key 'instrument.driver': the qc20w measures distances" in shown
+    assert "kind = 'hexapod'" in shown
     assert not (tmp_path / "poses.csv").exists()
 
 

@@ -81,11 +81,11 @@ def test_a_model_is_judged_beside_the_nominal_robot(
 def test_the_errors_are_those_that_identify_tells(cell: Path, tmp_path: Path) -> None:
     document = validate(cell, tmp_path / "v.json", "--model", str(cell / "m.json"))
     assert main(["identify", str(cell / "data.csv"), "--json", str(tmp_path / "i.json")]) == 0
-    told = json.loads((tmp_path / "i.json").read_text("utf-8"))
+    identified = json.loads((tmp_path / "i.json").read_text("utf-8"))
     judged = by_name(document)
     for name, key in (("m", "error_identified_mm"), ("nominal robot, placed", "error_nominal_mm")):
         for figure in ("n", "rms", "mean", "p95", "max"):
-            assert judged[name]["position_mm"][figure] == pytest.approx(told[key][figure], abs=1e-9)
+            assert judged[name]["position_mm"][figure] == pytest.approx(identified[key][figure], abs=1e-9)
 
 
 def test_repeats_by_iso_9283(cell: Path, tmp_path: Path) -> None:
@@ -185,8 +185,8 @@ def test_a_model_of_another_robot(cell: Path, tmp_path: Path, capsys: pytest.Cap
     document["robot_table"]["a"][2] += 1.0
     del document["content_sha256"], document["robot_sha256"]
     other.write_text(json.dumps(document), "utf-8")
-    told = refused(capsys, data, "--model", model, "--compare", str(other))
-    assert "robot_table.a': its robot is not 'abb-irb120'" in told
+    shown = refused(capsys, data, "--model", model, "--compare", str(other))
+    assert "robot_table.a': its robot is not 'abb-irb120'" in shown
 
 
 def test_no_validation_rows(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,9 +95,9 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
 
 
 def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:
-    told = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
+    sentence = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
     assert (
-        told
+        sentence
         == "The readings left out lie together: overturning moment explains 40.0% of which they are (p 1e-06)."
     )
     assert structure_in_words(Structure("time", 1e-6, 0.4)) == (
