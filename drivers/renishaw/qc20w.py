@@ -185,7 +185,9 @@ class Qc20w:
         Raises ConfigError for a length that no bar has.
         """
         if not 0.0 < nominal_mm < _LONGEST_MM:
-            raise ConfigError(f"a ballbar of {nominal_mm:g} mm is not possible", device=self.name, command="build")
+            raise ConfigError(
+                f"a ballbar of {nominal_mm:g} mm is not possible", device=self.name, command="build"
+            )
         self._nominal_mm, self.zero_mm = nominal_mm, 0.0
         self.session.armed = False
 
