@@ -15,7 +15,6 @@ from scipy import stats
 from calib.array import Array
 from calib.diagnose import diagnosis
 from calib.diagnose.held_blocks import Blocks
-from calib.diagnose.null import visits_of
 from calib.diagnose.outlying import ACTS_ON, together
 from calib.diagnose.repeats import EACH_POSE, each_pose, p_lack_of_fit
 from calib.diagnose.structure import left_over
@@ -78,7 +77,7 @@ def test_an_error_of_each_pose_is_a_place_of_its_own(visited: Space) -> None:
 def test_targets_of_one_visit_are_not_independent(at_once: Space) -> None:
     """Each visit has an error that its three targets share: no lack of fit, and no error of the pose."""
     conditions = at_once.fitted.readings.conditions
-    visit = visits_of(conditions)
+    visit = np.unique(conditions.visit, return_inverse=True)[1]
     assert np.bincount(visit).tolist() == [3] * 50
     assert len(np.unique(conditions.pose)) == 25
     rng = np.random.default_rng(3)
