@@ -19,11 +19,12 @@ from calib.data.conditions import Conditions
 
 def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
     """Conditions of all n readings of a data set with their visits; named: (n,) as recorded, empty where it is not."""
-    visit = visits_of(conditions)
-    names, name = np.unique(named, return_inverse=True)
-    key = np.column_stack(
-        [conditions.series, conditions.pose, name, np.where(named == "", visit, -1)] if len(names) > 1 else [visit]
-    )
+    visit, named = visits_of(conditions), np.asarray(named)
+    if np.all(named == ""):
+        return replace(conditions, visit=visit)
+    name = np.unique(named, return_inverse=True)[1].reshape(-1)
+    apart = np.where(named == "", visit, -1)
+    key = np.column_stack([conditions.series, conditions.pose, name, apart])
     return replace(conditions, visit=_numbered(key))
 
 
@@ -39,7 +40,9 @@ def visits_of(conditions: Conditions) -> NDArray[np.int64]:
     turned = np.any(np.diff(side, axis=0, prepend=side[:1]) != 0.0, axis=1)
     turned &= ~still | (conditions.waypoint[in_time] < 0)
     stop = np.cumsum(begins | turned | ~(still | same_move))
-    again = _times_before(np.column_stack([stop, still, conditions.target[in_time], conditions.anchor[in_time]]))
+    again = _times_before(
+        np.column_stack([stop, still, conditions.target[in_time], conditions.anchor[in_time]])
+    )
     visit = np.empty(len(stop), dtype=np.int64)
     visit[in_time] = _numbered(np.column_stack([stop, np.where(still, 0, again)]))
     return visit

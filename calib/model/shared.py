@@ -22,8 +22,7 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class Shared:
-    """Of n readings of k rows: visit (n,), scatter (N, k, n) A, one matrix a joint; zero for those that share nothing.
-    """
+    """Of n readings of k rows: visit (n,) and A as scatter (N, k, n), a matrix a joint; zero where nothing is shared."""
 
     visit: NDArray[np.int64]
     scatter: Array
