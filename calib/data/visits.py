@@ -18,34 +18,41 @@ from calib.data.conditions import Conditions
 
 
 def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
-    """Conditions of all n readings of a data set with their visits; named: (n,) as recorded, empty where it is not."""
-    visit, named = visits_of(conditions), np.asarray(named)
-    if np.all(named == ""):
+    """Conditions of all n readings of a data set with their visits; named: (n,) as recorded, empty where it is not.
+
+    Two records may count their visits alike: readings of one name with another pose between them are two visits.
+    """
+    visit, unnamed = visits_of(conditions), named == ""
+    if unnamed.all():
         return replace(conditions, visit=visit)
+    stay = np.empty(len(visit), dtype=np.int64)
+    in_time = np.argsort(conditions.order, kind="stable")
+    stay[in_time] = np.cumsum(_goes_elsewhere(conditions, in_time))
     name = np.unique(named, return_inverse=True)[1].reshape(-1)
-    apart = np.where(named == "", visit, -1)
-    key = np.column_stack([conditions.series, conditions.pose, name, apart])
-    return replace(conditions, visit=_numbered(key))
+    return replace(conditions, visit=_numbered(np.column_stack([stay, name, np.where(unnamed, visit, -1)])))
 
 
 def visits_of(conditions: Conditions) -> NDArray[np.int64]:
     """(n,) number of the visit of every reading, from what the robot did."""
     in_time = np.argsort(conditions.order, kind="stable")
     joints, previous, side = (of[in_time] for of in (conditions.joints, conditions.previous, conditions.side))
-    place = np.column_stack([conditions.series, conditions.pose])[in_time]
-    begins = np.any(np.diff(place, axis=0, prepend=-1) != 0, axis=1)
+    begins = _goes_elsewhere(conditions, in_time)
     still = ~begins & (_farthest(previous[1:] - joints[:-1]) <= STILL)
     same_move = _farthest(np.diff(previous, axis=0)) <= STILL
     # joints that were interpolated between two samples seem to turn, a little, while the robot stands
     turned = np.any(np.diff(side, axis=0, prepend=side[:1]) != 0.0, axis=1)
     turned &= ~still | (conditions.waypoint[in_time] < 0)
     stop = np.cumsum(begins | turned | ~(still | same_move))
-    again = _times_before(
-        np.column_stack([stop, still, conditions.target[in_time], conditions.anchor[in_time]])
-    )
+    what = np.column_stack([stop, still, conditions.target[in_time], conditions.anchor[in_time]])
     visit = np.empty(len(stop), dtype=np.int64)
-    visit[in_time] = _numbered(np.column_stack([stop, np.where(still, 0, again)]))
+    visit[in_time] = _numbered(np.column_stack([stop, np.where(still, 0, _times_before(what))]))
     return visit
+
+
+def _goes_elsewhere(conditions: Conditions, in_time: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) in order of time: readings of another pose or series than the one before."""
+    place = np.column_stack([conditions.series, conditions.pose])[in_time]
+    return np.any(np.diff(place, axis=0, prepend=-1) != 0, axis=1)
 
 
 def _farthest(moves: Array) -> Array:

@@ -22,7 +22,7 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class Shared:
-    """Of n readings of k rows: visit (n,) and A as scatter (N, k, n), a matrix a joint; zero where nothing is shared."""
+    """Of n readings of k rows: visit (n,), and A as scatter (N, k, n), a matrix a joint; zero where none is shared."""
 
     visit: NDArray[np.int64]
     scatter: Array
