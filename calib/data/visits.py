@@ -43,7 +43,9 @@ def visits_of(conditions: Conditions) -> NDArray[np.int64]:
     turned = np.any(np.diff(side, axis=0, prepend=side[:1]) != 0.0, axis=1)
     turned &= ~still | (conditions.waypoint[in_time] < 0)
     stop = np.cumsum(begins | turned | ~(still | same_move))
-    what = np.column_stack([stop, still, conditions.target[in_time], conditions.anchor[in_time]])
+    what = np.column_stack(
+        [stop, still.astype(np.int64), conditions.target[in_time], conditions.anchor[in_time]]
+    )
     visit = np.empty(len(stop), dtype=np.int64)
     visit[in_time] = _numbered(np.column_stack([stop, np.where(still, 0, _times_before(what))]))
     return visit

@@ -103,6 +103,14 @@ class Space:
             columns[position[term.parameter]] += slots[term.slot] * drive
         return observed.by_visit(columns).reshape(len(columns), -1).T
 
+    def pulled(self, rows: Array) -> Array:
+        """(size, c) for c vectors (size, c): what columns that are whitened reading by reading share with the result is
+        what they, whitened by visit, share with the vectors."""
+        observed = self.fitted.readings.observed
+        if observed.shared is None:
+            return rows
+        return observed.by_visit(rows.T.reshape(-1, *self.residual.shape)).reshape(rows.shape[1], -1).T
+
     def by_reading(self, slot_columns: Array, rows: Array) -> Array:
         """(n, c): for c row vectors (size, c), the sum over a reading's k rows of slot column x vector."""
         k, n = slot_columns.shape
