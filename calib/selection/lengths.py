@@ -1,8 +1,9 @@
 """The uncertainty of an arm identified from lengths between balls, before anything is measured.
 
 Every length is a row of the Jacobian of the base model at the nominal robot, whitened with the noise of the length and
-the repeatability of the robot, which the lengths of one pose share. With the priors of an identification the rows give a covariance, which is
-carried to places of the workspace: U (k = 2, along the worst direction) of a model that is complete.
+the repeatability of the robot, which the lengths of one pose share. With the priors of an identification the rows give
+a covariance, which is carried to places of the workspace: U (k = 2, along the worst direction) of a model that is
+complete.
 """
 
 from __future__ import annotations
