@@ -21,13 +21,22 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.data.visits import visits_of, with_visits
+from calib.diagnose.places import along, directions, drivers
+from calib.effects import offers
 from calib.effects.shift import change_points
 from calib.effects.survey import Survey
 from calib.fit.identification import Identification
 from calib.fit.identify import fit, identify
+from calib.fit.least_squares import jacobian
 from calib.fit.readings import linearised, readings_of
 from calib.model.model import Design
+from calib.model.observations import Observations
 from calib.model.shared import Shared
+from calib.scan.fixed import Candidate
+from calib.scan.harmonics import Harmonics
+from calib.scan.space import Space
+from calib.scan.steps import Steps
+from tests.benchmarks.diagnosis_complete import campaign as complete_campaign
 from tests.benchmarks.nests import LEG_SIGMA_MM, example, header_of, legs_of, truth_of
 from tests.calib.campaigns import conditions_of, simulate, write_files
 
@@ -154,6 +163,9 @@ def normalised_errors(data: Dataset, found: Identification, count: int) -> Array
     conditions = found.readings.conditions
     here, fresh = Design(model, conditions), Design(model, data.conditions.take(data.validation_rows))
     readings = readings_of(data, data.fit_rows, model, found.estimate)
+    count_fresh = len(fresh.conditions)
+    nothing, one = np.zeros(count_fresh), np.ones((1, 1, count_fresh))
+    plain = Observations(None, None, nothing, one, np.ones(count_fresh, dtype=np.int64))
     usual = np.where(np.isfinite(model.prior_std), model.prior_std, 0.0)
     arrives = by_joint(found, conditions)
     _, stop = np.unique(np.round(conditions.joints / 1e-9).astype(np.int64), axis=0, return_inverse=True)
@@ -166,7 +178,7 @@ def normalised_errors(data: Dataset, found: Identification, count: int) -> Array
         measured = replace(readings, observed=replace(readings.observed, lengths=lengths))
         again = fit(data, model, measured, truth)
         error = lengths_of(fresh, again.estimate) - lengths_of(fresh, truth)
-        slope = differences(partial(lengths_of, fresh), 1e-7, again.estimate)
+        slope = jacobian(fresh, plain, fresh.frames(again.estimate, fresh.slots))
         as_declared = again.covariance / max(again.noise_scale, 1.0) ** 2
         variance = np.einsum("im,mn,in->i", slope, as_declared, slope)
         out.append(error / np.sqrt(variance))
@@ -186,7 +198,9 @@ def test_a_fit_by_parts_has_every_visit_in_one(
     legs: Dataset, fitted: Identification, monkeypatch: Any
 ) -> None:
     """A large fit is worked out some readings at a time: the sums are those of the whole."""
-    monkeypatch.setattr("calib.fit.readings._AT_ONCE", 50)
+    monkeypatch.setattr(
+        "calib.fit.readings._AT_ONCE", 45
+    )  # seven parts of 41 readings, were it not for the visits
     parts = list(linearised(fitted.model, fitted.readings, fitted.estimate))
     assert len(parts) > 3
     assert sorted(np.concatenate([part for part, _, _ in parts]).tolist()) == list(
@@ -285,3 +299,52 @@ def test_steps_are_looked_for_where_visits_begin(legs: Dataset, fitted: Identifi
     row = np.searchsorted(conditions.order, ranks)
     assert len(ranks) > 30
     assert np.all(conditions.visit[row] != conditions.visit[row - 1])
+
+
+@pytest.fixture(scope="module")
+def targets(tmp_path_factory: pytest.TempPathFactory) -> Space:
+    """Three targets a visit, and a repeatability five times the noise of the tracker."""
+    campaign = complete_campaign("5 visits, 3 targets, 5 x the noise", 90, 1)
+    data = read_dataset(write_files(tmp_path_factory.mktemp("targets"), campaign.rows, campaign.header))
+    return Space.of(identify(data))
+
+
+def test_candidates_are_whitened_as_the_model_is(targets: Space) -> None:
+    """Columns of the model's own effects, whose drives differ within a visit, as those that the fit has; and of every
+    offer what its scan says of a place as its columns do."""
+    model = targets.fitted.model
+    assert targets.fitted.readings.observed.shared is not None
+    for effect in model.effects:
+        np.testing.assert_allclose(
+            targets.effect_columns(effect), targets.columns[:, model.positions(effect)], rtol=1e-9, atol=1e-9
+        )
+    vectors = np.random.default_rng(2).normal(size=(targets.size, 2))
+    families = offers(Survey(model.robot, targets.fitted.readings.conditions))
+    assert {type(family) for family in families} >= {Candidate, Harmonics, Steps}
+    for family in families:
+        scores = family.scores(targets)
+        place = len(scores.raw) // 3
+        columns = targets.effect_columns(scores.effect(place))
+        shared, gram = scores.shared(targets, vectors)[place], scores.gram(targets)[place]
+        size = np.linalg.norm(columns, axis=0)
+        np.testing.assert_allclose(shared, columns.T @ vectors, atol=1e-4 * size.max(), err_msg=family.label)
+        np.testing.assert_allclose(
+            gram, columns.T @ columns, atol=1e-4 * size.max() ** 2, err_msg=family.label
+        )
+
+
+def test_structure_within_a_visit_is_looked_for_as_it_is_whitened(targets: Space) -> None:
+    """What a driver and a direction share with the residual, targets that differ in a visit too."""
+    rows = np.random.default_rng(3).normal(size=(targets.size, 2))
+    pulled, driven = targets.pulled(rows), drivers(targets)
+    assert "tool target" in driven
+    for direction, axes in directions(targets).items():
+        for functions in driven.values():
+            f = functions[:, 0]
+            columns = targets.fitted.readings.observed.by_visit(axes[0] * f).ravel()
+            np.testing.assert_allclose(
+                f @ along(axes[0], pulled),
+                columns @ rows,
+                atol=1e-8 * np.linalg.norm(columns),
+                err_msg=direction,
+            )
