@@ -342,9 +342,7 @@ def test_structure_within_a_visit_is_looked_for_as_it_is_whitened(targets: Space
         for functions in driven.values():
             f = functions[:, 0]
             columns = targets.fitted.readings.observed.by_visit(axes[0] * f).ravel()
+            size = float(np.linalg.norm(columns))
             np.testing.assert_allclose(
-                f @ along(axes[0], pulled),
-                columns @ rows,
-                atol=1e-8 * np.linalg.norm(columns),
-                err_msg=direction,
+                f @ along(axes[0], pulled), columns @ rows, atol=1e-8 * size, err_msg=direction
             )
