@@ -89,7 +89,7 @@ def test_length_between_two_balls(meter: Qc20w) -> None:
     meter.zero()
     lengths = [meter.measure("T1", base_target="B1", samples=50).length_mm for _ in range(20)]
     off = math.radians(REPEATABILITY_DEG) * np.linalg.norm(PLACE)  # of one joint
-    assert np.mean(lengths) == pytest.approx(math.dist(PLACE, BALLS["B1"]), abs=3.0 * off)
+    assert np.mean(lengths) == pytest.approx(math.dist(PLACE, BALLS["B1"]), abs=3.0 * float(off))
     assert np.std(lengths) < 0.001
 
 
