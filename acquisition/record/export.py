@@ -122,6 +122,7 @@ def _columns(rows: list[Reading], series: list[str], cell: Cell) -> dict[str, li
         **({"series": series} if len(set(series)) > 1 else {}),
         "set": [row.set_name for row in rows],
         "t_s": [_text(row.t_s, 3) for row in rows],
+        "visit": ["" if row.arrival is None else str(row.arrival) for row in rows],
     }
     every = range(1, cell.robot.model.joints + 1)
     columns |= _spread([f"j{k}_deg" for k in every], [row.joints for row in rows], 6)

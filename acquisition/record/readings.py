@@ -32,12 +32,14 @@ class Reading:
 
     point: in the instrument's own frame, world: in the frame of the nests, turn: the quaternion in that frame, scalar
     first. joints, approach: as commanded; reached: the controller's read-back; sides: from which the joints came.
-    robot, instrument: their numbers in the record. counts: it was measured, and not measured again; else `reason`.
+    arrival: number of the arrival on which it relies: those of one share where the robot came to rest. robot,
+    instrument: their numbers in the record. counts: it was measured, and not measured again; else `reason`.
     """
 
     id: int
     pose: int
     visit: int
+    arrival: int | None
     set_name: str
     target: str
     base_target: str | None
@@ -78,6 +80,7 @@ def _reading(row: sqlite3.Row) -> Reading:
         id=row["id"],
         pose=row["pose"],
         visit=row["visit"],
+        arrival=row["arrival"],
         set_name=row["set_name"],
         target=row["target"],
         base_target=row["base_target"],

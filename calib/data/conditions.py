@@ -38,6 +38,7 @@ class Conditions:
     target: NDArray[np.int64]  # (n,) index into target_names
     anchor: NDArray[np.int64]  # (n,) index into anchor_names of the base target of a distance; -1: none
     waypoint: NDArray[np.int64]  # (n,) number of the pose where the file numbers them; -1: not numbered
+    visit: NDArray[np.int64]  # (n,) the same for readings between which the robot stood still
     series_names: tuple[str, ...]
     target_names: tuple[str, ...]
     anchor_names: tuple[str, ...] = ()

@@ -21,6 +21,7 @@ from calib.data.header import Header, read_header
 from calib.data.plausible import refuse_implausible
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
+from calib.data.visits import with_visits
 from calib.errors import DataError
 from calib.text.columns import Columns
 from calib.text.toml_table import FARTHEST_MM
@@ -84,10 +85,12 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         target=target_index,
         anchor=anchor_index,
         waypoint=_waypoints(table),
+        visit=np.arange(len(table)),
         series_names=tuple(str(name) for name in series_names),
         target_names=tuple(str(name) for name in target_names),
         anchor_names=anchor_names,
     )
+    conditions = with_visits(conditions, table.text("visit"))
     dataset = Dataset(
         path=table.path,
         header=header,

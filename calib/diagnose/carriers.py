@@ -220,7 +220,7 @@ def _belonging(dataset: Dataset, fitted: Identification) -> Identification:
     """The fit with all readings that it can place: some that only curves explain had been left out, and others had
     hidden among the errors of the gears."""
     readings, _ = all_readings(dataset, fitted)
-    residual = readings.observed.residual(
+    residual = readings.observed.alone.residual(
         Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
     )
     faulty = robust.outliers(residual, readings.observed.freedom)

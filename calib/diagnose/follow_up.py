@@ -213,7 +213,7 @@ def _noise(found: Identification, conditions: Conditions) -> Array:
     joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
     frames = Design(found.model, conditions).frames(found.estimate, joints)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
-    typical = found.readings.observed.whiten
+    typical = found.readings.observed.alone.whiten
     if header.noise.kind == "per-row":
         # what the readings had on average
         variance = 1.0 / np.mean(np.sum(typical**2, axis=1)[: min(3, len(typical))])

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.data.conditions import Conditions
 from calib.scan.space import Space
 
 DRAWS, _FEWEST_DRAWS = 199, 59
@@ -31,16 +30,6 @@ _MOST_NUMBERS = 4_000_000  # of the drawn residuals: 32 MB
 _TERMS = 40  # of the series of (1 - b)^-1/2: to 1 % where the fit hides 90 % of an error
 _CLIP = 3.0
 _TAIL = 0.2  # share of the draws from which the tail is taken
-
-
-def visits_of(conditions: Conditions) -> NDArray[np.int64]:
-    """(n,) number of the visit of every reading: readings of one pose with no other pose between them, whatever their
-    target. They share where the robot came to rest."""
-    in_time = np.argsort(conditions.order, kind="stable")
-    begins = np.diff(conditions.pose[in_time], prepend=-1) != 0
-    visit = np.empty(len(in_time), dtype=np.int64)
-    visit[in_time] = np.cumsum(begins) - 1
-    return visit
 
 
 def draws(space: Space, seed: int = 0, *, clipped: bool = False, most: int = DRAWS) -> Array:

@@ -7,6 +7,7 @@ arm, or turns one joint.
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -83,7 +84,8 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
 
 
 def directions(space: Space) -> dict[str, Array]:
-    """Name of each direction -> (a, k, n) whitened change of the readings for a unit along each of its a axes."""
+    """Name of each direction -> (a, k, n) change of the readings for a unit along each of its a axes, whitened reading
+    by reading: what drives it may differ within a visit."""
     conditions, frames = space.fitted.readings.conditions, space.frames
     n, observed = len(conditions), space.fitted.readings.observed
     world = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
@@ -96,16 +98,18 @@ def directions(space: Space) -> dict[str, Array]:
     found[SIGHT] = observed.displaced(frames, (view / np.maximum(np.linalg.norm(view, axis=0), 1e-9))[None])
     found[LENGTHS] = _growth(space)[None]
     for k in range(conditions.joints.shape[1]):
-        found[f"joint {k + 1}"] = space.slot(f"theta{k + 1}")[None]
+        found[f"joint {k + 1}"] = observed.column(frames, f"theta{k + 1}")[None]
     return found
 
 
 def _growth(space: Space) -> Array:
-    """(k, n) whitened change of the readings when every link grows in proportion, by 1 mm where it is longest."""
+    """(k, n) change of the readings when every link grows in proportion, by 1 mm where it is longest; whitened as
+    `directions`."""
     robot = space.fitted.model.robot
     lengths = {f"{kind}{k + 1}": float(getattr(robot, kind)[k]) for kind in "ad" for k in range(robot.joints)}
     longest = max(max(abs(length) for length in lengths.values()), 1e-9)
-    grown = [length / longest * space.slot(slot) for slot, length in lengths.items() if length != 0.0]
+    column = partial(space.fitted.readings.observed.column, space.frames)
+    grown = [length / longest * column(slot) for slot, length in lengths.items() if length != 0.0]
     return np.sum(grown, axis=0) if grown else np.zeros(space.residual.shape)
 
 

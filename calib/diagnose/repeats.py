@@ -1,7 +1,8 @@
 """The error from noise, as declared and as repeated readings show it, and whether each pose has an error of its own.
 
-Readings of one visit share where the robot came to rest, so three targets read at once are no three tries: degrees of
-freedom count as if every visit had one reading. Sources: the lack-of-fit F test, Draper and Smith ch. 2; degrees of
+Readings of one visit share where the robot came to rest, so three targets read at once are no three tries: unless the
+repeatability is declared, and the rows are whitened for it, degrees of freedom count as if every visit had one reading.
+Sources: the lack-of-fit F test, Draper and Smith ch. 2; degrees of
 freedom of rows that belong together, Satterthwaite 1946.
 """
 
@@ -13,7 +14,6 @@ from scipy import stats
 
 from calib.array import Array
 from calib.data.conditions import Conditions
-from calib.diagnose.null import visits_of
 from calib.diagnose.structure import ALARM, Structure
 from calib.scan.space import Space
 
@@ -24,9 +24,8 @@ _FEWEST = 30  # rows by which noise is known from repeats
 
 def p_lack_of_fit(space: Space) -> float:
     """Chance that noise of the declared size leaves this much."""
-    conditions = space.fitted.readings.conditions
     freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
-    apart = (visits_of(conditions).max() + 1) / len(conditions)
+    apart = _apart(space, len(space.fitted.readings.rows))
     return float(stats.chi2.sf(float(np.sum(space.residual**2)) * apart, freedom * apart))
 
 
@@ -63,7 +62,7 @@ def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | No
     readings = space.fitted.readings
     groups = np.unique(alike, axis=0, return_inverse=True)[1].reshape(-1)
     _, first, one = np.unique(
-        np.column_stack([groups, visits_of(readings.conditions)]),
+        np.column_stack([groups, readings.conditions.visit]),
         axis=0,
         return_index=True,
         return_inverse=True,
@@ -78,9 +77,17 @@ def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | No
     within = float(np.sum((visits - middle[:, group]) ** 2))
     between = float(np.sum(middle**2 * np.bincount(group)))
     noise = max(within / pure, 1e-300)
-    apart = (visits_of(readings.conditions).max() + 1) / len(first)
+    apart = _apart(space, len(first))
     p_value = float(stats.f.sf(between / left / noise, max(left * apart, 1.0), max(pure * apart, 1.0)))
     return p_value, max(between - left * noise, 0.0) / (between + within)
+
+
+def _apart(space: Space, readings: int) -> float:
+    """Share of so many readings that are tries of their own: all where what a visit shares is declared, and so is
+    whitened already; else one a visit."""
+    if space.fitted.readings.observed.shared is not None:
+        return 1.0
+    return len(np.unique(space.fitted.readings.conditions.visit)) / readings
 
 
 def _means(values: Array, group: NDArray[np.int64]) -> Array:

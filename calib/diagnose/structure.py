@@ -15,6 +15,7 @@ half. Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,7 @@ _SKEWNESS = 0.1, 8.0  # of a sum of squares: nearly normal, to carried by one
 # Draws that make sure how rare the largest of all places is; fewer where readings are many.
 _DRAWS, _MOST_NUMBERS = 999, 600_000
 _ABSORBED = 0.05  # share of what a place would show that must be left beside the model
+_SAME = 1e-6  # of a function whose mean square is about 1
 _FEWEST = 10.0  # readings over which the functions of a driver act at least
 
 
@@ -59,15 +61,18 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
     size = np.sum(rows**2, axis=0)
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
+    pulled, alike = space.pulled(rows), _alike(space, functions, some)
     stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T)
     first = np.cumsum([0, *(f.shape[1] for f in functions.values())])[:-1]
     names: list[tuple[str, str]] = []
     each = np.zeros((0, rows.shape[1]))
     acting = directions(space)
     for direction, axes in acting.items():
-        squares = sum((stacked @ along(axis, rows)[some]) ** 2 for axis in axes)
+        squares = sum((stacked @ along(axis, pulled)[some]) ** 2 for axis in axes)
         scores = np.add.reduceat(squares, first, axis=0) / size
-        raw = squared @ np.sum(axes[:, :, some] ** 2, axis=(0, 1)) / space.freedom
+        of_visits = np.sum(space.fitted.readings.observed.by_visit(axes)[:, :, some] ** 2, axis=(0, 1))
+        of_readings = np.sum(axes[:, :, some] ** 2, axis=(0, 1))
+        raw = np.where(alike, squared @ of_visits, squared @ of_readings) / space.freedom
         seen = np.mean(scores[:, 1:], axis=1) > _ABSORBED * raw
         each = np.vstack([each, log_p_of(scores[seen])])
         names += [(driver, direction) for driver, kept in zip(functions, seen, strict=True) if kept]
@@ -96,6 +101,15 @@ def _some(space: Space) -> NDArray[np.int64]:
         return np.arange(len(pose))
     rank = np.random.default_rng(1).permutation(int(pose.max()) + 1)[pose]
     return np.sort(np.argsort(rank, kind="stable")[:_MOST_READINGS])
+
+
+def _alike(space: Space, functions: Mapping[str, Array], some: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which drivers, of functions (s, m) over `some` readings (s,), are the same in all readings of a visit."""
+    _, first, visit = np.unique(
+        space.fitted.readings.conditions.visit[some], return_index=True, return_inverse=True
+    )
+    one = first[visit.reshape(-1)]
+    return np.array([bool(np.all(np.abs(f - f[one]) < _SAME)) for f in functions.values()])
 
 
 def _spread(functions: Array) -> float:
@@ -131,7 +145,9 @@ def log_p_of(values: Array) -> Array:
 def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64]) -> float:
     """Share of the left-over variance that the functions explain along some axes, their number allowed for."""
     n = len(functions)
-    columns = np.einsum("akn,nf->knaf", axes[:, :, some], functions).reshape(space.residual.shape[0] * n, -1)
+    columns = np.einsum("akn,nf->afkn", axes[:, :, some], functions)
+    columns = space.fitted.readings.observed.take(some).by_visit(columns)
+    columns = columns.reshape(-1, space.residual.shape[0] * n).T
     left = space.residual[:, some].ravel()
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]

@@ -70,8 +70,11 @@ def _family(label: str, ranks: Array) -> Steps:
 
 
 def change_points(survey: Survey) -> Array:
-    """Every rank that leaves enough readings on either side."""
-    return np.sort(survey.conditions.order)[_FEWEST:-_FEWEST]
+    """Every rank at which a visit begins and that leaves enough readings on either side."""
+    order, visit = survey.conditions.order, survey.conditions.visit
+    in_time = np.argsort(order)
+    begins = np.diff(visit[in_time], prepend=-1) != 0
+    return order[in_time][_FEWEST:-_FEWEST][begins[_FEWEST:-_FEWEST]]
 
 
 def offer(survey: Survey) -> list[Steps]:

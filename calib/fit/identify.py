@@ -106,7 +106,8 @@ def fit(
     if not robust.suspicious(plain.standardised(), observed.freedom):
         return _result(dataset, model, readings, plain, active, dropped)
     progress("fitting, robust to gross errors")
-    at = at_start
+    alone = observed.alone
+    at = Linearisation(at_start.design, alone, start)
     for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
         found, weights = (
             robust.noise_scale(at.residual, observed.freedom),
@@ -117,7 +118,7 @@ def fit(
     readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
     if relabelled:
         frames = Design(model, readings.conditions).frames(estimate, ())
-        residual = observed.residual(frames)
+        residual = alone.residual(frames)
     faulty = robust.outliers(residual, observed.freedom)
     rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
     readings = readings.take(~faulty)
@@ -260,7 +261,7 @@ def _unused(dataset: Dataset) -> list[str]:
 def _relabel(
     dataset: Dataset, model: RobotModel, readings: Readings, estimate: Array, residual: Array
 ) -> tuple[Readings, tuple[tuple[str, str, str], ...]]:
-    """Readings that do not fit, but do with another tool target: relabel them."""
+    """Readings that do not fit, each for itself, but do with another tool target: relabel them."""
     conditions = readings.conditions
     suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom))
     limit = robust.threshold(residual, readings.observed.freedom)
@@ -276,7 +277,7 @@ def _relabel(
         few = readings.taken(trial)
         few = replace(few, conditions=replace(few.conditions, target=np.full(len(trial), t)))
         frames = Design(model, few.conditions).frames(estimate, ())
-        fits = robust.distances(few.observed.residual(frames)) < limit[trial]
+        fits = robust.distances(few.observed.alone.residual(frames)) < limit[trial]
         for i in trial[fits]:
             if target[i] == conditions.target[i] != t:
                 target[i] = t

@@ -147,7 +147,11 @@ class Solution:
 
 def jacobian(design: Design, observed: Observations, frames: Frames) -> Array:
     """(k n, m) whitened derivative of the prediction."""
-    return design.columns(observed.columns(frames, design.slots))
+    columns = design.columns(observed.columns(frames, design.slots))
+    if observed.shared is None:
+        return columns
+    by_visit = observed.by_visit(columns.T.reshape(-1, *observed.whiten.shape[1:]))
+    return by_visit.reshape(len(by_visit), -1).T
 
 
 def triangular_factor(matrix: Array) -> Array:

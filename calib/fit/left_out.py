@@ -47,7 +47,7 @@ def left_out(dataset: Dataset, fitted: Identification) -> tuple[LeftOut, ...]:
     mask = np.zeros(len(dataset), dtype=np.bool_)
     mask[readings.rows] = True
     frames = Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
-    lengths: Array = distances(readings.observed.residual(frames))
+    lengths: Array = distances(readings.observed.alone.residual(frames))
     errors = errors_on(dataset, mask, fitted.model, fitted.estimate)
     header, conditions = dataset.header, readings.conditions
     angles = header.robot.controller_angles(conditions.joints, header.coupling) / DEG

@@ -246,7 +246,7 @@ def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Arra
     placed = replace(model, effects=tuple(e for e in model.effects if e.label.partition("[")[0] in _OF_PLACE))
     start = np.zeros(len(placed.parameters))
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
-    at = Linearisation(Design(placed, readings.conditions), readings.observed, start)
+    at = Linearisation(Design(placed, readings.conditions), readings.observed.alone, start)
     active, dropped = find_dependent(at)
     for _ in range(2):
         at = solve(at, active, dropped, weights=robust.huber(at.residual, readings.observed.freedom)).at

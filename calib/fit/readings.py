@@ -16,6 +16,7 @@ from calib.data.noise import whitener
 from calib.fit.least_squares import jacobian
 from calib.model.model import Design, RobotModel
 from calib.model.observations import Observations
+from calib.model.shared import Shared
 
 
 @dataclass(frozen=True)
@@ -41,21 +42,29 @@ _AT_ONCE = 1200  # readings whose columns are in memory at a time
 def linearised(
     model: RobotModel, readings: Readings, estimate: Array
 ) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
-    """Residual and derivative of the prediction at an estimate (m,), some readings at a time: which they are (c,),
+    """Residual and derivative of the prediction at an estimate (m,), some visits at a time: which readings (c,),
     whitened residual (k, c), whitened columns (k c, m)."""
-    count = len(readings.rows)
-    for part in np.array_split(np.arange(count), max(-(-count // _AT_ONCE), 1)):
+    for part in _whole_visits(readings.conditions.visit):
         few = readings.taken(part)
         design = Design(model, few.conditions)
         frames = design.frames(estimate, design.slots)
         yield part, few.observed.residual(frames), jacobian(design, few.observed, frames)
 
 
+def _whole_visits(visit: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """The indices 0 to n - 1 in parts of about equal length, every visit within one."""
+    parts = max(-(-len(visit) // _AT_ONCE), 1)
+    _, first, place = np.unique(visit, return_index=True, return_inverse=True)
+    part = (first * parts // len(visit))[place.reshape(-1)]
+    return (np.flatnonzero(part == p) for p in range(parts))
+
+
 def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Readings:
     """Whitened readings of some rows (mask over the data set).
 
     The instrument's covariance is taken where the point was measured; the repeatability of the joints enters through
-    the joint Jacobian of `model` at `estimate`, and ties point, orientation and distance of a reading together.
+    the joint Jacobian of `model` at `estimate`, and ties point, orientation and distance of a reading together, and
+    the readings of a visit.
     """
     conditions = dataset.conditions.take(rows)
     measured, blocks = [], []
@@ -83,14 +92,26 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
     raw = Observations(
         points, rotations, lengths, np.eye(k)[:, :, None] * np.ones(n), mask.sum(axis=1).astype(np.int64)
     )
+    shared = None
     if noise.repeatability > 0.0:
         joints = [f"theta{j}" for j in range(1, model.robot.joints + 1)]
         frames = Design(model, conditions).frames(estimate, joints)
         # The robot scatters about where it is, not about what was measured: the rotation vector there is zero.
         there = raw if rotations is None else replace(raw, rotations=frames.rotation.transpose(1, 2, 0))
-        covariance = covariance + noise.of_joints(there.columns(frames, joints))
+        by_joint, several = there.columns(frames, joints), _several(conditions.visit)
+        covariance += noise.of_joints(by_joint) * ~several[:, None, None]
+        if several.any():
+            shared = noise.repeatability * by_joint * several
     observed = Observations(points, rotations, lengths, whitener(covariance, mask), raw.freedom)
+    if shared is not None:
+        observed = replace(observed, shared=Shared(conditions.visit, observed.by_reading(shared)))
     return Readings(conditions, observed, np.flatnonzero(rows))
+
+
+def _several(visit: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) readings that have others of their visit beside them."""
+    _, place, count = np.unique(visit, return_inverse=True, return_counts=True)
+    return count[place.reshape(-1)] > 1
 
 
 def _given(of_row: Array, declared: float) -> Array:

@@ -2,7 +2,8 @@
 
 A reading has up to seven rows: the tool point (3), the orientation of the tool frame as a rotation vector (3),
 and the distance from the tool target to a base target (1). One whitener a reading, lower triangular over all its
-rows, divides by the noise: whitening happens here and nowhere else. A row that a reading did not measure is zero in
+rows, divides by the noise; readings of one visit, which share where the robot came to rest, are then whitened together
+(`calib.model.shared`). Whitening happens here and nowhere else. A row that a reading did not measure is zero in
 residual and column, and does not count in `freedom`.
 
     point        measured - p
@@ -23,6 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import ANCHOR, FRAME, LENGTH_ZERO, Frames, cross
 from calib.array import Array
+from calib.model.shared import Shared
 
 _OF_FRAME = {motion.slot for motion in FRAME}
 
@@ -31,7 +33,8 @@ _OF_FRAME = {motion.slot for motion in FRAME}
 class Observations:
     """n readings. Quantities that no reading has are None; where only some have one, the others hold anything finite.
 
-    points (3, n) mm; rotations (3, 3, n); lengths (n,) mm; whiten (k, k, n); freedom (n,) measured rows.
+    points (3, n) mm; rotations (3, 3, n); lengths (n,) mm; whiten (k, k, n); freedom (n,) measured rows. What is in
+    `shared` is not in `whiten`; None where no reading shares anything with another.
     """
 
     points: Array | None
@@ -39,6 +42,7 @@ class Observations:
     lengths: Array | None
     whiten: Array
     freedom: NDArray[np.int64]
+    shared: Shared | None = None
 
     @property
     def size(self) -> int:
@@ -59,7 +63,21 @@ class Observations:
             lengths=None if self.lengths is None else self.lengths[keep],
             whiten=np.ascontiguousarray(self.whiten[:, :, keep]),
             freedom=self.freedom[keep],
+            shared=None if self.shared is None else self.shared.take(keep),
         )
+
+    @cached_property
+    def alone(self) -> Observations:
+        """The same readings, each whitened by itself: by this one is judged that does not belong, since an error of
+        one reading does not then show in the others of its visit."""
+        if self.shared is None:
+            return self
+        whiten = np.einsum("ijn,jkn->ikn", self.shared.alone, self.whiten)
+        return replace(self, whiten=whiten, shared=None)
+
+    def by_visit(self, rows: Array) -> Array:
+        """Rows (..., k, n) whitened reading by reading, such as `columns` times what drives them, whitened by visit."""
+        return rows if self.shared is None else self.shared.whitened(rows)
 
     def residual(self, frames: Frames) -> Array:
         """(k, n) whitened: measured less predicted."""
@@ -71,10 +89,11 @@ class Observations:
         if self.lengths is not None:
             distance = np.linalg.norm(frames.p - frames.anchor, axis=0)
             parts.append((self.lengths - distance - frames.length_zero)[None])
-        return self._whitened(np.concatenate(parts))
+        return self.by_visit(self.by_reading(np.concatenate(parts)))
 
     def columns(self, frames: Frames, slots: Sequence[str]) -> Array:
-        """(S, k, n) whitened derivative of the prediction for a unit of every slot."""
+        """(S, k, n) derivative of the prediction for a unit of every slot, whitened reading by reading: what drives a
+        slot may differ within a visit."""
         velocity = frames.velocities(slots)
         angular = velocity if self.rotations is None else frames.turnings(slots)
         of_length = None
@@ -94,7 +113,7 @@ class Observations:
         return self.columns(frames, (slot,))[0]
 
     def displaced(self, frames: Frames, velocity: Array) -> Array:
-        """(S, k, n) whitened change of the readings when the tool point moves by `velocity` (S, 3, n), mm."""
+        """(S, k, n) change of the readings when the tool point moves by `velocity` (S, 3, n), mm; else as `columns`."""
         of_length = None if self.lengths is None else np.einsum("an,san->sn", _direction(frames), velocity)
         return self._pushed(frames, velocity, np.zeros_like(velocity), of_length)
 
@@ -106,10 +125,11 @@ class Observations:
             parts.append(_inverse_right_jacobian(_turned(self.rotations, frames), angular))
         if of_length is not None:
             parts.append(of_length[:, None])
-        return self._whitened(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1))
+        return self.by_reading(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1))
 
-    def _whitened(self, v: Array) -> Array:
-        """Lower-triangular product over (..., k, n), written out: einsum spends most of its time on the small axes."""
+    def by_reading(self, v: Array) -> Array:
+        """Rows (..., k, n) whitened reading by reading: lower-triangular products, written out, since einsum spends
+        most of its time on the small axes."""
         out = self.whiten.diagonal().T * v
         for i, j in self._mixed:
             out[..., i, :] += self.whiten[i, j] * v[..., j, :]

@@ -105,6 +105,7 @@ def conditions_at(
         target=np.full(n, target_names.index(target)),
         anchor=np.full(n, -1),
         waypoint=np.full(n, -1),
+        visit=np.arange(n),
         series_names=tuple(model.targets),
         target_names=target_names,
     )

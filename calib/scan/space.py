@@ -83,24 +83,33 @@ class Space:
         return self.rows - self.basis.shape[1]
 
     def slot(self, slot: str) -> Array:
-        """(k, n) whitened derivative of the readings for a unit of a slot."""
-        return self.fitted.readings.observed.column(self.frames, slot)
+        """(k, n) whitened derivative of the readings for a unit of a slot, the same in all readings of a visit."""
+        observed = self.fitted.readings.observed
+        return observed.by_visit(observed.column(self.frames, slot))
 
     def effect_columns(self, effect: Effect) -> Array:
         """(size, p) whitened columns of an effect, whether the model has it or not."""
         position = {p.name: i for i, p in enumerate(effect.parameters)}
-        columns = np.zeros((len(effect.parameters), self.size))
-        conditions = self.fitted.readings.conditions
+        conditions, observed = self.fitted.readings.conditions, self.fitted.readings.observed
+        columns = np.zeros((len(effect.parameters), *self.residual.shape))
         slots: dict[str, Array] = {}
         drives: dict[Regressor, Array | float] = {}
         for term in effect.terms:
             if term.slot not in slots:
-                slots[term.slot] = self.slot(term.slot)
+                slots[term.slot] = observed.column(self.frames, term.slot)
             if term.regressor not in drives:
                 drives[term.regressor] = term.regressor.evaluate(conditions)
             drive = term.weight * drives[term.regressor]
-            columns[position[term.parameter]] += (slots[term.slot] * drive).ravel()
-        return columns.T
+            columns[position[term.parameter]] += slots[term.slot] * drive
+        return observed.by_visit(columns).reshape(len(columns), -1).T
+
+    def pulled(self, rows: Array) -> Array:
+        """(size, c) for c vectors (size, c): what columns that are whitened reading by reading share with the result is
+        what they, whitened by visit, share with the vectors."""
+        observed = self.fitted.readings.observed
+        if observed.shared is None:
+            return rows
+        return observed.by_visit(rows.T.reshape(-1, *self.residual.shape)).reshape(rows.shape[1], -1).T
 
     def by_reading(self, slot_columns: Array, rows: Array) -> Array:
         """(n, c): for c row vectors (size, c), the sum over a reading's k rows of slot column x vector."""

@@ -1,8 +1,8 @@
 """The information of each candidate pose: whitened Jacobian rows of the base model at hypothetical poses.
 
-Three rows a tool target measured there, whitened with the declared noise of the instrument and the repeatability of
-the robot, at the nominal robot. Parameters that all candidates together cannot determine are dropped and named; the
-columns of the others are scaled so that their mean square a candidate is one.
+Three rows a tool target measured there, at the nominal robot, whitened with the declared noise of the instrument and
+the repeatability of the robot, which the targets of a pose share. Parameters that all candidates together cannot
+determine are dropped and named; the columns of the others are scaled so that their mean square a candidate is one.
 """
 
 from __future__ import annotations
@@ -90,8 +90,9 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
         raise DataError("a candidate has an angle that is not finite.", do="Leave it out.")
     model = setup.model()
     parts = [_at_target(setup, model, joints, target) for target in setup.targets]
-    points, whitened, repeatability = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
-    rows = whitened.reshape(len(joints), -1, whitened.shape[-1])
+    points, by_joint, noise = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
+    scatter = setup.noise.repeatability * by_joint
+    rows = _whitened(points, scatter, noise)
     kept, dropped = _independent(rows.reshape(-1, rows.shape[-1]), model.parameters)
     rows, points = rows[:, :, kept], points[..., kept]
     size = np.linalg.norm(rows, axis=(0, 1)) / np.sqrt(len(joints))
@@ -99,7 +100,7 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
         joints=joints,
         rows=rows / size,
         points=points / size,
-        repeatability=repeatability,
+        repeatability=scatter @ scatter.transpose(0, 1, 3, 2),
         parameters=tuple(model.parameters[j] for j in kept),
         unit=1.0 / size,
         dropped=dropped,
@@ -107,18 +108,29 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
 
 
 def _at_target(setup: Setup, model: RobotModel, joints: Array, target: str) -> tuple[Array, Array, Array]:
-    """Derivative of a target (N, 3, m), the same whitened, and its covariance by repeatability (N, 3, 3)."""
+    """Derivative of a target by the parameters (N, 3, m) and by the joints (N, 3, J), and its noise (N, 3, 3)."""
     design = Design(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
     frames = design.frames(np.zeros(len(model.parameters)))
     columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
-    turns = [frames.twist(f"theta{k}")[0] for k in range(1, setup.robot.joints + 1)]
-    repeatability = setup.noise.of_joints(np.stack([np.broadcast_to(t, (3, len(joints))) for t in turns]))
-    covariance = repeatability + setup.noise.of_points(frames.p.T, np.full((len(joints), 3), np.nan))
+    by_joint = frames.velocities([f"theta{k}" for k in range(1, setup.robot.joints + 1)])
+    by_joint = np.broadcast_to(by_joint, (setup.robot.joints, 3, len(joints))).transpose(2, 1, 0)
+    return columns, by_joint, setup.noise.of_points(frames.p.T, np.full((len(joints), 3), np.nan))
+
+
+def _whitened(points: Array, scatter: Array, noise: Array) -> Array:
+    """(N, 3 t, m) derivatives (N, t, 3, m) of the targets of a pose, whitened together: all of them are measured where
+    the robot has come to rest, off by scatter (N, t, 3, J), each with noise (N, t, 3, 3) of its own."""
+    n, t, _, m = points.shape
+    shared = scatter.reshape(n, 3 * t, -1)
+    covariance = shared @ shared.transpose(0, 2, 1)
+    for k in range(t):
+        own = slice(3 * k, 3 * k + 3)
+        covariance[:, own, own] += noise[:, k]
     try:
         lower = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError as error:
         raise DataError("the declared noise is zero.", do="Declare how well the instrument reads.") from error
-    return columns, np.asarray(np.linalg.solve(lower, columns), dtype=np.float64), repeatability
+    return np.asarray(np.linalg.solve(lower, points.reshape(n, 3 * t, m)), dtype=np.float64)
 
 
 def _independent(columns: Array, parameters: Sequence[Parameter]) -> tuple[list[int], tuple[Dropped, ...]]:

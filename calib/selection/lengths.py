@@ -1,8 +1,9 @@
 """The uncertainty of an arm identified from lengths between balls, before anything is measured.
 
 Every length is a row of the Jacobian of the base model at the nominal robot, whitened with the noise of the length and
-the repeatability of the robot along it. With the priors of an identification the rows give a covariance, which is
-carried to places of the workspace: U (k = 2, along the worst direction) of a model that is complete.
+the repeatability of the robot, which the lengths of one pose share. With the priors of an identification the rows give
+a covariance, which is carried to places of the workspace: U (k = 2, along the worst direction) of a model that is
+complete.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.arm.robot import Load, Robot
 from calib.array import Array
 from calib.data.groups import DEFAULT_GROUPS
+from calib.fit.least_squares import jacobian
 from calib.fit.uncertainty import expanded, predict_with_covariance
 from calib.model import base_model
 from calib.model.model import Design, RobotModel
 from calib.model.observations import Observations
+from calib.model.shared import Shared
 from calib.model.stated import StatedConditions, conditions_at
 
 _SERIES = "plan"
@@ -70,18 +72,18 @@ def uncertainty_of(
     stated = StatedConditions(loads=loads)
     prior = model.prior_std
     information = np.diag(np.where(np.isfinite(prior), 1.0 / np.where(prior > 0.0, prior, np.inf) ** 2, 0.0))
-    tool = np.array([names.index(name) for name in lengths.tool])
-    base = np.array([anchors.index(name) for name in lengths.base])
     nothing = np.zeros(len(model.parameters))
-    for t in np.unique(tool):
-        rows = tool == t
-        conditions = replace(
-            conditions_at(model, lengths.joints[rows], stated, names[t]),
-            anchor=base[rows],
-            anchor_names=anchors,
-        )
-        columns = _whitened(Design(model, conditions), nothing, noise_mm, repeatability)
-        information += columns.T @ columns
+    conditions = conditions_at(model, lengths.joints, stated, names[0])
+    known = conditions.target_names
+    conditions = replace(
+        conditions,
+        target=np.array([known.index(name) for name in lengths.tool]),
+        anchor=np.array([anchors.index(name) for name in lengths.base]),
+        anchor_names=anchors,
+        visit=conditions.pose,
+    )
+    columns = _whitened(Design(model, conditions), nothing, noise_mm, repeatability)
+    information += columns.T @ columns
     scale = 1.0 / np.sqrt(np.diag(information))
     inverse = np.asarray(
         np.linalg.pinv(information * scale * scale[:, None], hermitian=True), dtype=np.float64
@@ -92,11 +94,11 @@ def uncertainty_of(
 
 
 def _whitened(design: Design, estimate: Array, noise_mm: float, repeatability: float) -> Array:
-    """(n, m) derivative of the lengths over their standard deviation."""
+    """(n, m) derivative of the lengths over their standard deviation, those of a pose whitened together."""
     n = len(design.conditions)
     frames = design.frames(estimate)
-    plain = Observations(None, None, np.zeros(n), np.ones((1, 1, n)), np.ones(n, dtype=np.int64))
+    nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise_mm)
+    lengths = Observations(None, None, nothing, weight, np.ones(n, dtype=np.int64))
     joints = [f"theta{k}" for k in range(1, design.model.robot.joints + 1)]
-    by_joint: NDArray[np.float64] = plain.columns(frames, joints)[:, 0]
-    sigma = np.sqrt(noise_mm**2 + repeatability**2 * np.sum(by_joint**2, axis=0))
-    return design.columns(plain.columns(frames, design.slots)) / sigma[:, None]
+    shared = Shared(design.conditions.visit, repeatability * lengths.columns(frames, joints))
+    return jacobian(design, replace(lengths, shared=shared), frames)

@@ -74,7 +74,6 @@ class CTrackDevice:
         self.world, self.arm, self.clock = world, arm, clock
         self.nests = {name: np.asarray(p, dtype=float) for name, p in nests.items()}
         self.state = "READY"
-        self.readings = 0
         self.covered: dict[str, int] = {}
         self.cameras: Matrix = shift(*world.station)
         self.base_frame = np.eye(4)
@@ -102,7 +101,7 @@ class CTrackDevice:
         """Where a body really is, world frame, (4, 4)."""
         if name in self.nests:
             return shift(*self.nests[name])
-        return target_frame(self.world, state_at_rest(self.world, self.arm, self.clock, self.readings), name)
+        return target_frame(self.world, state_at_rest(self.world, self.arm, self.clock), name)
 
     def to_reference(self, frame: Matrix) -> Matrix:
         """A frame of the world in the frame of the reference body."""
@@ -136,7 +135,6 @@ class CTrackDevice:
     def average(self, name: str, frames: int) -> tuple[Matrix, Vector, float]:
         """Pose in the reference's frame, scatter of single frames per axis (mm) and of the turn (mrad)."""
         pose = self.to_reference(self.frame(name))
-        self.readings += 1
         pose[:3, 3] += self._rng.normal(scale=POINT_SIGMA_MM, size=3)
         pose[:3, :3] = turn(self._rng.normal(scale=1e-3 * TURN_SIGMA_MRAD, size=3))[:3, :3] @ pose[:3, :3]
         if frames == 1:

@@ -50,7 +50,6 @@ class BallbarDevice:
         self.knocked_mm = 0.0
         self.battery = 80.0
         self.radio = True
-        self.readings = 0
         self.scale = 1.0 + 1e-4 * float(self._rng.normal())
         self._zero_mm = ZERO_DRIFT_MM * float(self._rng.choice((-1.0, 1.0)))
         self.nominal_mm = 0.0
@@ -77,7 +76,7 @@ class BallbarDevice:
 
     def distance(self, base: str, target: str) -> float:
         """True distance of two balls, mm, each on the base or on the tool."""
-        state = state_at_rest(self.world, self.arm, self.clock, self.readings)
+        state = state_at_rest(self.world, self.arm, self.clock)
         one, other = (
             self.balls[ball] if ball in self.balls else np.array(self.world.true_point(state, ball))
             for ball in (base, target)
@@ -105,7 +104,6 @@ class BallbarDevice:
     def average(self, base: str, target: str, n: int) -> tuple[float, float]:
         """Mean and standard deviation of n values, mm. Raises BadRequest 510, 511 out of stroke."""
         d = self.deviation(base, target)
-        self.readings += 1
         if abs(d) > STROKE_MM:
             raise BadRequest(
                 510 if d > 0 else 511, f"out of stroke on the {'long' if d > 0 else 'short'} side"

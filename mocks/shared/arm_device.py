@@ -85,6 +85,11 @@ class ArmDevice:
         """The move that runs, or the last one."""
         return self._moves.value
 
+    @property
+    def moves(self) -> int:
+        """How many moves have begun: where the arm comes to rest, and is off by, belongs to the last of them."""
+        return len(self.sent_to)
+
     def joints_deg(self) -> tuple[float, ...]:
         """Where the arm is now."""
         return self.move.joints_deg(self.now())

@@ -1,7 +1,7 @@
 """What instruments other than the tracker need of the world: the arm as it came to rest, and what hides behind it.
 
-The robot's repeatability belongs to a reading (`World.arrival_error`); adding it to the angles of the state
-gives the place and turn of the flange as it stands in that reading.
+The robot's repeatability belongs to a move (`World.arrival_error`): whatever is read before the next one sees the same.
+Adding it to the angles of the state gives the place and turn of the flange as it stands.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ LIMB_MM = 55.0  # half the thickness of a limb
 _LIMBS = 5  # frames 0..4: the wrist is where the tool begins
 
 
-def state_at_rest(world: World, arm: ArmDevice, clock: CellClock, reading: int) -> ArmState:
-    """The state of the arm now, with the robot's repeatability in this reading."""
+def state_at_rest(world: World, arm: ArmDevice, clock: CellClock) -> ArmState:
+    """The state of the arm now, with the robot's repeatability in its last move."""
     now = clock.now()
-    error = np.degrees(world.arrival_error(reading))
+    error = np.degrees(world.arrival_error(arm.moves))
     return ArmState(
         joints_deg=tuple(q + float(e) for q, e in zip(arm.joints_deg(), error, strict=True)),
         previous_deg=arm.previous_deg,
         sides=arm.sides,
         t_s=now,
         t_air_c=world.air_c(now),
-        reading=reading,
+        reading=arm.moves,
     )
 
 

@@ -77,7 +77,7 @@ class TrackerDevice:
             sides=self.arm.sides,
             t_s=now,
             t_air_c=self.world.air_c(now),
-            reading=self.readings,
+            reading=self.arm.moves,
         )
 
     def true_world(self, name: str) -> Vector:

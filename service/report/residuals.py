@@ -144,10 +144,11 @@ class Sample:
         seen = []
         for part, design in zip(self.parts, self.designs, strict=True):
             frames = design.frames(without)
-            residual = part.observed.residual(frames)
+            alone = part.observed.alone
+            residual = alone.residual(frames)
             moved = np.zeros_like(residual)
             for slot, amount in amounts(part).items():
-                moved += part.observed.column(frames, slot) * amount
+                moved += alone.column(frames, slot) * amount
             square = np.maximum(np.sum(moved**2, axis=0), 1e-300)
             spread = max(self.fitted.noise_scale, 1.0) / np.sqrt(square)
             seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part)))

@@ -93,6 +93,7 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
         target=rng.integers(0, 2, n),
         anchor=rng.integers(0, 2, n),
         waypoint=np.full(n, -1),
+        visit=np.arange(n),
         series_names=("day", "night"),
         target_names=("T1", "T2"),
         anchor_names=("B1", "B2"),

@@ -15,7 +15,6 @@ from scipy import stats
 from calib.array import Array
 from calib.diagnose import diagnosis
 from calib.diagnose.held_blocks import Blocks
-from calib.diagnose.null import visits_of
 from calib.diagnose.outlying import ACTS_ON, together
 from calib.diagnose.repeats import EACH_POSE, each_pose, p_lack_of_fit
 from calib.diagnose.structure import left_over
@@ -30,14 +29,16 @@ from tests.benchmarks.diagnosis_sets import load, visits
 from tests.benchmarks.foreign_laws import LAWS
 
 
-def a_space(n: int, each: int, at_once: int, seed: int = 2) -> Space:
-    """The base model fitted to poses that were visited so often, so many targets at once."""
+def a_space(n: int, each: int, at_once: int, seed: int = 2, *, declared: bool = True) -> Space:
+    """The base model fitted to poses that were visited so often, so many targets at once; the repeatability of the
+    robot declared, or not."""
     world = World("abb-irb120", seed, session=Session(n + 30))
     sets, readings = visits(world, n, 0, each, at_once, "varied", stream(seed, 1))
     rows = [row_of(world, i, s, reading) for i, (s, reading) in enumerate(zip(sets, readings, strict=True))]
-    return Space.of(
-        identify(load(Campaign(rows, header_of(world, 1.0, list(DEFAULT_FIT)), {}, world, readings)))
-    )
+    header = header_of(world, 1.0, list(DEFAULT_FIT))
+    if not declared:
+        del header["noise"]["repeatability_deg"]
+    return Space.of(identify(load(Campaign(rows, header, {}, world, readings))))
 
 
 def with_residual(space: Space, errors: Array) -> Space:
@@ -59,7 +60,7 @@ def single() -> Space:
 
 @pytest.fixture(scope="module")
 def at_once() -> Space:
-    return a_space(150, 2, 3)
+    return a_space(150, 2, 3, declared=False)
 
 
 def test_an_error_of_each_pose_is_a_place_of_its_own(visited: Space) -> None:
@@ -76,9 +77,10 @@ def test_an_error_of_each_pose_is_a_place_of_its_own(visited: Space) -> None:
 
 
 def test_targets_of_one_visit_are_not_independent(at_once: Space) -> None:
-    """Each visit has an error that its three targets share: no lack of fit, and no error of the pose."""
+    """Each visit has an error that its three targets share, and nobody declared it: no lack of fit, and no error of
+    the pose."""
     conditions = at_once.fitted.readings.conditions
-    visit = visits_of(conditions)
+    visit = np.unique(conditions.visit, return_inverse=True)[1]
     assert np.bincount(visit).tolist() == [3] * 50
     assert len(np.unique(conditions.pose)) == 25
     rng = np.random.default_rng(3)

@@ -22,7 +22,58 @@ _VALIDATION = ("tests/calib/test_validation.py", "tests/calib/test_validation_is
 
 _REGRESSION = ("tests/calib/test_regression.py", "tests/service/test_regress_command.py")
 
+_VISITS = ("tests/calib/test_visits.py",)
+
 CHANGES = (
+    Change(
+        "calib/fit/readings.py",
+        "* ~several[:, None, None]",
+        "* 1.0",
+        "readings of a visit are whitened for the arm's repeatability twice",
+        _VISITS,
+    ),
+    Change(
+        "calib/model/shared.py",
+        "h = 1.0 / (grown * (grown + 1.0))",
+        "h = 1.0 / grown**2",
+        "readings of a visit are whitened by their inverse covariance, not its root",
+        _VISITS,
+    ),
+    Change(
+        "calib/fit/identify.py",
+        "    alone = observed.alone\n",
+        "    alone = observed\n",
+        "a wrong reading takes the others of its visit with it",
+        _VISITS,
+    ),
+    Change(
+        "calib/data/visits.py",
+        "begins | turned | ~(still | same_move)",
+        "begins | turned",
+        "a robot that comes again from elsewhere never left",
+        _VISITS,
+    ),
+    Change(
+        "calib/fit/readings.py",
+        "(first * parts // len(visit))[place.reshape(-1)]",
+        "np.arange(len(visit)) * parts // len(visit)",
+        "a large fit cuts visits in two",
+        _VISITS,
+    ),
+    Change(
+        "calib/scan/space.py",
+        "return observed.by_visit(columns).reshape",
+        "return columns.reshape",
+        "columns of candidates are not whitened by visit",
+        _VISITS,
+    ),
+    Change(
+        "calib/scan/space.py",
+        "return observed.by_visit(rows.T.reshape(-1, *self.residual.shape)).reshape",
+        "return rows.T.reshape(-1, *self.residual.shape).reshape",
+        "structure that differs within a visit is looked for where it is not",
+        _VISITS,
+    ),
     Change(
         "calib/fit/least_squares.py",
         " + tied.T @ tied\n",
