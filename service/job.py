@@ -23,20 +23,25 @@ def do(folder: Path) -> None:
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, cell=job.get("cell"))
+            diagnosis(Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"))
         elif job["kind"] == "alignment":
             alignment(folder, job["order"], job["name"])
         elif job["kind"] == "regression":
             regression(Path(job["data"]), folder, job["order"])
         else:
-            identification(Path(job["data"]), folder)
+            identification(Path(job["data"]), folder, limits=job.get("limits"))
     except DataError as error:
         problem = {"text": refusals.cause(error), "do": error.do, **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
 
 
-def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
-    """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
+def diagnosis(
+    data: Path, folder: Path, *, cell: str | None = None, limits: dict[str, float | None] | None = None
+) -> None:
+    """Diagnose, save the model, draw the report. Raises DataError.
+
+    cell: text of the cell that could measure more; limits: those of `Limits`, that the error is held to.
+    """
     from dataclasses import replace
 
     from acquisition.cell import cell_of_record
@@ -48,26 +53,39 @@ def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     from service.files import as_json
     from service.report import diagnosis_report
     from service.results import documents
+    from service.results.acceptance import EFFECTS, Limits, decide
 
-    found = diagnose(read_dataset(data))
+    dataset = read_dataset(data)
+    held_to = None if limits is None else Limits(**limits)
+    if held_to is not None:
+        held_to.refuse_unjudged(dataset)
+    found = diagnose(dataset)
     here = None if cell is None else cell_of_record(cell, str(folder / JOB))
     if here is not None and found.follow_up is not None and fits(here, found.final):
         found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
     document = documents.of_diagnosis(found)
+    acceptance = None
+    if held_to is not None:
+        final = (found.final.model, found.final.estimate)
+        acceptance = decide(held_to, dataset, dataset.validation_rows, *final, EFFECTS)
+        document["acceptance"] = acceptance.document()
     if found.final.converged:
         save_model(folder / MODEL, found.final, found)
-    replace_file(folder / REPORT, diagnosis_report(found, document))
+    replace_file(folder / REPORT, diagnosis_report(found, document, acceptance=acceptance))
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(data: Path, folder: Path) -> None:
-    """Identify, save the model, draw the report. Raises DataError."""
+def identification(
+    data: Path, folder: Path, *, limits: dict[str, float | None] | None = None
+) -> None:
+    """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
+    from service.results.acceptance import Limits
     from service.results.identified import Identified
 
-    result = Identified.of(data)
+    result = Identified.of(data, limits=None if limits is None else Limits(**limits))
     if result.found.converged:
         save_model(folder / MODEL, result.found)
     replace_file(folder / REPORT, result.report())

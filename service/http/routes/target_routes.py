@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import CorrectedTargets, TargetsToCorrect
+from service.http.wire.headers import JobId
 from service.http.wire.problems import Problem
 from service.http.work.corrections import corrected
 
@@ -16,7 +17,7 @@ router = APIRouter(route_class=JsonRoute, tags=["results"])
 
 
 @router.post("/models/{job_id}/targets", operation_id="correctTargets", response_model=CorrectedTargets)
-def correct_targets(here: Here, job_id: str, body: TargetsToCorrect) -> dict[str, Any]:
+def correct_targets(here: Here, job_id: JobId, body: TargetsToCorrect) -> dict[str, Any]:
     """Correct targets, joint angles or poses, so that the real robot lands where they say.
 
     422 where one of them cannot be corrected, unless `keep_refused`: then it stays as it was.

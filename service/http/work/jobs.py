@@ -30,6 +30,7 @@ from service.http.work.workers import WorkerDied, Workers
 from service.job import JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, TRACKER
 from service.names import new_id, safe_id
 from service.plain import utc_text
+from service.results.acceptance import Limits
 from service.results.alignment import Order
 
 MOST_WAITING = 50
@@ -57,12 +58,23 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name="jobs")
         self._thread.start()
 
-    def add(self, kind: str, dataset: dict[str, Any], data: Path, cell: Cell | None = None) -> dict[str, Any]:
+    def add(
+        self,
+        kind: str,
+        dataset: dict[str, Any],
+        data: Path,
+        cell: Cell | None = None,
+        limits: Limits | None = None,
+    ) -> dict[str, Any]:
         """Put a job in the queue; its document. Raises Problem 503 when too many wait.
 
-        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it.
+        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error.
         """
-        asked = {"data": str(data), "cell": None if cell is None else cell.source}
+        asked = {
+            "data": str(data),
+            "cell": None if cell is None else cell.source,
+            "limits": None if limits is None else asdict(limits),
+        }
         return self._add(kind, {"dataset_id": dataset["id"], **asked}, {})
 
     def regress(self, dataset: dict[str, Any], data: Path, order: dict[str, Any]) -> dict[str, Any]:
