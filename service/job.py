@@ -75,9 +75,7 @@ def diagnosis(
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(
-    data: Path, folder: Path, *, limits: dict[str, float | None] | None = None
-) -> None:
+def identification(data: Path, folder: Path, *, limits: dict[str, float | None] | None = None) -> None:
     """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
     from calib.saved import save_model
     from calib.text import replace_file

@@ -49,13 +49,13 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas = parts.setdefault("schemas", {})
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    schemas["Problem"] = ProblemShown.model_json_schema()
+    schemas["ProblemShown"] = ProblemShown.model_json_schema()
     schemas["EventShown"] = EventShown.model_json_schema()
     _describe_stream(document)
     parts["responses"] = {
         "Problem": {
             "description": "What went wrong, and what to do.",
-            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/ProblemShown"}}},
         }
     }
     parts["securitySchemes"] = {
