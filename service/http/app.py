@@ -16,6 +16,7 @@ from service.http.routes import (
     alignment_routes,
     cell_routes,
     data_routes,
+    docs_page,
     job_routes,
     loop_routes,
     page,
@@ -46,7 +47,7 @@ def create_app(settings: Settings) -> FastAPI:
         version=version("truepose"),
         description="Measure a robot, name what its model lacks. Not a safety function: the emergency stop is "
         "hardware.",
-        docs_url=None,  # the usual pages load their scripts from elsewhere, and a cell has no internet
+        docs_url=None,  # the usual page loads from elsewhere, and a cell has no internet: `docs_page`
         redoc_url=None,
         lifespan=lifespan,
     )
@@ -63,6 +64,7 @@ def create_app(settings: Settings) -> FastAPI:
     ):
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)
+    app.include_router(docs_page.router)
     problems.install(app)
     app.add_middleware(Lanes)
     app.add_middleware(Gate, settings=settings)  # before the lanes: who may not ask takes nobody's turn

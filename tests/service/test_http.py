@@ -280,5 +280,4 @@ def test_openapi_suits_client_generators(service: Served) -> None:
 
 
 def test_no_page_loads_anything_from_elsewhere(service: Served) -> None:
-    for path in ("/docs", "/redoc"):
-        problem(httpx2.get(service.url + path, headers=service.client.headers), 404)
+    problem(httpx2.get(f"{service.url}/redoc", headers=service.client.headers), 404)

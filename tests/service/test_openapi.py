@@ -24,10 +24,11 @@ from service import job
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
-from service.http.wire.bodies import CampaignTable, EventKind, ModelShown
+from service.http.wire.bodies import CampaignTable, EventKind, ModelShown, asked
 from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.http.wire.bodies.regressions import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
+from service.http.work.campaigns import campaign_of
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 
@@ -197,3 +198,11 @@ def unnamed(model: Any, where: str = "") -> set[str]:
         for each in value if isinstance(value, list) else [value]:
             out |= unnamed(each, f"{where}.{name}")
     return out
+
+
+def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
+    """What the page of the description offers to send is what the service takes."""
+    for model in (asked.NewRun, asked.NewLoop, asked.TargetsToCorrect):
+        (example,) = document["components"]["schemas"][model.__name__]["examples"]
+        model.model_validate(example)
+    campaign_of(asked.CAMPAIGN)

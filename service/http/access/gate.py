@@ -19,7 +19,7 @@ from service.http.wire import problems
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
 
-OPEN = ("/", path_of("health"), "/openapi.json")  # reveal nothing about the cell
+OPEN = ("/", path_of("health"), "/openapi.json", "/docs")  # reveal nothing about the cell
 _TOO_LARGE = "The request is larger than {} MB."
 _SPLIT = "Send less at once; a data set can be split into series."
 
@@ -62,7 +62,7 @@ class Gate:
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return Problem(403, f"Requests by the page {origin!r} are not answered.", "Use our own page.")
-        if path not in OPEN and role is None:
+        if path not in OPEN and not path.startswith("/docs/") and role is None:
             return Problem(
                 401,
                 "The token is missing or wrong.",

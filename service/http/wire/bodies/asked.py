@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 from fastapi import Body as BodyOf
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
@@ -21,15 +21,25 @@ SerialNumber = Annotated[
     told("The serial number of another robot or instrument than the record's.", "120-500321", max_length=200),
 ]
 Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500)]
+CAMPAIGN = {
+    "format": "truepose-campaign/1",
+    "block": [
+        {"kind": "poses", "set": "calibration", "count": 60, "approach": {"sides": "both"}},
+        {"kind": "poses", "set": "validation", "count": 40},
+    ],
+}
+TABLE = "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0\n"
 _CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
 
 
 class NewRun(Body):
     """One of `campaign` and `campaign_id`. `dry_run` true: everything is checked and nothing moves."""
 
-    campaign: Annotated[
-        Campaign, told("The campaign itself.", {"format": "truepose-campaign/1", "block": [{"count": 60}]})
-    ] = Field(default_factory=dict)
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "name": "night 1"}]}
+    )
+
+    campaign: Annotated[Campaign, told("The campaign itself.", CAMPAIGN)] = Field(default_factory=dict)
     campaign_id: Annotated[str, told("The id of a campaign that was kept.", _CAMPAIGN_ID, max_length=200)] = (
         ""
     )
@@ -50,9 +60,7 @@ class NewCampaign(Body):
 
     campaign: Annotated[
         Campaign,
-        told(
-            "The campaign itself.", {"format": "truepose-campaign/1", "block": [{"count": 60}]}, min_length=1
-        ),
+        told("The campaign itself.", CAMPAIGN, min_length=1),
     ]
     name: Name = ""
 
@@ -89,6 +97,10 @@ class TakeLeaseOver(TakeLease):
 
 class NewLoop(NewRun):
     """The request for a closed loop: that of a run, and how many new poses shall verify the correction."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "poses": 20}]}
+    )
 
     poses: Annotated[int, told("Number of new poses that verify the correction.", 20, ge=1, le=500)] = 20
 
@@ -148,11 +160,13 @@ KeepRefused = Annotated[bool, told("Go on though some targets stay as they were.
 class TargetsToCorrect(Body):
     """One of `csv` and `targets`."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"csv": TABLE, "conditions": "side=below"}]})
+
     csv: Annotated[
         str,
         told(
             "The table as text, with units in its column names (deg, mm).",
-            "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0\n",
+            TABLE,
             max_length=1_000_000,
         ),
     ] = ""
