@@ -1,4 +1,4 @@
-"""One identification, diagnosis, alignment or regression, for a worker process of the service.
+"""One job: identification, diagnosis, alignment, regression, validation or selection, for a worker of the service.
 
 The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
 cannot be used.
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
-ROBOT, TRACKER, PICTURE = "robot.csv", "tracker.csv", "picture.svg"
+ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
 
 
 def do(folder: Path) -> None:
@@ -26,6 +26,10 @@ def do(folder: Path) -> None:
             diagnosis(Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"))
         elif job["kind"] == "alignment":
             alignment(folder, job["order"], job["name"])
+        elif job["kind"] == "validation":
+            validation(Path(job["data"]), folder, job["model"], job["order"])
+        elif job["kind"] == "selection":
+            selection(folder, job["cell"], job["order"])
         elif job["kind"] == "regression":
             regression(Path(job["data"]), folder, job["order"])
         else:
@@ -100,6 +104,41 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     result.save(folder / MODEL)
     replace_file(folder / REPORT, result.report())
     replace_file(folder / RESULT, as_json(result.document))
+
+
+def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any]) -> None:
+    """Judge a model on a data set, or without one compare hold-outs. Raises DataError."""
+    from calib.data import read_dataset
+    from calib.saved import load_model
+    from calib.text import replace_file
+    from calib.validation import hold_outs
+    from service.files import as_json
+    from service.results import validation_document
+    from service.results.acceptance import Limits
+    from service.results.validated import Question, Read, Validated
+
+    dataset = read_dataset(data)
+    if model is None:
+        document = validation_document.of_hold_outs(dataset, hold_outs(dataset))
+    else:
+        limits = None if order["limits"] is None else Limits(**order["limits"])
+        asked = Question(order["placed"], order["everything"], limits=limits)
+        document = Validated.of(dataset, Read(load_model(Path(model)), Path(model)), asked).document()
+    replace_file(folder / RESULT, as_json(document))
+
+
+def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
+    """Choose poses in the cell of this text. Raises DataError, ConfigError."""
+    from acquisition.cell import cell_of_record
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.selected import Question, Selected
+
+    for name in ("groups", "targets"):
+        order[name] = None if order[name] is None else tuple(order[name])
+    found = Selected.of(cell_of_record(cell, str(folder / JOB)), Question(**order))
+    replace_file(folder / POSES, found.csv)
+    replace_file(folder / RESULT, as_json(found.document()))
 
 
 def alignment(folder: Path, order: dict[str, Any], name: str) -> None:

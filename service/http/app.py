@@ -16,14 +16,19 @@ from service.http.routes import (
     alignment_routes,
     cell_routes,
     data_routes,
+    deletion_routes,
     docs_page,
+    examination_routes,
     job_routes,
     loop_routes,
     page,
+    program_routes,
     prompt_routes,
     regression_routes,
     run_routes,
+    selection_routes,
     target_routes,
+    validation_routes,
 )
 from service.http.routes.openapi import describe
 from service.http.state import Service
@@ -60,7 +65,12 @@ def create_app(settings: Settings) -> FastAPI:
         alignment_routes,
         job_routes,
         regression_routes,
+        validation_routes,
+        selection_routes,
         target_routes,
+        program_routes,
+        examination_routes,
+        deletion_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)

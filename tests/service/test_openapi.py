@@ -21,19 +21,21 @@ from acquisition.campaign.blocks import KINDS, SHARED
 from acquisition.campaign.campaign import _KEYS
 from calib.diagnose.diagnosis import Verdict
 from service import job
+from service.exports import FORMATS
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
-from service.http.wire.bodies import CampaignTable, EventKind, ModelShown, asked
+from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
 from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.http.wire.bodies.regressions import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
+from service.http.work import jobs
 from service.http.work.campaigns import campaign_of
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 
 UNITS = re.compile(
-    r"\b(mm|um|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|[Nn]o unit|"
+    r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|[Nn]o unit|"
     r"with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
 )
 FREE = {"EventShown.data"}
@@ -83,7 +85,7 @@ def test_every_number_has_its_unit(document: dict[str, Any]) -> None:
         and not UNITS.search(told["description"])
     ]
     # the id of a reading is a number or text, as somebody chose it
-    assert [name for name in without if not re.search(r"reading$|_rows$|\.index$", name)] == []
+    assert [name for name in without if not re.search(r"readings?$|_rows$|\.index$", name)] == []
 
 
 def test_no_object_is_free_where_its_type_is_known(document: dict[str, Any]) -> None:
@@ -114,7 +116,11 @@ def test_states_verdicts_and_kinds_are_enumerations(document: dict[str, Any]) ->
     for name in ("RunShown", "LoopShown", "JobShown", "DiagnosisShown"):
         assert schemas[name]["properties"]["state"]["$ref"] == "#/components/schemas/State"
     assert schemas["DiagnosisResult"]["properties"]["verdict"]["enum"] == list(get_args(Verdict))
-    assert len(schemas["JobShown"]["properties"]["kind"]["enum"]) == 4
+    assert set(schemas["JobShown"]["properties"]["kind"]["enum"]) == set(jobs._FOLDERS)
+    assert {"run", "dataset", "campaign", *jobs._FOLDERS} == set(
+        schemas["DeletionShown"]["properties"]["kind"]["enum"]
+    )
+    assert set(get_args(ExportKind)) == set(FORMATS)
     assert schemas["EventShown"]["properties"]["kind"]["enum"] == list(get_args(EventKind))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fastapi import APIRouter
@@ -23,7 +24,13 @@ def correct_targets(here: Here, job_id: JobId, body: TargetsToCorrect) -> dict[s
     422 where one of them cannot be corrected, unless `keep_refused`: then it stays as it was.
     """
     document, refused = here.workers.call(corrected, here.jobs.model_file(job_id), job_id, body.model_dump())
-    if refused and not body.keep_refused:
+    refuse(refused, unless=body.keep_refused)
+    return document
+
+
+def refuse(refused: Sequence[Mapping[str, Any]], *, unless: bool) -> None:
+    """Raise Problem 422 where there are targets that cannot be corrected."""
+    if refused and not unless:
         more = f" and {len(refused) - 1} more" if len(refused) > 1 else ""
         raise Problem(
             422,
@@ -32,4 +39,3 @@ def correct_targets(here: Here, job_id: JobId, body: TargetsToCorrect) -> dict[s
             code=8111,
             targets=refused,
         )
-    return document

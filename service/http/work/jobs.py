@@ -1,7 +1,7 @@
 """Identifications, diagnoses, alignments and regressions: worked off one at a time, in a worker process of their own.
 
-    RECORD/identifications/ID/, diagnoses/ID/, alignments/ID/, regressions/ID/: job.json, then result.json + report.html
-    (a picture of an alignment) or problem.json
+    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/: job.json, then
+    result.json + report.html (a picture of an alignment, poses of a selection) or problem.json
 
 The folder is the state: a job without an outcome that nobody works on was cut off.
 """
@@ -25,6 +25,7 @@ from service.http.wire import problems
 from service.http.wire.bodies import Answered, JobKept, ProblemKept
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
+from service.http.work.deletions import Deletions, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
 from service.job import JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, TRACKER
@@ -39,6 +40,8 @@ _FOLDERS = {
     "diagnosis": "diagnoses",
     "alignment": "alignments",
     "regression": "regressions",
+    "validation": "validations",
+    "selection": "selections",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
@@ -81,6 +84,19 @@ class Jobs:
         """Put a regression in the queue, as `add`. order: the options of `regress_command`."""
         asked = {"dataset_id": dataset["id"], "data": str(data), "order": order}
         return self._add("regression", asked, {})
+
+    def validate(
+        self, dataset: dict[str, Any], data: Path, model: Path | None, order: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Put a validation in the queue, as `add`. model: None for hold-outs; order: that of `Question`."""
+        named = None if model is None else str(model)
+        return self._add(
+            "validation", {"dataset_id": dataset["id"], "data": str(data), "model": named, "order": order}, {}
+        )
+
+    def select(self, cell: Cell, order: dict[str, Any]) -> dict[str, Any]:
+        """Put a selection of poses in a cell in the queue, as `add`. order: that of `Question`."""
+        return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, {})
 
     def align(self, robot: bytes, tracker: bytes, order: Order, name: str) -> dict[str, Any]:
         """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
@@ -157,6 +173,28 @@ class Jobs:
         with self._changed:
             self._changed.wait_for(lambda: self.document(kind, name)["version"] > after, seconds)
         return self.document(kind, name)["version"]
+
+    def refuse_working_on(self, dataset_id: str) -> None:
+        """Raise Problem 409 while a job waits for, or works on, a data set."""
+        with self._changed:
+            busy = [*self._waiting, *([] if self._current is None else [self._current])]
+        for folder in busy:
+            if read_kept(folder / JOB, JobKept)["dataset_id"] == dataset_id:
+                raise Problem(409, f"Job {folder.name} works on it.", "Wait until it is done.", code=8130)
+
+    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+        """Delete a job; the line of the trail. Raises Problem 404, 409 while it waits or works, StorageError."""
+        places = {kind: self._record / each / name / JOB for kind, each in _FOLDERS.items() if safe_id(name)}
+        found = [kind for kind, file in places.items() if file.is_file()]
+        if not found:
+            raise not_found("result", name)
+        folder = self._record / _FOLDERS[found[0]] / name
+        with self._changed:
+            if folder in self._waiting or folder == self._current:
+                raise Problem(409, "The job waits or works.", "Wait until it is done.", code=8130)
+            line = trail.note(found[0], {"id": name}, by, reason, sha256=hash_of(folder / RESULT))
+            take_away(folder)
+        return line
 
     def report(self, name: str) -> str:
         """The HTML of a job's report. Raises Problem 404."""

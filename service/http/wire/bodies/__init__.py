@@ -27,6 +27,9 @@ from service.http.wire.bodies.cell import (
     Health,
     LeaseShown,
 )
+from service.http.wire.bodies.deletions import Deletions, DeletionShown
+from service.http.wire.bodies.examination import ExaminationShown
+from service.http.wire.bodies.exports import ExportKind, ModelExport
 from service.http.wire.bodies.jobs import (
     AlignmentShown,
     DiagnosisShown,
@@ -36,6 +39,8 @@ from service.http.wire.bodies.jobs import (
     JobsShown,
     ProblemKept,
     RegressionShown,
+    SelectionShown,
+    ValidationShown,
 )
 from service.http.wire.bodies.models import ModelShown
 from service.http.wire.bodies.problem import ProblemShown
@@ -50,8 +55,10 @@ from service.http.wire.bodies.runs import (
     Runs,
     RunShown,
 )
+from service.http.wire.bodies.selections import SelectionAsked
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets
 from service.http.wire.bodies.told import Answered, Body
+from service.http.wire.bodies.validations import ValidationAsked
 
 __all__ = [
     "AlignmentShown",
@@ -65,11 +72,15 @@ __all__ = [
     "CorrectedTargets",
     "DatasetShown",
     "Datasets",
+    "DeletionShown",
+    "Deletions",
     "DiagnosisShown",
     "EventKind",
     "EventShown",
+    "ExaminationShown",
     "Export",
     "ExportBody",
+    "ExportKind",
     "Health",
     "IdentificationShown",
     "JobKept",
@@ -79,6 +90,7 @@ __all__ = [
     "LoopKept",
     "LoopShown",
     "Loops",
+    "ModelExport",
     "ModelShown",
     "NewCampaign",
     "NewLoop",
@@ -94,10 +106,14 @@ __all__ = [
     "ResumeBody",
     "RunShown",
     "Runs",
+    "SelectionAsked",
+    "SelectionShown",
     "TakeLease",
     "TakeLeaseOver",
     "TargetsToCorrect",
     "ToJudge",
+    "ValidationAsked",
+    "ValidationShown",
     "Why",
     "WhyBody",
 ]

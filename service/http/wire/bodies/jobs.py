@@ -1,4 +1,4 @@
-"""The bodies of jobs: identifications, diagnoses, alignments and regressions, and what they come to."""
+"""The bodies of jobs: what was asked for, and what it came to."""
 
 from __future__ import annotations
 
@@ -11,19 +11,32 @@ from service.http.wire.bodies.problem import ProblemShown
 from service.http.wire.bodies.regressions import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
 from service.http.wire.bodies.runs import StateCode
+from service.http.wire.bodies.selections import SelectionResult
 from service.http.wire.bodies.told import Answered, Created, Id, told
+from service.http.wire.bodies.validations import ValidationResult
 
-JobKind = Literal["identification", "diagnosis", "alignment", "regression"]
-Result = IdentificationResult | DiagnosisResult | AlignmentResult | RegressionResult
+JobKind = Literal["identification", "diagnosis", "alignment", "regression", "validation", "selection"]
+Result = (
+    IdentificationResult
+    | DiagnosisResult
+    | AlignmentResult
+    | RegressionResult
+    | ValidationResult
+    | SelectionResult
+)
 
 
 class JobKept(Answered):
-    """An identification, a diagnosis, an alignment or a regression as it was asked for."""
+    """A job as it was asked for."""
 
     id: Id
     kind: Annotated[JobKind, told("What was asked for.", "diagnosis")]
     dataset_id: Annotated[
-        str, told("Its readings; of an alignment those it made, empty before.", "20261121-170459-3f9a1")
+        str,
+        told(
+            "Its readings; of an alignment those it made; empty where there are none.",
+            "20261121-170459-3f9a1",
+        ),
     ]
     created_utc: Created
 
@@ -73,6 +86,18 @@ class RegressionShown(_Job):
     """A regression beside the models of a data set."""
 
     result: Annotated[RegressionResult | None, told("Once it has succeeded.", None)]
+
+
+class ValidationShown(_Job):
+    """A validation."""
+
+    result: Annotated[ValidationResult | None, told("Once it has succeeded.", None)]
+
+
+class SelectionShown(_Job):
+    """A selection of poses."""
+
+    result: Annotated[SelectionResult | None, told("Once it has succeeded.", None)]
 
 
 class JobsShown(Answered):

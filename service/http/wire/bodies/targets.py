@@ -101,4 +101,6 @@ class CorrectedProgram(Corrected):
     """A corrected program, and what became of each of its targets."""
 
     name: Annotated[str, told("The name of the program that was sent.", "WELD.mod")]
-    program: Annotated[str, told("The whole text of the corrected program.", "MODULE WELD\n...")]
+    program_base64: Annotated[
+        str, told("The whole corrected program, byte for byte as base64.", "TU9EVUxFIFdFTEQK")
+    ]
