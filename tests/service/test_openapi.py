@@ -35,8 +35,8 @@ from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 
 UNITS = re.compile(
-    r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|[Nn]o unit|"
-    r"with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
+    r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
+    r"[Nn]o unit|with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
 )
 FREE = {"EventShown.data"}
 """What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md."""
