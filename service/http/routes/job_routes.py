@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi import APIRouter, Query
+from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from calib.arm import built_in_robots
 from service.http.routes.json_route import JsonRoute
@@ -13,6 +13,7 @@ from service.http.state import Here, Service
 from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToJudge
 from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
+from service.http.work.certifying import certificate_of
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
 from service.results.acceptance import Limits
@@ -106,3 +107,33 @@ def get_model(here: Here, job_id: JobId) -> JSONResponse:
 def get_report(here: Here, job_id: JobId) -> HTMLResponse:
     """The report of an identification or a diagnosis: one HTML page that loads nothing."""
     return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)
+
+
+def _about(description: str, example: str) -> Any:
+    return Query(max_length=200, description=description, examples=[example])
+
+
+@router.get("/results/{job_id}/certificate.xml", operation_id="getCertificate", response_class=Response)
+def get_certificate(
+    here: Here,
+    job_id: JobId,
+    laboratory: Annotated[str, _about("Who calibrates; left out: not stated.", "Cell 7, ACME")] = "",
+    city: Annotated[str, _about("Where that is.", "Ulm")] = "",
+    country: Annotated[str, _about("Its country, two letters (ISO 3166-1).", "DE")] = "",
+    customer: Annotated[str, _about("For whom.", "ACME")] = "",
+    responsible: Annotated[str, _about("The person who is responsible.", "Anna Ruf")] = "",
+) -> Response:
+    """A digital calibration certificate of an identification or a diagnosis: XML after the schema of the PTB (3.3.0).
+
+    422 where the data set does not say when it was measured. Its number is that of the report.
+    """
+    told = {
+        "laboratory": laboratory,
+        "city": city,
+        "country": country,
+        "customer": customer,
+        "responsible": responsible,
+    }
+    about = {name: text for name, text in told.items() if text}
+    text = here.workers.call(certificate_of, here.jobs.certified(job_id), about)
+    return Response(text, media_type="application/xml", headers={"X-Content-Type-Options": "nosniff"})

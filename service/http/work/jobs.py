@@ -212,6 +212,15 @@ class Jobs:
         """The path of the model that a job found. Raises Problem 404."""
         return self._path(name, MODEL, "model")
 
+    def certified(self, name: str) -> Path:
+        """The folder of an identification or a diagnosis that has a result. Raises Problem 404."""
+        folder = self._path(name, REPORT, "result").parent
+        if folder.parent.name not in ("identifications", "diagnoses"):
+            raise Problem(
+                404, f"There is no certificate of {name!r}.", "Ask for an identification or a diagnosis."
+            )
+        return folder
+
     def _file(self, name: str, file_name: str, what: str) -> str:
         return self._path(name, file_name, what).read_text(encoding="utf-8")
 
