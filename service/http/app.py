@@ -9,6 +9,7 @@ from importlib.metadata import version
 import anyio.to_thread
 from fastapi import FastAPI
 
+from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate
 from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
@@ -21,6 +22,7 @@ from service.http.routes import (
     examination_routes,
     job_routes,
     loop_routes,
+    metrics_routes,
     page,
     program_routes,
     prompt_routes,
@@ -75,8 +77,11 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)
     app.include_router(docs_page.router)
+    app.include_router(metrics_routes.router)
     problems.install(app)
     app.add_middleware(Lanes)
     app.add_middleware(Gate, settings=settings)  # before the lanes: who may not ask takes nobody's turn
+    app.state.account = Account()
+    app.add_middleware(Counted, account=app.state.account)  # outside all: what is refused counts too
     describe(app)
     return app

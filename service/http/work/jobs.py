@@ -174,6 +174,11 @@ class Jobs:
             self._changed.wait_for(lambda: self.document(kind, name)["version"] > after, seconds)
         return self.document(kind, name)["version"]
 
+    def counts(self) -> dict[str, int]:
+        """How many jobs wait, and how many are worked on."""
+        with self._changed:
+            return {"waiting": len(self._waiting), "working": int(self._current is not None)}
+
     def refuse_working_on(self, dataset_id: str) -> None:
         """Raise Problem 409 while a job waits for, or works on, a data set."""
         with self._changed:
