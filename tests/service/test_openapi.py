@@ -131,7 +131,7 @@ def test_the_kinds_of_events_are_those_that_the_program_writes() -> None:
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
                 known = node.args[-1] if node.func.attr == "note" else node.args[0]
-                notes = node.func.attr in ("note", "tell", "_tell") and node.keywords
+                notes = node.func.attr in ("note", "add_event", "_add_event") and node.keywords
                 if notes and isinstance(known, ast.Constant) and re.fullmatch(r"[a-z_]+", str(known.value)):
                     written.add(str(known.value))
     assert written <= set(get_args(EventKind)), written - set(get_args(EventKind))
