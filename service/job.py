@@ -1,4 +1,4 @@
-"""One identification, diagnosis, alignment or regression, for a worker process of the service.
+"""One job: identification, diagnosis, alignment, regression, validation or selection, for a worker of the service.
 
 The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
 cannot be used.
@@ -11,7 +11,7 @@ from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
 STEP, ARROWS = "step.json", "arrows.json"
-ROBOT, TRACKER, PICTURE = "robot.csv", "tracker.csv", "picture.svg"
+ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
 
 
 def do(folder: Path) -> None:
@@ -24,13 +24,17 @@ def do(folder: Path) -> None:
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, cell=job.get("cell"))
+            diagnosis(Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"))
         elif job["kind"] == "alignment":
             alignment(folder, job["order"], job["name"])
+        elif job["kind"] == "validation":
+            validation(Path(job["data"]), folder, job["model"], job["order"])
+        elif job["kind"] == "selection":
+            selection(folder, job["cell"], job["order"])
         elif job["kind"] == "regression":
             regression(Path(job["data"]), folder, job["order"])
         else:
-            identification(Path(job["data"]), folder)
+            identification(Path(job["data"]), folder, limits=job.get("limits"))
     except DataError as error:
         problem = {"text": refusals.cause(error), "do": error.do, **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
@@ -44,8 +48,13 @@ def tell(folder: Path, step: str) -> None:
     replace_file(folder / STEP, as_json({"step": step}))
 
 
-def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
-    """Diagnose, save the model, draw the report. cell: text of the cell that could measure more. Raises DataError."""
+def diagnosis(
+    data: Path, folder: Path, *, cell: str | None = None, limits: dict[str, float | None] | None = None
+) -> None:
+    """Diagnose, save the model, draw the report. Raises DataError.
+
+    cell: text of the cell that could measure more; limits: those of `Limits`, that the error is held to.
+    """
     from dataclasses import replace
 
     from acquisition.cell import cell_of_record
@@ -57,9 +66,13 @@ def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     from service.files import as_json
     from service.report import diagnosis_report
     from service.results import documents
+    from service.results.acceptance import EFFECTS, Limits, decide
     from service.results.arrows import arrows_of
 
     dataset = read_dataset(data)
+    held_to = None if limits is None else Limits(**limits)
+    if held_to is not None:
+        held_to.refuse_unjudged(dataset)
     found = diagnose(dataset, progress=lambda step: tell(folder, step))
     here = None if cell is None else cell_of_record(cell, str(folder / JOB))
     if here is not None and found.follow_up is not None and fits(here, found.final):
@@ -67,21 +80,28 @@ def diagnosis(data: Path, folder: Path, *, cell: str | None = None) -> None:
     document = documents.of_diagnosis(found)
     tell(folder, "drawing the report")
     replace_file(folder / ARROWS, as_json(arrows_of(dataset, found.final)))
+    acceptance = None
+    if held_to is not None:
+        final = (found.final.model, found.final.estimate)
+        acceptance = decide(held_to, dataset, dataset.validation_rows, *final, EFFECTS)
+        document["acceptance"] = acceptance.document()
     if found.final.converged:
         save_model(folder / MODEL, found.final, found)
-    replace_file(folder / REPORT, diagnosis_report(found, document))
+    replace_file(folder / REPORT, diagnosis_report(found, document, acceptance=acceptance))
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(data: Path, folder: Path) -> None:
-    """Identify, save the model, draw the report. Raises DataError."""
+def identification(data: Path, folder: Path, *, limits: dict[str, float | None] | None = None) -> None:
+    """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
+    from service.results.acceptance import Limits
     from service.results.arrows import arrows_of
     from service.results.identified import Identified
 
-    result = Identified.of(data, say=lambda step: tell(folder, step))
+    held_to = None if limits is None else Limits(**limits)
+    result = Identified.of(data, say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
     if result.found.converged:
         save_model(folder / MODEL, result.found)
@@ -99,6 +119,41 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     result.save(folder / MODEL)
     replace_file(folder / REPORT, result.report())
     replace_file(folder / RESULT, as_json(result.document))
+
+
+def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any]) -> None:
+    """Judge a model on a data set, or without one compare hold-outs. Raises DataError."""
+    from calib.data import read_dataset
+    from calib.saved import load_model
+    from calib.text import replace_file
+    from calib.validation import hold_outs
+    from service.files import as_json
+    from service.results import validation_document
+    from service.results.acceptance import Limits
+    from service.results.validated import Question, Read, Validated
+
+    dataset = read_dataset(data)
+    if model is None:
+        document = validation_document.of_hold_outs(dataset, hold_outs(dataset))
+    else:
+        limits = None if order["limits"] is None else Limits(**order["limits"])
+        asked = Question(order["placed"], order["everything"], limits=limits)
+        document = Validated.of(dataset, Read(load_model(Path(model)), Path(model)), asked).document()
+    replace_file(folder / RESULT, as_json(document))
+
+
+def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
+    """Choose poses in the cell of this text. Raises DataError, ConfigError."""
+    from acquisition.cell import cell_of_record
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.selected import Question, Selected
+
+    for name in ("groups", "targets"):
+        order[name] = None if order[name] is None else tuple(order[name])
+    found = Selected.of(cell_of_record(cell, str(folder / JOB)), Question(**order))
+    replace_file(folder / POSES, found.csv)
+    replace_file(folder / RESULT, as_json(found.document()))
 
 
 def alignment(folder: Path, order: dict[str, Any], name: str) -> None:

@@ -13,9 +13,10 @@ from acquisition import read_cell
 from acquisition.loop import campaign_text, in_cell
 from calib.data import read_dataset
 from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
-from calib.saved import save_model
+from calib.saved import model_document, save_model
 from calib.text import replace_file
 from service.commands import options
+from service.commands.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
@@ -58,6 +59,8 @@ def diagnose_command(
     ] = False,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
+    dcc: Dcc = None,
+    dcc_about: DccAbout = None,
 ) -> None:
     """Identify, find what the model lacks, correct it. The gain is judged on held-out readings."""
     options.check_outputs(
@@ -67,8 +70,9 @@ def diagnose_command(
             "--model": model,
             "--report": report,
             "--follow-up": follow_up,
+            "--dcc": dcc,
         },
-        inputs=(*options.files_of(data), *options.files_of(carry_to), cell),
+        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about),
     )
     limits = Limits.of(accept_rms, accept_max)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -110,6 +114,12 @@ def diagnose_command(
             patched=patched,
             acceptance=acceptance,
         )
+        if dcc is not None:
+            final = diagnosis.final
+            sealed = model_document(final, diagnosis)["content_sha256"] if final.converged else None
+            write_certificate(
+                dcc, read_about(dcc_about), dataset, document, documents.parameters_of(final), sealed
+            )
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()
@@ -123,7 +133,12 @@ def diagnose_command(
                 if diagnosis.follow_up is None
                 else f"follow-up: {follow_up}"
             )
-        for what, path in (("predictions", predictions), ("model", model), ("report", report)):
+        for what, path in (
+            ("predictions", predictions),
+            ("model", model),
+            ("report", report),
+            ("certificate", dcc),
+        ):
             if path is not None:
                 terminal.note(f"{what}: {path}")
     options.finish(acceptance, terminal)

@@ -9,7 +9,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -21,10 +21,9 @@ from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
+from service.results.examined import document_of, verdict_of
 from service.simulated_cell import simulated_cell
-from service.wording import counted
 
-FORMAT = "truepose-doctor/1"
 _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
 
 
@@ -53,7 +52,7 @@ def doctor_command(
         terminal.rest()
         terminal.out.print(_table(found))
         terminal.out.print(Text(verdict_of(found), style=_STYLES["fault" if found.faults else "ok"]))
-    write_json(_document(found), json)
+    write_json(document_of(found), json)
     if found.exit_code != exit_codes.DONE:
         raise typer.Exit(found.exit_code)
 
@@ -67,17 +66,6 @@ def _quiet_drivers() -> Iterator[None]:
         yield
     finally:
         log.removeHandler(nobody)
-
-
-def verdict_of(found: Examination) -> str:
-    """One line: whether a campaign can begin, and else what prevents it."""
-    head = f"{found.cell}{' (SIMULATED)' if found.simulated else ''}: "
-    checks = f"{counted(len(found.findings), 'check')} in {found.seconds:.1f} s"
-    if not found.faults:
-        return f"{head}HEALTHY, {counted(len(found.notes), 'note')}; {checks}."
-    names = list(dict.fromkeys(f"{fault.device} {fault.check}" for fault in found.faults))
-    word = "UNSAFE" if found.exit_code == exit_codes.REFUSED else "NOT READY"
-    return f"{head}{word}, {counted(len(names), 'fault')}: {', '.join(names)}; {checks}."
 
 
 def _table(found: Examination) -> Table:
@@ -107,16 +95,3 @@ def _words(finding: Finding) -> Text:
     if finding.do:
         text.append(f"\n-> {finding.do}", style="bold" if finding.level == "fault" else "")
     return text
-
-
-def _document(found: Examination) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "cell": found.cell,
-        "simulated": found.simulated,
-        "healthy": not found.faults,
-        "verdict": verdict_of(found),
-        "exit_code": found.exit_code,
-        "seconds": round(found.seconds, 3),
-        "findings": [finding.as_dict() for finding in found.findings],
-    }

@@ -7,14 +7,16 @@ from typing import Annotated
 import typer
 
 from calib.fit import left_out
-from calib.saved import save_model
+from calib.saved import model_document, save_model
 from calib.text import replace_file
 from service import wording
 from service.commands import options
+from service.commands.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
 from service.results.acceptance import Limits
+from service.results.documents import parameters_of
 from service.results.identified import Identified
 
 
@@ -33,10 +35,13 @@ def identify_command(
     ] = None,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
+    dcc: Dcc = None,
+    dcc_about: DccAbout = None,
 ) -> None:
     """Identify the robot's parameters, nothing else."""
     options.check_outputs(
-        {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
+        {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
+        inputs=(*options.files_of(data), dcc_about),
     )
     limits = Limits.of(accept_rms, accept_max)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -49,6 +54,11 @@ def identify_command(
         if report is not None:
             terminal.say("drawing the report")
             replace_file(report, result.report())
+        if dcc is not None:
+            sealed = model_document(found)["content_sha256"] if found.converged else None
+            write_certificate(
+                dcc, read_about(dcc_about), dataset, result.document(), parameters_of(found), sealed
+            )
         terminal.rest()
         for table in (
             tables.parameters(found),
@@ -65,11 +75,11 @@ def identify_command(
         terminal.out.print(tables.acceptance(result.acceptance))
         if model is not None and not found.converged:  # refused, when everything else is there
             save_model(model, found)
-        _say_where(terminal, model, report)
+        _say_where(terminal, model, report, dcc)
     options.finish(result.acceptance, terminal)
 
 
-def _say_where(terminal: Terminal, model: object, report: object) -> None:
-    for what, path in (("model", model), ("report", report)):
+def _say_where(terminal: Terminal, model: object, report: object, dcc: object) -> None:
+    for what, path in (("model", model), ("report", report), ("certificate", dcc)):
         if path is not None:
             terminal.note(f"{what}: {path}")

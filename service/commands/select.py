@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import typer
 from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 
-from acquisition import Cell, read_cell
-from acquisition.campaign import DECIMALS, Pose, draw_poses, setup_of
+from acquisition import read_cell
 from calib.data import DEFAULT_GROUPS
-from calib.errors import DataError
-from calib.selection import SHARE, STEP, WORTH, Candidates, Choice, Curve, candidates_of, choose, curve_of
+from calib.selection import SHARE, STEP, WORTH, Candidates, Choice, Curve
 from calib.text import replace_file
-from calib.units import to_display
 from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
-from service.plain import finite
 from service.printed import tables
 from service.printed.terminal import Terminal
-
-FORMAT = "truepose-selection/1"
+from service.results.selected import Question, Selected
 
 
 def select(
@@ -60,36 +53,27 @@ def select(
 ) -> None:
     """Choose calibration poses by observability."""
     options.check_outputs({"--out": out, "--json": json}, inputs=(cell,))
+    asked = Question(
+        count=count,
+        candidates=candidates,
+        groups=_listed(groups),
+        targets=None if targets is None else _listed(targets),
+        offset_deg=offset_deg,
+        share=share,
+        wanted_u=wanted_u,
+        seed=seed,
+    )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
-        the_cell = read_cell(cell)
-        if the_cell.instrument.declared.measures_lengths:
-            raise DataError(
-                f"the {the_cell.instrument.name} measures distances; poses are chosen for points.",
-                do="Use a block of kind = 'hexapod' in the campaign, it takes every stance that the arm reaches.",
-                file=cell,
-                key="instrument.driver",
-            )
-        names = _names(targets, the_cell)
-        setup = setup_of(the_cell, names, [name.strip() for name in groups.split(",") if name.strip()])
-        terminal.say(f"drawing {candidates} candidates")
-        rng = np.random.default_rng(seed)
-        drawn = draw_poses(
-            the_cell, candidates, rng, offset_deg, both=False, decimals=DECIMALS, targets=names, fewest=count
-        )
-        terminal.say(f"selecting {count} of {len(drawn)}")
-        found = candidates_of(setup, the_cell.robot.model_angles([pose.joints_deg for pose in drawn]))
-        choice = choose(setup, found, count, share=share, seed=seed)
-        terminal.say("predicting the uncertainty")
-        curve = curve_of(found, choice.selection)
-        poses = [drawn[i] for i in choice.selection]
-        document = _document(the_cell, names, groups, seed, found, choice, curve, poses, wanted_u)
-        options.write_result(document, json, terminal)
-        replace_file(out, _csv(poses))
+        found = Selected.of(read_cell(cell), asked, terminal.say)
+        choice, curve = found.choice, found.curve
+        options.write_result(found.document(), json, terminal)
+        replace_file(out, found.csv)
         terminal.rest()
+        drawn = len(found.candidates.joints)
         for each in (
-            _summary(found, choice),
+            _summary(found.candidates, choice),
             _curve(curve, count),
-            tables.warnings([*_dropped(choice), *choice.warnings, *_shortage(len(drawn), candidates)]),
+            tables.warnings([*_dropped(choice), *choice.warnings, *_shortage(drawn, candidates)]),
         ):
             terminal.out.print(each)
         terminal.out.print(_advice(curve, wanted_u))
@@ -99,75 +83,9 @@ def select(
         raise typer.Exit(exit_codes.NOT_MET)
 
 
-def _names(targets: str | None, cell: Cell) -> list[str]:
-    if targets is None:
-        return list(cell.tool.targets)
-    names = list(dict.fromkeys(name.strip() for name in targets.split(",") if name.strip()))
-    for name in names:
-        if name not in cell.tool.targets:
-            raise DataError(
-                f"'{name}' is no target of the cell.",
-                do=f"Use {', '.join(cell.tool.targets)}.",
-                key="--targets",
-            )
-    return names
-
-
-def _csv(poses: Sequence[Pose]) -> str:
-    joints = len(poses[0].joints_deg)
-    lines = [",".join(["target_id", *(f"j{k + 1}_deg" for k in range(joints))])]
-    lines += [
-        ",".join([str(i), *(f"{q:.{DECIMALS}f}" for q in pose.joints_deg)])
-        for i, pose in enumerate(poses, start=1)
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _document(
-    cell: Cell,
-    targets: Sequence[str],
-    groups: str,
-    seed: int,
-    candidates: Candidates,
-    choice: Choice,
-    curve: Curve,
-    poses: Sequence[Pose],
-    wanted_u: float | None,
-) -> dict[str, Any]:
-    index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
-    o = choice.observability
-    return finite(
-        {
-            "format": FORMAT,
-            "cell": cell.name,
-            "robot": cell.robot.model.name,
-            "targets": list(targets),
-            "groups": [name.strip() for name in groups.split(",")],
-            "seed": seed,
-            "candidates": len(candidates.joints),
-            "poses_deg": [list(pose.joints_deg) for pose in poses],
-            "filling": [index[i] for i in choice.filling],
-            "observability": {"O1": o.o1, "O2": o.o2, "O3": o.o3, "O4": o.o4, "O5": o.o5},
-            "efficiency": choice.efficiency,
-            "efficiency_without_filling": choice.efficiency_core,
-            "bound_gap": choice.gap,
-            "parameters": [
-                {"name": p.name, "std": to_display(float(s), p.unit), "unit": p.unit}
-                for p, s in zip(candidates.parameters, choice.std, strict=True)
-            ],
-            "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in choice.dropped],
-            "uncertainty": {
-                "poses": curve.counts.tolist(),
-                "max_u_mm": curve.largest.tolist(),
-                "mean_u_mm": curve.mean.tolist(),
-                "max_u_of_model_mm": curve.of_model.tolist(),
-                "enough": curve.enough(),
-                "wanted_u_mm": wanted_u,
-                "reached_with": None if wanted_u is None else curve.reaches(wanted_u),
-            },
-            "warnings": list(choice.warnings),
-        }
-    )
+def _listed(text: str) -> tuple[str, ...]:
+    """Names with commas between."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _summary(candidates: Candidates, choice: Choice) -> RenderableType:

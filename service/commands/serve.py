@@ -6,16 +6,22 @@ import ipaddress
 import re
 import sys
 from contextlib import ExitStack
+from functools import partial
+from json import dumps
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from acquisition import read_cell
 from calib.errors import DataError
 from service import exit_codes
+from service.json_log import json_log
 from service.private import note_if_others_read, owner_only
 from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
+
+if TYPE_CHECKING:
+    from service.http.access.settings import Settings
 
 _HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
@@ -39,8 +45,15 @@ def serve(
             f"not there. Else {VARIABLE}, or new ones at every start, in DIR/{NAME}.",
         ),
     ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON line with url and tokens, for programs.")
+    ] = False,
+    log: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
+    ] = None,
 ) -> None:
-    """Serve HTTP and the operator's page. Prints one JSON line with url and tokens when ready. Nothing moves until it
+    """Serve HTTP and the operator's page; prints where to open it and the tokens when ready. Nothing moves until it
     is asked to."""
     _refuse_host(host)
     token = chosen_token() if token_file is None else None
@@ -61,6 +74,7 @@ def serve(
 
     record = record.absolute()
     with ExitStack() as stack:
+        stack.enter_context(json_log(log))
         if token_file is None:
             tokens = stack.enter_context(tokens_until_the_end(record, token))
         else:
@@ -77,9 +91,36 @@ def serve(
             simulated=simulated,
             host=host,
         )
-        code = run_server(create_app(settings), settings, port)
+        hello = _for_programs if json else _for_people
+        code = run_server(create_app(settings), settings, port, partial(hello, settings))
     if code != exit_codes.DONE:
         raise typer.Exit(code)
+
+
+def _for_programs(settings: Settings, url: str) -> str:
+    hello = {
+        "url": url,
+        "token": settings.tokens.operator,
+        "viewer_token": settings.tokens.viewer,
+        "token_file": str(settings.token_file),
+    }
+    return dumps(hello)
+
+
+def _for_people(settings: Settings, url: str) -> str:
+    cell = "no cell: nothing can be measured" if settings.cell is None else f"the cell {settings.cell.name}"
+    simulated = "" if settings.simulated is None else ", SIMULATED"
+    return "\n".join(
+        (
+            f"Ready: {cell}{simulated}. Nothing moves until somebody asks for it.",
+            f"  page           {url}/",
+            f"  token          {settings.tokens.operator}",
+            f"  viewer's token {settings.tokens.viewer}   (reads, pauses and stops)",
+            f"  tokens are in  {settings.token_file}",
+            f"  interface      {url}/docs",
+            "Ctrl-C pauses whatever runs and ends the service.",
+        )
+    )
 
 
 def _refuse_host(host: str) -> None:

@@ -4,28 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
-import numpy as np
 import typer
 
-from calib.array import Array
 from calib.data import Dataset, read_dataset
 from calib.errors import DataError
-from calib.fit import base_model_of, place_nominal
-from calib.model import RobotModel
-from calib.saved import SavedModel
-from calib.validation import (
-    Judgement,
-    apart,
-    differences,
-    hold_outs,
-    judge,
-    judge_repeats,
-    place,
-    refuse_incomparable,
-    refuse_other_robot,
-)
+from calib.validation import hold_outs
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import validation_tables
@@ -33,16 +18,8 @@ from service.printed.tables import acceptance as acceptance_table
 from service.printed.tables import warnings as warnings_table
 from service.printed.terminal import Terminal
 from service.results import validation_document
-from service.results.acceptance import Limits, decide
-
-
-class Read(NamedTuple):
-    """A model to judge and its file, and another to set beside it."""
-
-    model: SavedModel
-    path: Path
-    second: SavedModel | None
-    other: Path | None
+from service.results.acceptance import Limits
+from service.results.validated import Question, Read, Validated
 
 
 def validate_command(
@@ -97,7 +74,8 @@ def validate_command(
             for each in filter(None, (saved, second)):
                 options.note_without_regression(each, terminal)
             read = Read(saved, model, second, compare)
-            _judge(dataset, read, point, limits, json, terminal, placed=place_it, everything=everything)
+            asked = Question(place_it, everything, point, limits)
+            _judge(dataset, read, asked, json, terminal)
 
 
 def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
@@ -108,105 +86,20 @@ def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
         terminal.out.print(table)
 
 
-def _judge(
-    dataset: Dataset,
-    read: Read,
-    point: tuple[float, float, float] | None,
-    limits: Limits | None,
-    json: str | None,
-    terminal: Terminal,
-    *,
-    placed: bool,
-    everything: bool,
-) -> None:
-    saved, path, second, other = read
-    refuse_other_robot(saved, dataset, path)
-    if second is not None and other is not None:
-        refuse_incomparable(saved, second, other)
-    rows = dataset.usable if everything else dataset.validation_rows
-    placed = placed or (second is not None and bool(dataset.pointed.any()))
-
-    def in_place(model: SavedModel) -> tuple[RobotModel, Array]:
-        return place(dataset, model.model, model.estimate) if placed else (model.model, model.estimate)
-
-    models = {
-        "nominal robot, placed": place_nominal(dataset, base_model_of(dataset)),
-        _name(path): in_place(saved),
-    }
-    if second is not None and other is not None:
-        models[_name(other, unlike=_name(path))] = in_place(second)
-    judgements = []
-    for name, judged in models.items():
-        terminal.say(f"judging the {name}")
-        judgements.append(judge(name, dataset, rows, *judged, point))
-    names = list(models)
-    repeats = judge_repeats(dataset, *models[names[1]])
-    warnings = _warnings(dataset, saved, second, judgements, placed=placed, everything=everything)
-    comparison, shown = None, []
-    if second is not None:
-        parameters = differences(saved, second)
-        between = apart(dataset, rows & dataset.pointed, models[names[1]], models[names[2]])
-        comparison = validation_document.comparison_of(names[1:], parameters, between)
-        shown = list(validation_tables.compared((names[1], names[2]), parameters, between))
-    acceptance = None
-    if limits is not None:  # on what the table shows: positions, or lengths where no point was measured
-        judged = rows & dataset.pointed if (rows & dataset.pointed).any() else rows
-        acceptance = decide(limits, dataset, judged, *models[names[1]], names[1])
-    document = validation_document.of_validation(
-        dataset,
-        judged_on="all" if everything else "validation",
-        placed=placed,
-        judgements=judgements,
-        repeats=repeats,
-        warnings=warnings,
-        comparison=comparison,
-    )
-    if acceptance is not None:
-        document["acceptance"] = acceptance.document()
-    options.write_result(document, json, terminal)
+def _judge(dataset: Dataset, read: Read, asked: Question, json: str | None, terminal: Terminal) -> None:
+    found = Validated.of(dataset, read, asked, terminal.say)
+    options.write_result(found.document(), json, terminal)
     terminal.rest()
+    shown = []
+    if len(found.names) > 2:
+        both = (found.names[1], found.names[2])
+        shown = list(validation_tables.compared(both, found.parameters, found.between))
     for table in (
-        *validation_tables.judged(judgements, None if everything else dataset.header.holdout),
-        *validation_tables.repeated(dataset, repeats, names[1]),
+        *validation_tables.judged(found.judgements, None if asked.everything else dataset.header.holdout),
+        *validation_tables.repeated(dataset, found.repeats, found.names[1]),
         *shown,
-        acceptance_table(acceptance),
-        warnings_table(warnings),
+        acceptance_table(found.acceptance),
+        warnings_table(found.warnings),
     ):
         terminal.out.print(table)
-    options.finish(acceptance, terminal)
-
-
-def _name(path: Path, unlike: str = "") -> str:
-    """A model by its file: the bare name, or the whole path where two share it."""
-    return str(path) if path.stem == unlike else path.stem
-
-
-def _warnings(
-    dataset: Dataset,
-    saved: SavedModel,
-    second: SavedModel | None,
-    judgements: list[Judgement],
-    *,
-    placed: bool,
-    everything: bool,
-) -> list[str]:
-    """What keeps these figures from meaning what they seem to mean."""
-    out = [*saved.notes, *(() if second is None else second.notes)]
-    if everything and dataset.sha256 in (saved.data_sha256, "" if second is None else second.data_sha256):
-        out.append("Rows to which the model was fitted are among those judged: flatters.")
-    if second is not None and second.data_sha256 == saved.data_sha256:
-        out.append("Both models come from the same readings; E_n supposes independent ones.")
-    nominal, judged = judgements[0].error, judgements[1].error
-    if not placed and judged.rms > nominal.rms:
-        out.append(
-            f"The model is worse than the nominal robot in its place ({judged.rms:.3f} against {nominal.rms:.3f} mm "
-            "RMS): its frame may not be that of these readings; --place fits base and tool."
-        )
-    one_sided = [k for k, side in enumerate(saved.holds_for.get("approach", [])) if side != "both sides"]
-    sides = dataset.conditions.side[dataset.usable]
-    both = [str(k + 1) for k in one_sided if len(np.unique(sides[:, k])) > 1]
-    if both:
-        out.append(
-            f"The model holds for an approach from one side; joints {', '.join(both)} came from both sides here."
-        )
-    return out
+    options.finish(found.acceptance, terminal)

@@ -9,6 +9,7 @@ from importlib.metadata import version
 import anyio.to_thread
 from fastapi import FastAPI
 
+from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate
 from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
@@ -17,14 +18,21 @@ from service.http.routes import (
     campaign_file_routes,
     cell_routes,
     data_routes,
+    deletion_routes,
+    docs_page,
+    examination_routes,
     job_routes,
     loop_routes,
+    metrics_routes,
     page,
     plan_routes,
+    program_routes,
     prompt_routes,
     regression_routes,
     run_routes,
+    selection_routes,
     target_routes,
+    validation_routes,
 )
 from service.http.routes.openapi import describe
 from service.http.state import Service
@@ -48,7 +56,7 @@ def create_app(settings: Settings) -> FastAPI:
         version=version("truepose"),
         description="Measure a robot, name what its model lacks. Not a safety function: the emergency stop is "
         "hardware.",
-        docs_url=None,  # the usual pages load their scripts from elsewhere, and a cell has no internet
+        docs_url=None,  # the usual page loads from elsewhere, and a cell has no internet: `docs_page`
         redoc_url=None,
         lifespan=lifespan,
     )
@@ -63,12 +71,21 @@ def create_app(settings: Settings) -> FastAPI:
         alignment_routes,
         job_routes,
         regression_routes,
+        validation_routes,
+        selection_routes,
         target_routes,
+        program_routes,
+        examination_routes,
+        deletion_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)
+    app.include_router(docs_page.router)
+    app.include_router(metrics_routes.router)
     problems.install(app)
     app.add_middleware(Lanes)
     app.add_middleware(Gate, settings=settings)  # before the lanes: who may not ask takes nobody's turn
+    app.state.account = Account()
+    app.add_middleware(Counted, account=app.state.account)  # outside all: what is refused counts too
     describe(app)
     return app

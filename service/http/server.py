@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import errno
 import gc
-import json
 import signal
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
 
 import uvicorn
@@ -47,8 +47,8 @@ class Server(uvicorn.Server):
         self.should_exit = True
 
 
-def run_server(app: FastAPI, settings: Settings, port: int) -> int:
-    """Serve until SIGINT or SIGTERM; an exit code.
+def run_server(app: FastAPI, settings: Settings, port: int, hello: Callable[[str], str]) -> int:
+    """Serve until SIGINT or SIGTERM; an exit code. hello: what to print once it is ready, from its address.
 
     Raises DataError when the port is taken, OSError for an address that is not of this computer.
     """
@@ -81,12 +81,6 @@ def run_server(app: FastAPI, settings: Settings, port: int) -> int:
         gc.freeze()
         # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.
         sys.setswitchinterval(0.001)
-        hello = {
-            "url": url,
-            "token": settings.tokens.operator,
-            "viewer_token": settings.tokens.viewer,
-            "token_file": str(settings.token_file),
-        }
-        server = Server(config, app, json.dumps(hello))
+        server = Server(config, app, hello(url))
         server.run(sockets=[listener])
     return exit_codes.DONE if server.started else exit_codes.FAILED

@@ -22,6 +22,7 @@ from service.http.runs.loops import Loops
 from service.http.wire.problems import Problem
 from service.http.work.campaigns import Shelf
 from service.http.work.datasets import Datasets
+from service.http.work.deletions import Deletions
 from service.http.work.idempotency import Keys
 from service.http.work.jobs import Jobs
 from service.http.work.readings import Readings
@@ -45,9 +46,10 @@ class Service:
         record.mkdir(parents=True, exist_ok=True)
         self.settings = settings
         self.keys = Keys(record)
+        self.deletions = Deletions(record)
         self.workers = Workers(WORKERS, waiting=CALLS)
         self.book = Book(
-            record / "runs", self._open_devices, self.workers, simulated=settings.simulated is not None
+            record / "runs", self.devices, self.workers, simulated=settings.simulated is not None
         )
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
@@ -57,7 +59,7 @@ class Service:
             record / "loops",
             self.book,
             self.datasets,
-            self._open_devices,
+            self.devices,
             self.workers,
             simulated=settings.simulated is not None,
         )
@@ -71,7 +73,8 @@ class Service:
         self._watches: dict[str, asyncio.Task[int]] = {}
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
 
-    def _open_devices(self, cell: Cell) -> Devices:
+    def devices(self, cell: Cell) -> Devices:
+        """The devices of a cell, or their simulators, not yet connected."""
         simulated = self.settings.simulated
         return open_devices(cell) if simulated is None else simulated.open(cell)
 

@@ -32,7 +32,11 @@ class Edit:
 
 def read_text(path: Path) -> str:
     """A program as text. Raises DataError when there is no such file, it is too large or holds binary data."""
-    data = read_bytes(path, MOST_BYTES)
+    return text_of(read_bytes(path, MOST_BYTES), path)
+
+
+def text_of(data: bytes, path: Path) -> str:
+    """The text of a program's bytes. Raises DataError for binary data."""
     if b"\0" in data:
         raise DataError("is not a text file.", do="Save the program as text (ASCII).", file=path)
     return data.decode("utf-8", errors="surrogateescape")
@@ -40,7 +44,12 @@ def read_text(path: Path) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a program whole or not at all, byte for byte where nothing was edited."""
-    replace_file(path, text.encode("utf-8", errors="surrogateescape"))
+    replace_file(path, bytes_of(text))
+
+
+def bytes_of(text: str) -> bytes:
+    """The bytes of a program's text."""
+    return text.encode("utf-8", errors="surrogateescape")
 
 
 def edited(text: str, edits: Iterable[Edit]) -> str:

@@ -6,6 +6,7 @@ import csv
 import io
 
 from calib.diagnose import Diagnosis
+from service.plain import no_formula
 
 COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm")
 
@@ -22,5 +23,5 @@ def predictions_csv(diagnosis: Diagnosis) -> str:
         ids = [name for name, held in zip(dataset.reading_id, rows, strict=True) if held]
         after, before = diagnosis.final.predict(conditions), diagnosis.base.predict(conditions)
         for name, with_effects, without in zip(ids, after, before, strict=True):
-            writer.writerow([name, *(f"{x:.6f}" for x in (*with_effects, *without))])
+            writer.writerow([no_formula(name), *(f"{x:.6f}" for x in (*with_effects, *without))])
     return text.getvalue()

@@ -92,4 +92,5 @@ def _call(*arguments: str) -> None:
 FANUCPY = Environment("fanucpy", "simulated Fanuc, MAPPDK text: moves it")
 UR_RTDE = Environment("ur-rtde", "simulated UR, RTDE: reads it while our driver moves it")
 CESAPI = Environment("cesapi", "simulated emScon: measures with it; emScon driver: serves its commands")
-ENVIRONMENTS = (FANUCPY, UR_RTDE, CESAPI)
+DCC = Environment("dcc", "digital calibration certificate: reads it, its schema's types and its units")
+ENVIRONMENTS = (FANUCPY, UR_RTDE, CESAPI, DCC)

@@ -262,15 +262,14 @@ def test_openapi_suits_client_generators(service: Served) -> None:
     assert len(set(names)) == len(names)
     assert all("_" not in name for name in names)
     text = json.dumps(document)
-    assert "itemSchema" not in text
-    assert "event-stream" not in text
+    assert "itemSchema" not in text  # what FastAPI says of a stream, which generators refuse
     assert "HTTPValidationError" not in text
     for name in (
         "NewRun",
         "NewLoop",
         "NewCampaign",
         "TakeLease",
-        "OfDataset",
+        "ToJudge",
         "Why",
         "Export",
         "TargetsToCorrect",
@@ -281,5 +280,4 @@ def test_openapi_suits_client_generators(service: Served) -> None:
 
 
 def test_no_page_loads_anything_from_elsewhere(service: Served) -> None:
-    for path in ("/docs", "/redoc"):
-        problem(httpx2.get(service.url + path, headers=service.client.headers), 404)
+    problem(httpx2.get(f"{service.url}/redoc", headers=service.client.headers), 404)

@@ -4,6 +4,7 @@ two values of `dry_run` make one that moves a robot, and a route that reads its 
 
 from __future__ import annotations
 
+import gzip
 import re
 import tomllib
 from collections.abc import Iterator
@@ -53,6 +54,33 @@ def test_a_body_that_cannot_be_used_is_refused_by_key(client: TestClient, case: 
     assert answer.headers["content-type"] == "application/problem+json"
     assert word in told["detail"] + told.get("key", "")
     assert told["what_to_do"]
+
+
+def test_what_is_said_to_be_500_mb_is_refused_before_it_comes(client: TestClient) -> None:
+    said = {"Content-Length": str(500 * 1024 * 1024), "Content-Type": "multipart/form-data; boundary=x"}
+
+    def nothing() -> Iterator[bytes]:
+        raise AssertionError("the body was asked for")
+        yield b""
+
+    for path in ("/api/v1/datasets", "/api/v1/alignments", "/api/v1/campaigns"):
+        answer = client.post(path, content=nothing(), headers=said)
+        assert answer.status_code == 413, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "deflate", "br", "zstd"])
+def test_nothing_that_is_sent_is_expanded(client: TestClient, encoding: str) -> None:
+    """A kilobyte that says it is a gigabyte is a kilobyte of nonsense."""
+    bomb = gzip.compress(b" " * 1_000_000 + b'{"campaign": {"a": 1}}')
+    answer = client.post(
+        "/api/v1/campaigns",
+        content=bomb,
+        headers={"Content-Type": "application/json", "Content-Encoding": encoding},
+    )
+    assert answer.status_code == 422
+    sent = {"csv": ("a.csv.gz", bomb), "toml": ("a.toml", b"")}
+    assert client.post("/api/v1/datasets", files=sent).status_code == 422
 
 
 def test_every_route_reads_its_body_so(client: TestClient) -> None:

@@ -20,7 +20,7 @@ from service.http.access.settings import Settings
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply
 from service.names import new_id, safe_id
-from service.plain import finite, utc_text
+from service.plain import finite, no_formula, utc_text
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
@@ -169,6 +169,18 @@ def test_plain_values() -> None:
         "b": None,
     }
     assert utc_text(0.0) == "1970-01-01T00:00:00.000Z"
+
+
+@pytest.mark.parametrize(
+    "text", ["=1+1", "+A1", "-A1", "@SUM(A1)", "\t=1", "\r=1", "-", '=HYPERLINK("x")', "--1"]
+)
+def test_a_spreadsheet_works_out_no_cell(text: str) -> None:
+    assert no_formula(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("text", ["", "a=1", "-1.5", "+2", "-1e-3", "17", "T1", " =1", "a-b"])
+def test_numbers_and_plain_text_stay_as_they_are(text: str) -> None:
+    assert no_formula(text) == text
 
 
 def test_ids() -> None:

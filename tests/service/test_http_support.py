@@ -63,7 +63,7 @@ class Served:
 @contextmanager
 def served(record: Path, *options: str) -> Iterator[Served]:
     """`truepose serve --record RECORD ...` until the block ends."""
-    command = [sys.executable, "-m", "service.cli", "serve", "--record", str(record), *options]
+    command = [sys.executable, "-m", "service.cli", "serve", "--json", "--record", str(record), *options]
     env = os.environ | {"TRUEPOSE_TOKEN": TOKEN, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
         try:

@@ -51,7 +51,7 @@ def test_what_is_loaded_when_the_service_begins_is_not_looked_through_for_garbag
     monkeypatch.setattr("sys.setswitchinterval", lambda seconds: None)  # of this process
     monkeypatch.setattr(Server, "run", lambda self, sockets: left.append(len(gc.get_objects())))
     try:
-        run_server(FastAPI(), Settings(tmp_path, Tokens("operator", "viewer")), 0)
+        run_server(FastAPI(), Settings(tmp_path, Tokens("operator", "viewer")), 0, str)
     finally:
         gc.unfreeze()
     assert left[0] < len(gc.get_objects()) / 10

@@ -22,6 +22,7 @@ from service.cli import main
 from service.http.access.roles import Role, Tokens, viewer_may
 from service.private import make_secret, owner_only
 from service.token_file import lasting_tokens, tokens_until_the_end
+from tests.drivers.waiting import PATIENCE_S
 from tests.service.test_http import CAMPAIGN, CELL
 from tests.service.test_http_support import TOKEN, Served, problem, served
 
@@ -40,7 +41,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture
 def viewer(service: Served) -> Iterator[httpx2.Client]:
     with httpx2.Client(
-        base_url=service.client.base_url, headers={"Authorization": f"Bearer {VIEWER}"}
+        base_url=service.client.base_url, headers={"Authorization": f"Bearer {VIEWER}"}, timeout=PATIENCE_S
     ) as client:
         yield client
 

@@ -19,8 +19,8 @@ from service.http.wire import problems
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
 
-OPEN = ("/", path_of("health"), "/openapi.json")  # reveal nothing about the cell
-MODULES = "/page/"  # nor do the modules of the page
+OPEN = ("/", path_of("health"), "/openapi.json", "/docs")  # reveal nothing about the cell
+MODULES = ("/page/", "/docs/")  # nor do the modules of the pages
 _TOO_LARGE = "The request is larger than {} MB."
 _SPLIT = "Send less at once; a data set can be split into series."
 

@@ -15,40 +15,70 @@ from calib.motion import SLOW_MM_S
 from service.http.routes.job_routes import REPORT_HEADERS, shown
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies import JobShown
-from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.bodies import AlignmentShown
+from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
 from service.results.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, Order
 
 router = APIRouter(route_class=JsonRoute, tags=["alignments"])
 ALIGNMENTS = path_of("alignments")
-Millimetres = Annotated[float, Form(ge=-FARTHEST_TOOL_MM, le=FARTHEST_TOOL_MM, allow_inf_nan=False)]
-Text = Annotated[str, Form(max_length=200)]
-Map = Annotated[
-    str, Form(max_length=2000, description="As --robot-columns and --tracker-columns of the command.")
-]
 
 
-@router.post("/alignments", operation_id="createAlignment", status_code=202, response_model=JobShown)
+def _millimetres(axis: str) -> Any:
+    return Form(
+        ge=-FARTHEST_TOOL_MM,
+        le=FARTHEST_TOOL_MM,
+        allow_inf_nan=False,
+        description=f"{axis} of the target on the flange, mm.",
+        examples=[100.0],
+    )
+
+
+def _text(description: str, example: str, longest: int = 200) -> Any:
+    return Form(max_length=longest, description=description, examples=[example])
+
+
+_COLUMNS = "{} of other names, NAME=COLUMN,..., as --{}-columns of the command."
+
+
+@router.post("/alignments", operation_id="createAlignment", status_code=202, response_model=AlignmentShown)
 def create_alignment(
     here: Here,
     robot_csv: Annotated[UploadFile, File(description="ROBOT.csv: the robot's joints by its clock")],
     tracker_csv: Annotated[UploadFile, File(description="TRACKER.csv: points by the instrument's clock")],
-    robot: Text,
-    tool_x_mm: Millimetres,
-    tool_y_mm: Millimetres,
-    tool_z_mm: Millimetres,
-    tool_known: Annotated[bool, Form()] = False,
-    slower_than_mm_s: Annotated[float, Form(gt=0.0, le=1e5, allow_inf_nan=False)] = SLOW_MM_S,
-    coupling: Text = "none",
-    instrument: Text = "unknown",
-    robot_columns: Map = "",
-    tracker_columns: Map = "",
-    every_sample: Annotated[bool, Form()] = False,
-    holdout: Annotated[float, Form(ge=0.0, lt=1.0, allow_inf_nan=False)] = HOLDOUT,
-    seed: Annotated[int, Form(ge=0, le=2**32)] = SEED,
-    name: Text = "",
+    robot: Annotated[str, _text("The name of a built-in robot.", "ur5")],
+    tool_x_mm: Annotated[float, _millimetres("x")],
+    tool_y_mm: Annotated[float, _millimetres("y")],
+    tool_z_mm: Annotated[float, _millimetres("z")],
+    tool_known: Annotated[
+        bool, Form(description="True: that place is exact; false: it is fitted as well.", examples=[False])
+    ] = False,
+    slower_than_mm_s: Annotated[
+        float,
+        Form(
+            gt=0.0, le=1e5, allow_inf_nan=False, description="Slower is a standstill, mm/s.", examples=[1.0]
+        ),
+    ] = SLOW_MM_S,
+    coupling: Annotated[str, _text("How the controller counts coupled joints.", "none")] = "none",
+    instrument: Annotated[str, _text("The instrument, for the data set.", "leica")] = "unknown",
+    robot_columns: Annotated[
+        str, _text(_COLUMNS.format("Columns of ROBOT.csv", "robot"), "t_s=time", 2000)
+    ] = "",
+    tracker_columns: Annotated[
+        str, _text(_COLUMNS.format("Columns of TRACKER.csv", "tracker"), "t_s=time", 2000)
+    ] = "",
+    every_sample: Annotated[
+        bool, Form(description="A row for every sample at rest, not one a standstill.", examples=[False])
+    ] = False,
+    holdout: Annotated[
+        float,
+        Form(
+            ge=0.0, lt=1.0, allow_inf_nan=False, description="Share of rows that only judge.", examples=[0.2]
+        ),
+    ] = HOLDOUT,
+    seed: Annotated[int, Form(ge=0, le=2**32, description="Draws them; no unit.", examples=[1])] = SEED,
+    name: Annotated[str, _text("A name for the data set.", "night 1")] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
     """Align two streams of a moving robot.
@@ -81,13 +111,13 @@ def create_alignment(
     return here.keys.once(idempotency_key, (ALIGNMENTS, asdict(order), name, *hashes), work)
 
 
-@router.get("/alignments/{job_id}", operation_id="getAlignment", response_model=JobShown)
-async def get_alignment(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+@router.get("/alignments/{job_id}", operation_id="getAlignment", response_model=AlignmentShown)
+async def get_alignment(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
     """An alignment; with `wait`, as soon as its version is beyond `after`. Its result is that of `align --json`."""
     return await shown(here, "alignment", job_id, wait, after)
 
 
 @router.get("/alignments/{job_id}/picture.svg", operation_id="getAlignmentPicture", response_class=Response)
-def get_picture(here: Here, job_id: str) -> Response:
+def get_picture(here: Here, job_id: JobId) -> Response:
     """The speeds before and after, and the error by speed."""
     return Response(here.jobs.picture(job_id), media_type="image/svg+xml", headers=REPORT_HEADERS)

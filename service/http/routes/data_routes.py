@@ -11,7 +11,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import Campaigns, CampaignShown, Datasets, DatasetShown, NewCampaign
-from service.http.wire.headers import IdempotencyKey
+from service.http.wire.headers import CampaignId, DatasetId, IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV, TOML
@@ -46,7 +46,7 @@ async def list_campaigns(here: Here) -> Response:
 @router.get(
     "/campaigns/{campaign_id}", operation_id="getCampaign", response_model=CampaignShown, tags=["campaigns"]
 )
-def get_campaign(here: Here, campaign_id: str) -> dict[str, Any]:
+def get_campaign(here: Here, campaign_id: CampaignId) -> dict[str, Any]:
     """A campaign that was kept."""
     return here.shelf.get(campaign_id)
 
@@ -60,9 +60,9 @@ def get_campaign(here: Here, campaign_id: str) -> dict[str, Any]:
 )
 def upload_dataset(
     here: Here,
-    csv: Annotated[UploadFile, File(description="DATA.csv")],
-    toml: Annotated[UploadFile, File(description="DATA.toml")],
-    name: Annotated[str, Form(max_length=200)] = "",
+    csv: Annotated[UploadFile, File(description="DATA.csv: the readings.")],
+    toml: Annotated[UploadFile, File(description="DATA.toml: their header.")],
+    name: Annotated[str, Form(max_length=200, description="A name for people.", examples=["night 1"])] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
     """Upload a data set: both files, refused with line or key where they cannot be used."""
@@ -86,7 +86,7 @@ async def list_datasets(here: Here) -> Response:
 @router.get(
     "/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown, tags=["datasets"]
 )
-def get_dataset(here: Here, dataset_id: str) -> dict[str, Any]:
+def get_dataset(here: Here, dataset_id: DatasetId) -> dict[str, Any]:
     """A data set: what it holds. Its files are below it."""
     return here.datasets.get(dataset_id)
 
@@ -97,7 +97,7 @@ def get_dataset(here: Here, dataset_id: str) -> dict[str, Any]:
     response_class=FileResponse,
     tags=["datasets"],
 )
-def download_csv(here: Here, dataset_id: str) -> FileResponse:
+def download_csv(here: Here, dataset_id: DatasetId) -> FileResponse:
     """The readings."""
     return FileResponse(here.datasets.path(dataset_id) / CSV, media_type="text/csv; charset=utf-8")
 
@@ -108,6 +108,6 @@ def download_csv(here: Here, dataset_id: str) -> FileResponse:
     response_class=FileResponse,
     tags=["datasets"],
 )
-def download_toml(here: Here, dataset_id: str) -> FileResponse:
+def download_toml(here: Here, dataset_id: DatasetId) -> FileResponse:
     """The header of the readings."""
     return FileResponse(here.datasets.path(dataset_id) / TOML, media_type="application/toml")

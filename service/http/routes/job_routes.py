@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi import APIRouter, Query
+from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from calib.arm import built_in_robots
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here, Service
-from service.http.wire.bodies import JobShown, JobsShown, OfDataset
-from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToJudge
+from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
 from service.http.wire.problems import not_found
+from service.http.work.certifying import certificate_of
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
+from service.results.acceptance import Limits
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 # A report is complete in itself; whatever its data say, a browser runs and loads nothing for it.
@@ -26,20 +28,24 @@ REPORT_HEADERS = {
 }
 
 
-def _add(here: Service, kind: str, collection: str, body: OfDataset, key: str) -> JSONResponse:
+def _add(here: Service, kind: str, collection: str, body: ToJudge, key: str) -> JSONResponse:
     def work() -> JSONResponse:
         dataset = here.datasets.get(body.dataset_id)
         cell = here.settings.cell
         if cell is not None and cell.robot.model.name not in built_in_robots():
             cell = None  # its robot is in a file of its own, which a job does not have
-        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell)
+        limits = Limits.of(body.accept_rms_mm or None, body.accept_max_mm or None)
+        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell, limits)
         return reply(202, job, location=path_of(collection, job["id"]), retry_after=1)
 
     return here.keys.once(key, (collection, body), work)
 
 
-async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> dict[str, Any]:
-    """The document of a job; with `wait`, s, as soon as its version is beyond `after`."""
+async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> JSONResponse:
+    """The document of a job; with `wait`, s, as soon as its version is beyond `after`.
+
+    As it was kept: a result of an older version is given back whatever this one would say of it.
+    """
 
     def read() -> dict[str, Any]:
         return here.jobs.document(kind, name)
@@ -49,50 +55,54 @@ async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> d
     if wait and document["version"] <= after and document["state"] not in ("succeeded", "failed"):
         await here.changed(what, lambda seconds: here.jobs.wait(kind, name, after, seconds), after, wait)
         document = await here.reading(what, read)
-    return document
+    return JSONResponse(document)
 
 
 @router.post(
-    "/identifications", operation_id="createIdentification", status_code=202, response_model=JobShown
+    "/identifications",
+    operation_id="createIdentification",
+    status_code=202,
+    response_model=IdentificationShown,
 )
-def create_identification(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """Identify the robot of a data set."""
+def create_identification(here: Here, body: ToJudge, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Identify the robot of a data set, and hold the error on readings held out to limits where there are some."""
     return _add(here, "identification", "identifications", body, idempotency_key)
 
 
-@router.get("/identifications/{job_id}", operation_id="getIdentification", response_model=JobShown)
-async def get_identification(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+@router.get("/identifications/{job_id}", operation_id="getIdentification", response_model=IdentificationShown)
+async def get_identification(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
     """An identification; with `wait`, as soon as its version is beyond `after`."""
     return await shown(here, "identification", job_id, wait, after)
 
 
-@router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=JobShown)
-def create_diagnosis(here: Here, body: OfDataset, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+@router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=DiagnosisShown)
+def create_diagnosis(here: Here, body: ToJudge, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Identify the robot of a data set and find what its model lacks.
 
+    The error on readings held out is held to limits where there are some: `result.acceptance`.
     Where something is ambiguous, `result.follow_up` holds a campaign that decides it, within the cell of this
     service: POST it to /runs.
     """
     return _add(here, "diagnosis", "diagnoses", body, idempotency_key)
 
 
-@router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=JobShown)
-async def get_diagnosis(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+@router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=DiagnosisShown)
+async def get_diagnosis(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
     """A diagnosis; with `wait`, as soon as its version is beyond `after`."""
     return await shown(here, "diagnosis", job_id, wait, after)
 
 
 @router.get("/datasets/{dataset_id}/jobs", operation_id="listDatasetJobs", response_model=JobsShown)
-def list_dataset_jobs(here: Here, dataset_id: str) -> dict[str, Any]:
+def list_dataset_jobs(here: Here, dataset_id: DatasetId) -> JSONResponse:
     """What a data set was given to: its identifications, diagnoses and regressions, newest first."""
     here.datasets.get(dataset_id)
-    return {"jobs": here.jobs.of_dataset(dataset_id)}
+    return JSONResponse({"jobs": here.jobs.of_dataset(dataset_id)})
 
 
-@router.get("/models/{job_id}", operation_id="getModel")
-def get_model(here: Here, job_id: str) -> dict[str, Any]:
+@router.get("/models/{job_id}", operation_id="getModel", response_model=ModelShown)
+def get_model(here: Here, job_id: JobId) -> JSONResponse:
     """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
-    return here.jobs.model(job_id)
+    return JSONResponse(here.jobs.model(job_id))
 
 
 @router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
@@ -113,6 +123,36 @@ def get_arrows(here: Here, job_id: str) -> dict[str, Any]:
 
 
 @router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
-def get_report(here: Here, job_id: str) -> HTMLResponse:
+def get_report(here: Here, job_id: JobId) -> HTMLResponse:
     """The report of an identification or a diagnosis: one HTML page that loads nothing."""
     return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)
+
+
+def _about(description: str, example: str) -> Any:
+    return Query(max_length=200, description=description, examples=[example])
+
+
+@router.get("/results/{job_id}/certificate.xml", operation_id="getCertificate", response_class=Response)
+def get_certificate(
+    here: Here,
+    job_id: JobId,
+    laboratory: Annotated[str, _about("Who calibrates; left out: not stated.", "Cell 7, ACME")] = "",
+    city: Annotated[str, _about("Where that is.", "Ulm")] = "",
+    country: Annotated[str, _about("Its country, two letters (ISO 3166-1).", "DE")] = "",
+    customer: Annotated[str, _about("For whom.", "ACME")] = "",
+    responsible: Annotated[str, _about("The person who is responsible.", "Anna Ruf")] = "",
+) -> Response:
+    """A digital calibration certificate of an identification or a diagnosis: XML after the schema of the PTB (3.3.0).
+
+    422 where the data set does not say when it was measured. Its number is that of the report.
+    """
+    told = {
+        "laboratory": laboratory,
+        "city": city,
+        "country": country,
+        "customer": customer,
+        "responsible": responsible,
+    }
+    about = {name: text for name, text in told.items() if text}
+    text = here.workers.call(certificate_of, here.jobs.certified(job_id), about)
+    return Response(text, media_type="application/xml", headers={"X-Content-Type-Options": "nosniff"})

@@ -14,7 +14,7 @@ from service.http.runs.dry_runs import planned
 from service.http.runs.loops import ENDED
 from service.http.state import Here, Service
 from service.http.wire.bodies import Loops, LoopShown, NewLoop, ResumeBody
-from service.http.wire.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.wire.headers import After, IdempotencyKey, LeaseId, LoopId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
 
@@ -61,7 +61,7 @@ async def list_loops(here: Here) -> Response:
 
 
 @router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
-async def get_loop(here: Here, loop_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+async def get_loop(here: Here, loop_id: LoopId, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
     """A loop; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
 
     def read() -> dict[str, Any]:
@@ -77,7 +77,7 @@ async def get_loop(here: Here, loop_id: str, wait: Wait = 0, after: After = 0) -
 
 
 @router.post("/loops/{loop_id}/pause", operation_id="pauseLoop", status_code=202, response_model=LoopShown)
-async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
+async def pause_loop(here: Here, loop_id: LoopId) -> JSONResponse:
     """The loop rests after the reading in hand; between two campaigns, after the step in hand."""
 
     def work() -> JSONResponse:
@@ -89,7 +89,11 @@ async def pause_loop(here: Here, loop_id: str) -> JSONResponse:
 
 @router.post("/loops/{loop_id}/resume", operation_id="resumeLoop", status_code=202, response_model=LoopShown)
 def resume_loop(
-    here: Here, loop_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+    here: Here,
+    loop_id: LoopId,
+    body: ResumeBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
 ) -> JSONResponse:
     """Go on where it was; the robot moves, so this needs `Lease-Id`. A run of a loop is resumed with its loop.
 
@@ -108,7 +112,7 @@ def resume_loop(
 
 
 @router.post("/loops/{loop_id}/stop", operation_id="stopLoop", status_code=202, response_model=LoopShown)
-async def stop_loop(here: Here, loop_id: str) -> JSONResponse:
+async def stop_loop(here: Here, loop_id: LoopId) -> JSONResponse:
     """The robot halts now and the loop ends. Needs no lease. `problems`: what could not be stopped.
 
     The answer comes when the robot has the order, which may be a moment before the loop has ended.

@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from service.http.access.roles import Role, viewer_may
-from service.http.wire.bodies import ProblemShown
+from service.http.wire.bodies import EventShown, ProblemShown
 from service.http.wire.problems import MEDIA_TYPE
 
 _TOKENS = {
@@ -16,6 +16,18 @@ _TOKENS = {
     Role.VIEWER: "The viewer's token: everything that is read, and pausing and stopping. Else 403.",
 }
 _OPERATOR, _VIEWER = ({role.value: []} for role in _TOKENS)
+
+
+def _describe_stream(document: dict[str, Any]) -> None:
+    """The stream of events as text: of its lines, which are server-sent events, `data` is an `EventShown`."""
+    for item in document["paths"].values():
+        answer = item.get("get", {}).get("responses", {}).get("200", {})
+        if "text/event-stream" in answer.get("content", {}):
+            answer["description"] = "Server-sent events; `data` of each is one `EventShown` as JSON."
+            example = (
+                'id: 412\nevent: reading\ndata: {"id": 412, "kind": "reading", "data": {"target": "T1"}}\n\n'
+            )
+            answer["content"] = {"text/event-stream": {"schema": {"type": "string", "examples": [example]}}}
 
 
 def describe(app: FastAPI) -> None:
@@ -37,11 +49,13 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas = parts.setdefault("schemas", {})
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    schemas["Problem"] = ProblemShown.model_json_schema()
+    schemas["ProblemShown"] = ProblemShown.model_json_schema()
+    schemas["EventShown"] = EventShown.model_json_schema()
+    _describe_stream(document)
     parts["responses"] = {
         "Problem": {
             "description": "What went wrong, and what to do.",
-            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/ProblemShown"}}},
         }
     }
     parts["securitySchemes"] = {

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from enum import Enum
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header
+from fastapi import APIRouter, Depends, Header, Path
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
@@ -17,7 +17,7 @@ from service.http.routes.json_route import JsonRoute
 from service.http.routes.run_routes import FINAL, RUNS, who
 from service.http.state import Here
 from service.http.wire.bodies import Prompts, RunShown, WhyBody
-from service.http.wire.headers import IdempotencyKey, LeaseId
+from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import reply
 from service.plain import finite, utc_text
@@ -35,7 +35,7 @@ class Verb(Enum):
 
 
 @router.get("/runs/{run_id}/prompts", operation_id="listPrompts", response_model=Prompts)
-async def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
+async def list_prompts(here: Here, run_id: RunId) -> dict[str, Any]:
     """The prompt that is open now."""
     prompt = (await here.reading(f"run {run_id}", lambda: here.book.document(run_id)))["prompt"]
     return {"prompts": [] if prompt is None else [prompt]}
@@ -46,9 +46,11 @@ async def list_prompts(here: Here, run_id: str) -> dict[str, Any]:
 )
 async def answer_prompt(
     here: Here,
-    run_id: str,
-    prompt_id: str,
-    verb: Verb,
+    run_id: RunId,
+    prompt_id: PromptId,
+    verb: Annotated[
+        Verb, Path(description="The answer, one of what the prompt expects.", examples=["confirm"])
+    ],
     body: WhyBody,
     idempotency_key: IdempotencyKey = "",
     lease_id: LeaseId = "",
@@ -73,16 +75,29 @@ async def answer_prompt(
     return await here.order(run_id, lambda: here.keys.once(idempotency_key, asked, work))
 
 
-async def _run(here: Here, run_id: str) -> Run:
+async def _run(here: Here, run_id: RunId) -> Run:
     return await here.waiting(lambda: here.book.get(run_id))
 
 
-# Not in the OpenAPI document: its description of event streams makes client generators refuse the whole of it.
-@router.get("/runs/{run_id}/events", response_class=EventSourceResponse, include_in_schema=False)
+LastEventId = Annotated[
+    str,
+    Header(
+        description="The `id` of the last event that is known; left out: from the first.", examples=["412"]
+    ),
+]
+
+
+# What FastAPI says of a stream by itself (`itemSchema`) makes client generators refuse the whole document, so
+# `openapi.py` describes it.
+@router.get("/runs/{run_id}/events", operation_id="streamEvents", response_class=EventSourceResponse)
 async def stream_events(
-    here: Here, run_id: str, run: Annotated[Run, Depends(_run)], last_event_id: Annotated[str, Header()] = ""
+    here: Here, run_id: RunId, run: Annotated[Run, Depends(_run)], last_event_id: LastEventId = ""
 ) -> AsyncIterator[ServerSentEvent]:
-    """Every event, from the first or after Last-Event-ID; ends when nothing can happen any more."""
+    """Every event as it happens, from the first or after Last-Event-ID; ends when nothing can happen any more.
+
+    Server-sent events: `id`, `event` (the kind) and `data`, one `EventShown` as JSON. A client that has lost the
+    connection sends `Last-Event-ID` and misses nothing.
+    """
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
     while not here.closing:
         events = await here.waiting(lambda after=seen: run.events(after))

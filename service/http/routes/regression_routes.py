@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
-
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
-from pydantic import Field
 
 from service.http.routes.job_routes import shown
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies import JobShown, OfDataset
-from service.http.wire.headers import After, IdempotencyKey, Wait
+from service.http.wire.bodies import RegressionAsked, RegressionShown
+from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.datasets import CSV
 from service.http.work.idempotency import reply
@@ -21,18 +18,7 @@ router = APIRouter(route_class=JsonRoute, tags=["regressions"])
 REGRESSIONS = path_of("regressions")
 
 
-class RegressionAsked(OfDataset):
-    """A data set, and the options of `truepose regress`."""
-
-    on: Literal["residuals", "positions"] = "residuals"
-    kernel: Literal["linear", "rbf"] = "linear"
-    features: Literal["closed-form", "printed", "tool-down", "turns"] | None = None
-    level: int = Field(3, ge=2, le=3)
-    compare: bool = False
-    diagnose: bool = False
-
-
-@router.post("/regressions", operation_id="createRegression", status_code=202, response_model=JobShown)
+@router.post("/regressions", operation_id="createRegression", status_code=202, response_model=RegressionShown)
 def create_regression(
     here: Here, body: RegressionAsked, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:
@@ -57,7 +43,7 @@ def create_regression(
     return here.keys.once(idempotency_key, (REGRESSIONS, body), work)
 
 
-@router.get("/regressions/{job_id}", operation_id="getRegression", response_model=JobShown)
-async def get_regression(here: Here, job_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+@router.get("/regressions/{job_id}", operation_id="getRegression", response_model=RegressionShown)
+async def get_regression(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
     """A regression; with `wait`, as soon as its version is beyond `after`. Its result is that of `regress --json`."""
     return await shown(here, "regression", job_id, wait, after)

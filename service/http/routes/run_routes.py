@@ -24,7 +24,7 @@ from service.http.wire.bodies import (
     RunShown,
     WhyBody,
 )
-from service.http.wire.headers import After, IdempotencyKey, LeaseId, Wait
+from service.http.wire.headers import After, IdempotencyKey, LeaseId, RunId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
 
@@ -70,7 +70,7 @@ async def list_runs(here: Here) -> Response:
 
 
 @router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
-async def get_run(here: Here, run_id: str, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
     """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
 
     def read() -> dict[str, Any]:
@@ -86,7 +86,7 @@ async def get_run(here: Here, run_id: str, wait: Wait = 0, after: After = 0) -> 
 
 
 @router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunShown)
-async def pause_run(here: Here, run_id: str) -> JSONResponse:
+async def pause_run(here: Here, run_id: RunId) -> JSONResponse:
     """The run ends after the reading in hand; it can be resumed."""
 
     def work() -> JSONResponse:
@@ -98,7 +98,7 @@ async def pause_run(here: Here, run_id: str) -> JSONResponse:
 
 @router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
 def resume_run(
-    here: Here, run_id: str, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+    here: Here, run_id: RunId, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
     """Go on; the robot moves, so this needs `Lease-Id`.
 
@@ -121,7 +121,7 @@ def resume_run(
     "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunShown
 )
 def restation_run(
-    here: Here, run_id: str, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+    here: Here, run_id: RunId, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
     """The instrument is moved: the nests are measured again before the next pose, or on resuming.
 
@@ -137,7 +137,7 @@ def restation_run(
 
 
 @router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunShown)
-async def stop_run(here: Here, run_id: str) -> JSONResponse:
+async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
     """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped.
 
     The answer comes when the robot has the order, which may be a moment before the run has ended.
@@ -152,7 +152,7 @@ async def stop_run(here: Here, run_id: str) -> JSONResponse:
 
 @router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
 def export_run(
-    here: Here, run_id: str, body: ExportBody, idempotency_key: IdempotencyKey = ""
+    here: Here, run_id: RunId, body: ExportBody, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:
     """The readings up to now as a data set; `with` adds runs measured later in the same cell, a follow-up say."""
 
@@ -175,7 +175,7 @@ def export_run(
     response_class=PlainTextResponse,
     responses={200: {"content": {LINES: {"schema": {"type": "string"}}}}},
 )
-def download_events(here: Here, run_id: str) -> PlainTextResponse:
+def download_events(here: Here, run_id: RunId) -> PlainTextResponse:
     """What has happened up to now, oldest first, one JSON object a line."""
     here.book.get(run_id)
     with TemporaryDirectory() as folder:

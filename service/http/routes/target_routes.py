@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fastapi import APIRouter
@@ -9,6 +10,7 @@ from fastapi import APIRouter
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import CorrectedTargets, TargetsToCorrect
+from service.http.wire.headers import JobId
 from service.http.wire.problems import Problem
 from service.http.work.corrections import corrected
 
@@ -16,13 +18,19 @@ router = APIRouter(route_class=JsonRoute, tags=["results"])
 
 
 @router.post("/models/{job_id}/targets", operation_id="correctTargets", response_model=CorrectedTargets)
-def correct_targets(here: Here, job_id: str, body: TargetsToCorrect) -> dict[str, Any]:
+def correct_targets(here: Here, job_id: JobId, body: TargetsToCorrect) -> dict[str, Any]:
     """Correct targets, joint angles or poses, so that the real robot lands where they say.
 
     422 where one of them cannot be corrected, unless `keep_refused`: then it stays as it was.
     """
     document, refused = here.workers.call(corrected, here.jobs.model_file(job_id), job_id, body.model_dump())
-    if refused and not body.keep_refused:
+    refuse(refused, unless=body.keep_refused)
+    return document
+
+
+def refuse(refused: Sequence[Mapping[str, Any]], *, unless: bool) -> None:
+    """Raise Problem 422 where there are targets that cannot be corrected."""
+    if refused and not unless:
         more = f" and {len(refused) - 1} more" if len(refused) > 1 else ""
         raise Problem(
             422,
@@ -31,4 +39,3 @@ def correct_targets(here: Here, job_id: str, body: TargetsToCorrect) -> dict[str
             code=8111,
             targets=refused,
         )
-    return document

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,13 +32,14 @@ from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageE
 from acquisition.record import Acceptance
 from acquisition.run import ON_REQUEST
 from drivers.errors import AcquisitionError, LinkError, LinkLost
-from service.http.runs import dry_runs
+from service.http.runs import dry_runs, refused
 from service.http.runs.damage import document_of, holds_a_record, look_through, unreadable
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import Execution
 from service.http.runs.forecasts import Forecasts
 from service.http.runs.run_document import run_document
 from service.http.wire.problems import Problem, not_found
+from service.http.work.deletions import Deletions, take_away
 from service.http.work.workers import Workers, ending
 from service.names import new_id, safe_id
 
@@ -151,9 +152,7 @@ class Book:
     def _opened(self, name: str) -> Run:
         self._known(name)
         if self._dry_runs.document(name) is not None:
-            raise Problem(
-                409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103
-            )
+            raise refused.dry()
         with self._opening:
             run = self._runs.get(name)
             if run is None:
@@ -203,28 +202,15 @@ class Book:
         accepted: another robot or instrument than the record's.
         """
         run = self.get(name)
-        if (
-            run.cell.source != cell.source
-        ):  # it has the addresses, limits and boxes of that cell, not of this one
-            raise Problem(
-                409,
-                "The run was begun with another cell file.",
-                "Start the service with the cell file of the run, or use 'truepose campaign resume'.",
-                code=8109,
-            )
+        if run.cell.source != cell.source:
+            raise refused.other_cell()
         self.need_robot()
         devices = self._open_devices(run.cell)
         with self._mutex:
             self.refuse_busy()
             status = run.status()
             if status.simulated != self._simulated:
-                was = "simulated" if status.simulated else "real"
-                raise Problem(
-                    409,
-                    f"The run was measured on {was} devices, which this service does not use.",
-                    f"Start the service {'with' if status.simulated else 'without'} --simulate.",
-                    code=8104,
-                )
+                raise refused.other_devices(simulated=status.simulated)
             if status.state != State.READY.value:
                 run.resume(by=lease.owner, accepted=accepted)
             self._begin(name, run, devices, lease)
@@ -244,17 +230,7 @@ class Book:
             raise ending()
         execution = self._execution
         if execution is not None:
-            ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
-            raise Problem(
-                409,
-                f"The robot is busy with {execution.what}.",
-                "Wait until that has ended, or stop it."
-                if execution.loop_id
-                else "Wait until that has ended, or pause or stop it.",
-                code=8105,
-                headers={"Retry-After": "5"},
-                **{name: value for name, value in ids.items() if value},
-            )
+            raise refused.busy(execution)
 
     @property
     def busy_with(self) -> str | None:
@@ -336,6 +312,18 @@ class Book:
         if execution is not None:
             execution.begun.clear()
 
+    @contextmanager
+    def examined(self) -> Iterator[None]:
+        """The devices are asked how they are, and nothing else may use them meanwhile. Raises Problem 409."""
+        self.need_robot()
+        with self._mutex:
+            self.refuse_busy()
+            self._execution = Execution(threading.current_thread(), "", examines=True)
+        try:
+            yield
+        finally:
+            self._execution = None
+
     def join(self, seconds: float) -> bool:
         """Wait so long for whoever uses the robot; whether it is free."""
         execution = self._execution
@@ -367,6 +355,28 @@ class Book:
         if self._execution is None and isinstance(lost, LinkError):
             problems.append(LinkLost(lost.message, device=lost.device, what_to_do=MAY_MOVE))
         return problems
+
+    def delete(
+        self, name: str, trail: Deletions, by: str, reason: str, in_hand: Sequence[str]
+    ) -> dict[str, Any]:
+        """Delete a run with its readings; its events stay. in_hand: runs of the loop that has the robot.
+
+        The line of the trail. Raises Problem 404, 409 while it runs, RecordInUse (another program), StorageError.
+        """
+        with self._mutex:
+            if name in (self.busy_with, *in_hand):
+                raise refused.in_use()
+            document = self.document(name, at_once=True)
+            told_only = document.get("damaged") or document["dry_run"]
+            run = None if told_only else self.get(name)  # with it nobody else has the record
+            line = trail.note_run(document, self._folder / name, by, reason, events=run is not None)
+            if run is not None:
+                run.close()
+            for known in (self._runs, self._errors, self._damaged):
+                known.pop(name, None)
+            self._dry_runs.forget(name)
+            take_away(self._folder / name)
+        return line
 
     def refuse_new(self) -> None:
         """Refuse all new work from now on: the service ends."""

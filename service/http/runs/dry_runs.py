@@ -78,6 +78,10 @@ class DryRuns:
         self._folder = folder
         self._known: dict[str, dict[str, Any]] = {}
 
+    def forget(self, name: str) -> None:
+        """The folder of a run goes."""
+        self._known.pop(name, None)
+
     def document(self, name: str) -> dict[str, Any] | None:
         """The document of a dry run; None where the run is another one. Raises DamagedRecord."""
         if name not in self._known:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 class Execution:
     """A thread that uses the robot. `run_id`: empty while a loop is between two runs; `begun`: that run can be paused.
 
-    stopped: it was ordered to end.
+    stopped: it was ordered to end; examines: devices are only asked how they are.
     """
 
     thread: threading.Thread
@@ -18,7 +18,10 @@ class Execution:
     loop_id: str = ""
     begun: threading.Event = field(default_factory=threading.Event)
     stopped: bool = False
+    examines: bool = False
 
     @property
     def what(self) -> str:
+        if self.examines:
+            return "an examination of the devices"
         return f"loop {self.loop_id}" if self.loop_id else f"run {self.run_id}"

@@ -84,6 +84,11 @@ class Loops:
             "report": path_of("reports", name) if done else None,
         }
 
+    def runs_in_hand(self) -> tuple[str, ...]:
+        """The ids of the runs of the loop that has the robot; also those that it is done with, which it still reads."""
+        work = self._work.get(self._book.lent_to or "")
+        return () if work is None else tuple(work.document["runs"])
+
     def wait(self, name: str, after: int, seconds: float) -> int:
         """The version, waiting up to so many seconds for one beyond `after`. Raises Problem 404."""
         self._known(name)

@@ -12,7 +12,8 @@ from calib.text import replace_file
 from drivers.errors import ConfigError
 from service.files import as_json
 from service.http.wire.bodies import CampaignShown
-from service.http.wire.problems import not_found
+from service.http.wire.problems import Problem, not_found
+from service.http.work.deletions import Deletions, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.names import new_id, safe_id
 from service.plain import utc_text
@@ -74,6 +75,19 @@ class Shelf:
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)
         return read_kept(file, CampaignShown)
+
+    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+        """Delete a campaign; the line of the trail. Raises Problem 404, StorageError."""
+        file = self._folder / f"{name}.json"
+        if not safe_id(name) or not file.is_file():
+            raise not_found("campaign", name)
+        try:
+            document = self.get(name)
+        except Problem:  # damaged
+            document = {"id": name}
+        line = trail.note("campaign", document, by, reason, sha256=hash_of(file))
+        take_away(file)
+        return line
 
     def all(self) -> list[dict[str, Any]]:
         """All campaigns, newest first."""

@@ -1,7 +1,8 @@
-"""Correcting the targets of a request with a model that was found; called in a worker process."""
+"""Correcting the targets, or the program, of a request with a model that was found; called in a worker process."""
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 from collections.abc import Mapping, Sequence
@@ -10,13 +11,14 @@ from typing import Any
 
 from calib.compensate import Bounds
 from calib.errors import DataError
-from calib.saved import load_model
+from calib.saved import SavedModel, load_model
 from service.http.work.campaigns import refuse_null
 from service.plain import finite
-from service.programs import KnownFrames, compensate, named_frames, summary
+from service.programs import Compensation, KnownFrames, compensate, named_frames, summary
 from service.programs.compensation import REFUSED
-from service.programs.conditions import stated_conditions
+from service.programs.conditions import ProgramConditions, stated_conditions
 from service.programs.read import parse
+from service.programs.text import bytes_of, text_of
 
 NAME = Path("targets.csv")  # the table as messages call it
 ID = "target_id"
@@ -36,24 +38,52 @@ def corrected(
     stated = stated_conditions(order["conditions"], saved)
     table = parse(text, NAME, saved.model.robot, known)
     done = compensate(table, NAME, saved, stated.stated, known, inverse=order["inverse"])
-    document = finite(
-        {
-            "format": summary.FORMAT,
-            "model": model_id,
-            "robot": saved.model.robot.name,
-            "direction": "actual to nominal" if order["inverse"] else "nominal to actual",
-            "conditions": stated.document,
-            **summary.document(done),
-            "warnings": list(stated.notes),
-            "csv": done.text,
-            "rows": _rows(done.text),
-        }
-    )
-    refused = [
+    more = {"csv": done.text, "rows": _rows(done.text)}
+    return finite(_told(done, saved, model_id, stated, order) | more), _refused(done)
+
+
+def corrected_program(
+    model_file: Path, model_id: str, name: str, content: bytes, order: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """As `corrected`, for a program of this name and content. `order`: the form of the request. Raises DataError."""
+    saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
+    file = Path(name)
+    known = KnownFrames(named_frames("tool", order["tool"]), named_frames("frame", order["frame"]))
+    stated = stated_conditions(order["conditions"], saved)
+    program = parse(text_of(content, file), file, saved.model.robot, known)
+    done = compensate(program, file, saved, stated.stated, known, inverse=order["inverse"])
+    more = {"name": name, "program_base64": base64.b64encode(bytes_of(done.text)).decode("ascii")}
+    return _sayable(finite(_told(done, saved, model_id, stated, order) | more)), _sayable(_refused(done))
+
+
+def _told(
+    done: Compensation, saved: SavedModel, model_id: str, stated: ProgramConditions, order: Mapping[str, Any]
+) -> dict[str, Any]:
+    return {
+        "format": summary.FORMAT,
+        "model": model_id,
+        "robot": saved.model.robot.name,
+        "direction": "actual to nominal" if order["inverse"] else "nominal to actual",
+        "conditions": stated.document,
+        **summary.document(done),
+        "warnings": list(stated.notes),
+    }
+
+
+def _refused(done: Compensation) -> list[dict[str, Any]]:
+    return [
         {"target": each.target.name, "line": each.target.line, "reason": each.why}
         for each in done.of(REFUSED)
     ]
-    return document, refused
+
+
+def _sayable(value: Any) -> Any:
+    """The value with `?` for bytes of a program that are not UTF-8: JSON cannot say them."""
+    if isinstance(value, str):
+        return value.encode("utf-8", errors="replace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {key: _sayable(each) for key, each in value.items()}
+    return [_sayable(each) for each in value] if isinstance(value, list) else value
 
 
 def _as_csv(rows: Sequence[Mapping[str, Any]]) -> str:

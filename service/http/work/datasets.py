@@ -13,7 +13,8 @@ from acquisition.record import Acceptance, export_together
 from calib.errors import DataError
 from calib.text import decoded, parse_toml
 from service.http.wire.bodies import DatasetShown
-from service.http.wire.problems import not_found
+from service.http.wire.problems import Problem, not_found
+from service.http.work.deletions import Deletions, take_away
 from service.http.work.kept import read_kept, readable
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset
 from service.names import safe_id
@@ -72,6 +73,17 @@ class Datasets:
         if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
             raise not_found("dataset", name)
         return self._folder / name
+
+    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+        """Delete a data set; the line of the trail. Raises Problem 404, StorageError."""
+        folder = self.path(name)
+        try:
+            document = self.get(name)
+        except Problem:  # damaged
+            document = {"id": name}
+        line = trail.note("dataset", document, by, reason)
+        take_away(folder)
+        return line
 
     def all(self) -> list[dict[str, Any]]:
         """All data sets, newest first."""

@@ -1,7 +1,7 @@
 """Identifications, diagnoses, alignments and regressions: worked off one at a time, in a worker process of their own.
 
-    RECORD/identifications/ID/, diagnoses/ID/, alignments/ID/, regressions/ID/: job.json, then result.json + report.html
-    (a picture of an alignment) or problem.json
+    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/: job.json, then
+    result.json + report.html (a picture of an alignment, poses of a selection) or problem.json
 
 The folder is the state: a job without an outcome that nobody works on was cut off.
 """
@@ -25,11 +25,13 @@ from service.http.wire import problems
 from service.http.wire.bodies import Answered, JobKept, ProblemKept
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
+from service.http.work.deletions import Deletions, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
 from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, STEP, TRACKER
 from service.names import new_id, safe_id
 from service.plain import utc_text
+from service.results.acceptance import Limits
 from service.results.alignment import Order
 
 MOST_WAITING = 50
@@ -38,6 +40,8 @@ _FOLDERS = {
     "diagnosis": "diagnoses",
     "alignment": "alignments",
     "regression": "regressions",
+    "validation": "validations",
+    "selection": "selections",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
@@ -57,18 +61,42 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name="jobs")
         self._thread.start()
 
-    def add(self, kind: str, dataset: dict[str, Any], data: Path, cell: Cell | None = None) -> dict[str, Any]:
+    def add(
+        self,
+        kind: str,
+        dataset: dict[str, Any],
+        data: Path,
+        cell: Cell | None = None,
+        limits: Limits | None = None,
+    ) -> dict[str, Any]:
         """Put a job in the queue; its document. Raises Problem 503 when too many wait.
 
-        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it.
+        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error.
         """
-        asked = {"data": str(data), "cell": None if cell is None else cell.source}
+        asked = {
+            "data": str(data),
+            "cell": None if cell is None else cell.source,
+            "limits": None if limits is None else asdict(limits),
+        }
         return self._add(kind, {"dataset_id": dataset["id"], **asked}, {})
 
     def regress(self, dataset: dict[str, Any], data: Path, order: dict[str, Any]) -> dict[str, Any]:
         """Put a regression in the queue, as `add`. order: the options of `regress_command`."""
         asked = {"dataset_id": dataset["id"], "data": str(data), "order": order}
         return self._add("regression", asked, {})
+
+    def validate(
+        self, dataset: dict[str, Any], data: Path, model: Path | None, order: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Put a validation in the queue, as `add`. model: None for hold-outs; order: that of `Question`."""
+        named = None if model is None else str(model)
+        return self._add(
+            "validation", {"dataset_id": dataset["id"], "data": str(data), "model": named, "order": order}, {}
+        )
+
+    def select(self, cell: Cell, order: dict[str, Any]) -> dict[str, Any]:
+        """Put a selection of poses in a cell in the queue, as `add`. order: that of `Question`."""
+        return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, {})
 
     def align(self, robot: bytes, tracker: bytes, order: Order, name: str) -> dict[str, Any]:
         """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
@@ -158,6 +186,33 @@ class Jobs:
             self._changed.wait_for(lambda: self.document(kind, name)["version"] > after, seconds)
         return self.document(kind, name)["version"]
 
+    def counts(self) -> dict[str, int]:
+        """How many jobs wait, and how many are worked on."""
+        with self._changed:
+            return {"waiting": len(self._waiting), "working": int(self._current is not None)}
+
+    def refuse_working_on(self, dataset_id: str) -> None:
+        """Raise Problem 409 while a job waits for, or works on, a data set."""
+        with self._changed:
+            busy = [*self._waiting, *([] if self._current is None else [self._current])]
+        for folder in busy:
+            if read_kept(folder / JOB, JobKept)["dataset_id"] == dataset_id:
+                raise Problem(409, f"Job {folder.name} works on it.", "Wait until it is done.", code=8130)
+
+    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+        """Delete a job; the line of the trail. Raises Problem 404, 409 while it waits or works, StorageError."""
+        places = {kind: self._record / each / name / JOB for kind, each in _FOLDERS.items() if safe_id(name)}
+        found = [kind for kind, file in places.items() if file.is_file()]
+        if not found:
+            raise not_found("result", name)
+        folder = self._record / _FOLDERS[found[0]] / name
+        with self._changed:
+            if folder in self._waiting or folder == self._current:
+                raise Problem(409, "The job waits or works.", "Wait until it is done.", code=8130)
+            line = trail.note(found[0], {"id": name}, by, reason, sha256=hash_of(folder / RESULT))
+            take_away(folder)
+        return line
+
     def report(self, name: str) -> str:
         """The HTML of a job's report. Raises Problem 404."""
         return self._file(name, REPORT, "report")
@@ -177,6 +232,15 @@ class Jobs:
     def model_file(self, name: str) -> Path:
         """The path of the model that a job found. Raises Problem 404."""
         return self._path(name, MODEL, "model")
+
+    def certified(self, name: str) -> Path:
+        """The folder of an identification or a diagnosis that has a result. Raises Problem 404."""
+        folder = self._path(name, REPORT, "result").parent
+        if folder.parent.name not in ("identifications", "diagnoses"):
+            raise Problem(
+                404, f"There is no certificate of {name!r}.", "Ask for an identification or a diagnosis."
+            )
+        return folder
 
     def _file(self, name: str, file_name: str, what: str) -> str:
         return self._path(name, file_name, what).read_text(encoding="utf-8")

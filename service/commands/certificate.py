@@ -1,0 +1,56 @@
+"""`--dcc` and `--dcc-about` of identify and diagnose: a digital calibration certificate beside the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from calib.data import Dataset
+from calib.text import TomlTable, read_toml, replace_file
+
+if TYPE_CHECKING:
+    from service.report.certificate import About
+
+Dcc = Annotated[
+    Path | None,
+    typer.Option("--dcc", metavar="FILE.xml", help="Write a digital calibration certificate (DCC 3.3.0)."),
+]
+DccAbout = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="ABOUT.toml",
+        help="Whose certificate: laboratory, city, country (two letters), customer, responsible.",
+    ),
+]
+
+
+def read_about(path: Path | None) -> About:
+    """The file of --dcc-about; without one nothing is stated. Raises DataError naming file and key."""
+    from service.report.certificate import About
+
+    if path is None:
+        return About()
+    _, values = read_toml(path)
+    table = TomlTable(values, path)
+    names = [each.name for each in fields(About)]
+    table.only(names)
+    return About(**{name: table.text(name) for name in names if name in values}).refuse_unusable()
+
+
+def write_certificate(
+    file: Path,
+    about: About,
+    dataset: Dataset,
+    document: Mapping[str, Any],
+    parameters: Sequence[Mapping[str, Any]],
+    model_sha256: str | None,
+) -> None:
+    """Write the certificate of a result. Raises DataError."""
+    from service.report.certificate import Certified, certificate_xml
+
+    certified = Certified(dataset, document, parameters, model_sha256)
+    replace_file(file, certificate_xml(certified, about))

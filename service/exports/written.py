@@ -1,0 +1,90 @@
+"""A model written in another program's format, with what that format leaves out and the error that this leaves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from calib.compensate import Carried, carried
+from calib.errors import DataError
+from calib.saved import SavedModel
+from service.exports.formats import FORMATS, Export
+from service.programs.conditions import stated_conditions
+
+FORMAT = "truepose-model-export/1"
+_NAMED = 6  # parameters named in one line; the document names all
+
+
+@dataclass(frozen=True)
+class Written:
+    """The file's text, the document for programs, and lines for people: `about` the file, and `notes` of caution."""
+
+    text: str
+    document: dict[str, Any]
+    about: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def refuse_unknown(kind: str) -> None:
+    """Raise DataError for a format that there is not."""
+    if kind not in FORMATS:
+        raise DataError(f"'{kind}' is not a known format.", do=f"Use {', '.join(FORMATS)}.", key="--as")
+
+
+def written(
+    saved: SavedModel, name: str, kind: str, conditions: str | None, robot_hash: str | None
+) -> Written:
+    """Write the model that people know by `name`. Raises DataError.
+
+    kind: one of FORMATS; conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration.
+    """
+    refuse_unknown(kind)
+    stated = stated_conditions(conditions, saved)
+    form, robot = FORMATS[kind], saved.model.robot
+    found = carried(saved.model, saved.estimate, stated.stated, form.holds(robot), coupling=saved.coupling)
+    held_out = saved.held_out_rms_mm
+    about = _about(found, form.says, stated.in_words, held_out)
+    heading = f"{robot.name}, from {Path(name).name}."
+    text = form.writes(Export(robot, saved.coupling, found, (heading, *about), robot_hash))
+    document = {
+        "format": FORMAT,
+        "model": name,
+        "robot": robot.name,
+        "as": kind,
+        "carries": form.says,
+        "left_out": list(found.left_out),
+        "conditions": stated.document,
+        "loss_mm": asdict(found.loss),
+        "nominal_mm": asdict(found.nominal),
+        "held_out_rms_mm": held_out,
+        "predicted_rms_mm": _together(found.loss.rms, held_out),
+        "warnings": list(stated.notes),
+    }
+    return Written(text, document, about, stated.notes)
+
+
+def _about(found: Carried, says: str, holds_for: str, held_out: float | None) -> tuple[str, ...]:
+    """What people must know beside the file."""
+    lines = [f"Carries {says}. Holds for: {holds_for}."]
+    if found.left_out:
+        more = len(found.left_out) - _NAMED
+        names = ", ".join(found.left_out[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+        lines.append(f"Leaves out {names}.")
+    lines.append(
+        f"Against the whole model: {found.loss.rms:.3f} mm RMS, {found.loss.max:.3f} mm at most, at "
+        f"{found.loss.n} random poses within the joint limits; the nominal robot: {found.nominal.rms:.3f} mm RMS."
+    )
+    predicted = _together(found.loss.rms, held_out)
+    if held_out is not None and predicted is not None:
+        lines.append(
+            f"Predicted error: {predicted:.3f} mm RMS, with the model's own {held_out:.3f} mm on held-out readings."
+        )
+    else:
+        lines.append("The model's own error on held-out readings is not known: the predicted error is more.")
+    return tuple(lines)
+
+
+def _together(loss: float, held_out: float | None) -> float | None:
+    return None if held_out is None else math.hypot(loss, held_out)

@@ -1,0 +1,54 @@
+"""`/docs`: the OpenAPI document to read and to try, by Swagger UI out of this package (`service/vendored/swagger_ui`).
+
+It holds nothing of the cell and needs no token; what is tried is asked with the token that a person pastes under
+"Authorize". Its policy lets it run the two scripts that come with it and talk to this service alone.
+Source: Content Security Policy Level 3 (W3C).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fastapi import APIRouter
+from fastapi.responses import FileResponse, HTMLResponse
+
+from service.http.wire.problems import Problem
+
+router = APIRouter()
+FOLDER = Path(__file__).parents[2] / "vendored" / "swagger_ui"
+FILES = {
+    "swagger-ui-bundle.js": "text/javascript",
+    "docs.js": "text/javascript",
+    "swagger-ui.css": "text/css",
+}
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head><meta charset="utf-8"><title>TruePose: the interface</title>
+<link rel="icon" href="data:,"><link rel="stylesheet" href="/docs/swagger-ui.css"></head>
+<body><div id="docs"></div>
+<script src="/docs/swagger-ui-bundle.js"></script><script src="/docs/docs.js"></script></body>
+</html>
+"""
+
+
+@router.get("/docs", include_in_schema=False)
+def docs_page() -> HTMLResponse:
+    """The page."""
+    return HTMLResponse(PAGE, headers=HEADERS)
+
+
+@router.get("/docs/{name}", include_in_schema=False)
+def docs_file(name: str) -> FileResponse:
+    """A file of the page. Raises Problem 404 for any other."""
+    if name not in FILES:
+        raise Problem(404, f"There is no file {name!r} of the page.", "Open /docs.")
+    return FileResponse(FOLDER / name, media_type=FILES[name], headers=HEADERS)

@@ -1,0 +1,29 @@
+"""The examination of the cell's devices, as `truepose doctor` makes it: read-only, nothing is armed, moved or set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+
+from acquisition.examination import examine
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import ExaminationShown
+from service.results.examined import document_of
+
+router = APIRouter(route_class=JsonRoute, tags=["cell"])
+
+
+@router.post("/cell/examination", operation_id="examineCell", response_model=ExaminationShown)
+def examine_cell(here: Here) -> dict[str, Any]:
+    """Ask every device whether a campaign can begin. Needs no lease; 409 while the robot is used."""
+    cell = here.cell
+    with here.book.examined():
+        found = examine(
+            cell,
+            here.devices(cell),
+            record=here.settings.record,
+            simulated=here.settings.simulated is not None,
+        )
+    return document_of(found)

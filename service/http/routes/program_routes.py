@@ -1,0 +1,113 @@
+"""Programs corrected with a model, and models in other programs' formats: `truepose compensate` and `export`."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+from fastapi import APIRouter, File, Form, Path, Query, UploadFile
+
+from calib.compensate import Bounds
+from service.http.routes.json_route import JsonRoute
+from service.http.routes.target_routes import refuse
+from service.http.state import Here
+from service.http.wire.bodies import CorrectedProgram, ExportKind, ModelExport
+from service.http.wire.headers import JobId
+from service.http.work.corrections import corrected_program
+from service.http.work.exporting import exported
+
+router = APIRouter(route_class=JsonRoute, tags=["results"])
+_CONDITIONS = (
+    "For which conditions it shall hold, KEY=VALUE,...: side, approach (deg), temperature (degC), time (s), mass (kg), "
+    "cog (mm), series."
+)
+_BOUNDS = Bounds()
+_FRAME = "{} that is not in the program, [NAME=]x,y,z,w,p,r, mm and deg."
+Conditions = Annotated[str, Form(max_length=1000, description=_CONDITIONS, examples=["side=below"])]
+LargestDeg = Annotated[
+    float,
+    Query(
+        gt=0.0, le=90.0, description="A model that turns the flange by more is refused, deg.", examples=[2.0]
+    ),
+]
+LargestMm = Annotated[
+    float,
+    Query(
+        gt=0.0,
+        le=1000.0,
+        description="A model that shifts the flange by more is refused, mm.",
+        examples=[15.0],
+    ),
+]
+
+
+@router.post("/models/{job_id}/programs", operation_id="correctProgram", response_model=CorrectedProgram)
+def correct_program(
+    here: Here,
+    job_id: JobId,
+    program: Annotated[
+        UploadFile,
+        File(description="RAPID .mod, Fanuc .ls, URScript .script or targets .csv; its name says which."),
+    ],
+    conditions: Conditions = "",
+    tool: Annotated[
+        list[str], Form(max_length=100, description=_FRAME.format("Tools"), examples=[["0,0,100,0,0,0"]])
+    ] = [],  # noqa: B006 (FastAPI copies it)
+    frame: Annotated[
+        list[str],
+        Form(
+            max_length=100,
+            description=_FRAME.format("Work objects or user frames"),
+            examples=[["W=0,0,0,0,0,0"]],
+        ),
+    ] = [],  # noqa: B006
+    inverse: Annotated[
+        bool, Form(description="From actual to nominal: taught on the real robot.", examples=[False])
+    ] = False,
+    keep_refused: Annotated[
+        bool, Form(description="Answer though some targets stay as they were.", examples=[False])
+    ] = False,
+    largest_deg: LargestDeg = _BOUNDS.turn_deg,
+    largest_mm: LargestMm = _BOUNDS.shift_mm,
+) -> dict[str, Any]:
+    """Correct the targets of a robot program, so that the real robot lands where it says; all other text stays.
+
+    422 where a target cannot be corrected, unless `keep_refused`: then it stays as it was.
+    """
+    order = {
+        "conditions": conditions,
+        "tool": tool,
+        "frame": frame,
+        "inverse": inverse,
+        "largest_deg": largest_deg,
+        "largest_mm": largest_mm,
+    }
+    name = FilePath((program.filename or "").replace("\\", "/")).name or "program"
+    content = program.file.read()
+    document, refused = here.workers.call(
+        corrected_program, here.jobs.model_file(job_id), job_id, name, content, order
+    )
+    refuse(refused, unless=keep_refused)
+    return document
+
+
+@router.get("/models/{job_id}/exports/{kind}", operation_id="exportModel", response_model=ModelExport)
+def export_model(
+    here: Here,
+    job_id: JobId,
+    kind: Annotated[ExportKind, Path(description="As what the model is written.", examples=["urdf"])],
+    conditions: Annotated[str, Query(max_length=1000, description=_CONDITIONS, examples=["side=below"])] = "",
+    robot_hash: Annotated[
+        str,
+        Query(
+            max_length=200, description="ur-yaml: the robot's own calibration hash.", examples=["calib_123"]
+        ),
+    ] = "",
+    largest_deg: LargestDeg = _BOUNDS.turn_deg,
+    largest_mm: LargestMm = _BOUNDS.shift_mm,
+) -> dict[str, Any]:
+    """The model in another program's format: `text` is the file, the rest says what this format leaves out."""
+    bounds = Bounds(largest_deg, largest_mm)
+    return here.workers.call(
+        exported, here.jobs.model_file(job_id), job_id, kind, conditions, robot_hash, bounds
+    )

@@ -1,0 +1,53 @@
+"""Selections: calibration poses chosen by observability in the cell of this service, as `truepose select` does it."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse
+
+from calib.arm import built_in_robots
+from service.http.routes.job_routes import shown
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here
+from service.http.wire.bodies import SelectionAsked, SelectionShown
+from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
+from service.http.wire.paths import path_of
+from service.http.wire.problems import Problem
+from service.http.work.idempotency import reply
+
+router = APIRouter(route_class=JsonRoute, tags=["selections"])
+SELECTIONS = path_of("selections")
+
+
+@router.post("/selections", operation_id="createSelection", status_code=202, response_model=SelectionShown)
+def create_selection(here: Here, body: SelectionAsked, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+    """Choose calibration poses; nothing moves. `result.poses_deg` goes into a block with `select = "list"`."""
+
+    def work() -> JSONResponse:
+        cell = here.cell
+        if cell.robot.model.name not in built_in_robots():
+            raise Problem(
+                422,
+                "The robot of the cell is in a file of its own, which a job does not have.",
+                "Use 'truepose select' on the computer of the service.",
+            )
+        order = {
+            "count": body.count,
+            "candidates": body.candidates,
+            "groups": body.groups,
+            "targets": body.targets or None,
+            "offset_deg": body.offset_deg,
+            "share": body.share,
+            "wanted_u": body.wanted_u_mm or None,
+            "seed": body.seed,
+        }
+        job = here.jobs.select(cell, order)
+        return reply(202, job, location=f"{SELECTIONS}/{job['id']}", retry_after=1)
+
+    return here.keys.once(idempotency_key, (SELECTIONS, body), work)
+
+
+@router.get("/selections/{job_id}", operation_id="getSelection", response_model=SelectionShown)
+async def get_selection(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
+    """A selection; with `wait`, as soon as its version is beyond `after`."""
+    return await shown(here, "selection", job_id, wait, after)

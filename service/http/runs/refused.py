@@ -1,0 +1,52 @@
+"""The refusals of the book of runs: what cannot be done now, and what to do."""
+
+from __future__ import annotations
+
+from service.http.runs.execution import Execution
+from service.http.wire.problems import Problem
+
+
+def dry() -> Problem:
+    """A dry run is asked to do something."""
+    return Problem(409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103)
+
+
+def other_cell() -> Problem:
+    """A run has the addresses, limits and boxes of its own cell, not of this one."""
+    return Problem(
+        409,
+        "The run was begun with another cell file.",
+        "Start the service with the cell file of the run, or use 'truepose campaign resume'.",
+        code=8109,
+    )
+
+
+def other_devices(*, simulated: bool) -> Problem:
+    """simulated: whether the run was measured so."""
+    return Problem(
+        409,
+        f"The run was measured on {'simulated' if simulated else 'real'} devices, which this service does not use.",
+        f"Start the service {'with' if simulated else 'without'} --simulate.",
+        code=8104,
+    )
+
+
+def busy(execution: Execution) -> Problem:
+    """The robot is used; with the ids of the run and the loop that do."""
+    ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
+    can_pause = not execution.loop_id and not execution.examines
+    return Problem(
+        409,
+        f"The robot is busy with {execution.what}.",
+        "Wait until that has ended, or pause or stop it."
+        if can_pause
+        else "Wait until that has ended, or stop it.",
+        code=8105,
+        headers={"Retry-After": "5"},
+        **{name: value for name, value in ids.items() if value},
+    )
+
+
+def in_use() -> Problem:
+    """A run that uses the robot shall be deleted."""
+    return Problem(409, "The run uses the robot.", "Stop it before it is deleted.", code=8105)

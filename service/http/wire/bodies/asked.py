@@ -1,0 +1,249 @@
+"""The bodies of requests.
+
+They are strict: `dry_run` is a boolean and nothing that resembles one, because it decides whether a robot moves.
+Fields that are not given are left out rather than null, which client generators handle best.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from fastapi import Body as BodyOf
+from pydantic import ConfigDict, Field, model_validator
+
+from calib.compensate import Bounds
+from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.targets import TargetRow
+from service.http.wire.bodies.told import Body, DescribedAs, Name, told
+
+SerialNumber = Annotated[
+    str,
+    told("The serial number of another robot or instrument than the record's.", "120-500321", max_length=200),
+]
+Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500)]
+CAMPAIGN = {
+    "format": "truepose-campaign/1",
+    "block": [
+        {"kind": "poses", "set": "calibration", "count": 60, "approach": {"sides": "both"}},
+        {"kind": "poses", "set": "validation", "count": 40},
+    ],
+}
+TABLE = "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0\n"
+_CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
+
+
+class NewRun(Body):
+    """One of `campaign` and `campaign_id`. `dry_run` true: everything is checked and nothing moves."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "name": "night 1"}]}
+    )
+
+    campaign: Annotated[Campaign, told("The campaign itself.", CAMPAIGN)] = Field(default_factory=dict)
+    campaign_id: Annotated[str, told("The id of a campaign that was kept.", _CAMPAIGN_ID, max_length=200)] = (
+        ""
+    )
+    dry_run: Annotated[bool, told("True: check everything, move nothing. False: the robot moves.", True)] = (
+        True
+    )
+    name: Name = ""
+
+    @model_validator(mode="after")
+    def _one_campaign(self) -> NewRun:
+        if bool(self.campaign) == bool(self.campaign_id):
+            raise ValueError("give either campaign or campaign_id")
+        return self
+
+
+class NewCampaign(Body):
+    """A campaign to be kept."""
+
+    campaign: Annotated[
+        Campaign,
+        told("The campaign itself.", CAMPAIGN, min_length=1),
+    ]
+    name: Name = ""
+
+
+class TakeLease(Body):
+    """`seconds` until the lease expires unless this is sent again with its `Lease-Id`."""
+
+    holder: Annotated[
+        str, told("Who is there, as others will read it.", "anna", min_length=1, max_length=200)
+    ]
+    seconds: Annotated[
+        float,
+        told(
+            "Until the lease expires unless it is prolonged, s. Prolong it three times as often.",
+            30.0,
+            ge=1.0,
+            le=300.0,
+            allow_inf_nan=False,
+            strict=False,
+        ),
+    ] = 30.0
+
+
+class TakeLeaseOver(TakeLease):
+    """The request to take the lease from whoever holds it."""
+
+    reason: Annotated[
+        str,
+        told(
+            "Why it is taken; it is kept.", "anna has gone home", min_length=1, max_length=500, pattern=r"\S"
+        ),
+    ]
+
+
+class NewLoop(NewRun):
+    """The request for a closed loop: that of a run, and how many new poses shall verify the correction."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "poses": 20}]}
+    )
+
+    poses: Annotated[int, told("Number of new poses that verify the correction.", 20, ge=1, le=500)] = 20
+
+
+class Why(Body):
+    """The name or reason that a person gives with an order; may be left out."""
+
+    reason: Reason = ""
+
+
+class Resume(Body):
+    """May be left out. `accept_other` goes with the `reason` for which both devices belong together."""
+
+    accept_other: SerialNumber = ""
+    reason: Reason = ""
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if bool(self.accept_other.strip()) != bool(self.reason.strip()):
+            raise ValueError("give both accept_other and reason, or none")
+        return self
+
+
+class Export(Resume):
+    """May be left out. `with`: ids of runs measured later in the same cell, brought into one data set."""
+
+    later: Annotated[
+        list[Annotated[str, Field(max_length=200)]],
+        told("Ids of runs measured later in the same cell.", [_CAMPAIGN_ID], max_length=100, alias="with"),
+    ] = Field(default_factory=list)
+    name: Name = ""
+
+
+ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
+WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
+ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
+LargestDeg = Annotated[
+    float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0, strict=False)
+]
+LargestMm = Annotated[
+    float,
+    told("A model that shifts the flange by more is refused, mm.", 15.0, gt=0.0, le=1000.0, strict=False),
+]
+Conditions = Annotated[
+    str,
+    told(
+        "For which conditions it shall hold, KEY=VALUE,...: side, approach (deg), temperature (degC), time (s), mass "
+        "(kg), cog (mm), series. What is left out is that of the model.",
+        "side=below,temperature=23.5",
+        max_length=1000,
+    ),
+]
+Inverse = Annotated[bool, told("From actual to nominal: targets taught on the real robot.", False)]
+KeepRefused = Annotated[bool, told("Go on though some targets stay as they were.", False)]
+
+
+class TargetsToCorrect(Body):
+    """One of `csv` and `targets`."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"csv": TABLE, "conditions": "side=below"}]})
+
+    csv: Annotated[
+        str,
+        told(
+            "The table as text, with units in its column names (deg, mm).",
+            TABLE,
+            max_length=1_000_000,
+        ),
+    ] = ""
+    targets: Annotated[
+        list[Annotated[dict[str, Any], DescribedAs(TargetRow)]],
+        told("The table as rows.", [{"target_id": "A", "j1_deg": 10.0}], max_length=50_000),
+    ] = Field(default_factory=list)
+    conditions: Conditions = ""
+    tool: Annotated[
+        str,
+        told(
+            "x,y,z,w,p,r of the tool that poses are meant for, mm and deg.", "0,0,100,0,0,0", max_length=200
+        ),
+    ] = ""
+    inverse: Inverse = False
+    keep_refused: KeepRefused = False
+    largest_deg: LargestDeg = Bounds().turn_deg
+    largest_mm: LargestMm = Bounds().shift_mm
+
+    @model_validator(mode="after")
+    def _one_table(self) -> TargetsToCorrect:
+        if bool(self.csv) == bool(self.targets):
+            raise ValueError("give either csv or targets")
+        return self
+
+
+DatasetId = Annotated[
+    str, told("The id of the readings.", "20261121-170459-3f9a1c07b2e", min_length=1, max_length=200)
+]
+AcceptRms = Annotated[
+    float,
+    told(
+        "Limit of the RMS error on readings held out, mm; 0: none. The verdict is in `result.acceptance`.",
+        0.05,
+        ge=0.0,
+        le=1e4,
+        allow_inf_nan=False,
+        strict=False,
+    ),
+]
+AcceptMax = Annotated[
+    float,
+    told(
+        "Limit of the largest error on readings held out, mm; 0: none.",
+        0.15,
+        ge=0.0,
+        le=1e4,
+        allow_inf_nan=False,
+        strict=False,
+    ),
+]
+
+
+class OfDataset(Body):
+    """Readings to work on."""
+
+    dataset_id: DatasetId
+
+
+class ToJudge(OfDataset):
+    """Readings to work on, and limits that the result is held to."""
+
+    accept_rms_mm: AcceptRms = 0.0
+    accept_max_mm: AcceptMax = 0.0
+
+
+class RegressionAsked(OfDataset):
+    """A data set, and the options of `truepose regress`."""
+
+    on: Annotated[Literal["residuals", "positions"], told("What the regression learns.", "residuals")] = (
+        "residuals"
+    )
+    kernel: Annotated[Literal["linear", "rbf"], told("Its kernel.", "linear")] = "linear"
+    features: Annotated[
+        Literal["closed-form", "printed", "tool-down", "turns"] | None,
+        told("Its features; left out: those that suit `on`.", "closed-form"),
+    ] = None
+    level: Annotated[int, told("Level of the model beside it, 2 or 3; no unit.", 3, ge=2, le=3)] = 3
+    compare: Annotated[bool, told("Both ways beside each other.", False)] = False
+    diagnose: Annotated[bool, told("Also beside a diagnosis.", False)] = False

@@ -1,0 +1,84 @@
+"""The bodies of the service, the cell, its lease, campaigns and data sets."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.told import Answered, Created, Id, Name, Simulated, told
+
+
+class Health(Answered):
+    """The service answers."""
+
+    status: Annotated[Literal["ok"], told("It answers.", "ok")]
+    version: Annotated[str, told("The version of the program.", "0.1.0")]
+    simulated: Simulated
+
+
+class LeaseShown(Answered):
+    """The motion lease."""
+
+    holder: Annotated[str, told("Who holds it.", "anna")]
+    expires_utc: Annotated[
+        str, told("When it ends unless it is prolonged, RFC 3339 UTC.", "2026-11-21T17:05:29.120Z")
+    ]
+    seconds: Annotated[float, told("For how long it was taken, s.", 30.0)]
+    lease_id: Annotated[str, told("Its secret, in the answer that grants it, and empty ever after.", "")] = ""
+    taken_from: Annotated[str, told("Who held it before it was taken over.", "")] = ""
+
+
+class CellShown(Answered):
+    """The cell of this service."""
+
+    name: Name
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    robot_driver: Annotated[str, told("The driver of the robot.", "abb")]
+    instrument: Annotated[str, told("The instrument.", "faro-ion")]
+    instrument_driver: Annotated[str, told("The driver of the instrument.", "faro")]
+    targets: Annotated[list[str], told("Names of the targets on the tool.", ["T1", "T2", "T3"])]
+    nests: Annotated[list[str], told("Names of the nests on the base.", ["N1", "N2", "N3"])]
+    simulated: Simulated
+    run_id: Annotated[str | None, told("The run that uses the robot.", None)]
+    loop_id: Annotated[str | None, told("The loop that uses the robot.", None)]
+    role: Annotated[Literal["operator", "viewer"], told("That of the token that asks.", "operator")]
+    lease: Annotated[LeaseShown | None, told("The motion lease; null: nobody holds it.", None)]
+
+
+class CampaignShown(Answered):
+    """A campaign that was kept."""
+
+    id: Id
+    name: Name
+    created_utc: Created
+    campaign: Annotated[
+        Campaign, told("The campaign itself.", {"format": "truepose-campaign/1", "block": [{"count": 60}]})
+    ]
+
+
+class DatasetShown(Answered):
+    """A data set."""
+
+    id: Id
+    name: Name
+    created_utc: Created
+    run_id: Annotated[str | None, told("The run that it was exported from.", None)]
+    simulated: Simulated
+    sha256: Annotated[str, told("Hash of table and header.", "a93c6fe109b1ae11")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    instrument: Annotated[str, told("The instrument.", "faro-ion")]
+    readings: Annotated[int, told("Number of readings.", 300)]
+    fit: Annotated[int, told("Number of readings that take part in a fit.", 180)]
+    validation: Annotated[int, told("Number of readings that only judge.", 120)]
+
+
+class Campaigns(Answered):
+    """Every campaign."""
+
+    campaigns: Annotated[list[CampaignShown], told("Newest first.", [])]
+
+
+class Datasets(Answered):
+    """Every data set."""
+
+    datasets: Annotated[list[DatasetShown], told("Newest first.", [])]

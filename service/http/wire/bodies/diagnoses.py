@@ -1,0 +1,169 @@
+"""The bodies of diagnoses and closed loops, as `--json` of the command line has them.
+
+`service.results` makes them; a test compares.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.results import ERRORS, Errors, Figure, FitShown, Number, Share, Unit
+from service.http.wire.bodies.told import Answered, told
+
+Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
+Label = Annotated[str, told("The label of an effect.", "backlash:j4")]
+
+
+class Evidence(Answered):
+    """The evidence for an effect."""
+
+    delta_bic: Number
+    p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-12)]
+    explained_variance: Share
+
+
+class EffectShown(Answered):
+    """An effect that was found. `candidates`: what else it may be, with odds."""
+
+    label: Label
+    meaning: Annotated[str, told("What it means, for people.", "Joint 4 has play.")]
+    index: Annotated[int | str | None, told("Of a step: the reading at which it is.", None)]
+    candidates: Annotated[dict[str, float | None], told("Probability by label.", {"backlash:j4": 1.0})]
+    parameters: Annotated[
+        dict[str, Figure], told("By name.", {"gap": {"value": 0.131, "std": 0.002, "unit": "deg"}})
+    ]
+    amplitude: Annotated[Figure, told("Its size.", {"value": 0.131, "std": 0.002, "unit": "deg"})]
+    evidence: Annotated[Evidence, told("The evidence for it.", {"delta_bic": 605.4})]
+    owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
+    group: Annotated[str, told("The family of effects.", "transmission")]
+    check: Annotated[str, told("What a technician checks.", "Check the preload of the gear of joint 4.")]
+    shape: Annotated[dict[str, float | None], told("Figures of its shape, by name with unit.", {})]
+
+
+class Separation(Answered):
+    """How well two rivals are told apart."""
+
+    effect: Label
+    rival: Label
+    squared_distance: Number
+
+
+class FollowUpShown(Answered):
+    """What to measure next: poses, or a procedure for a person."""
+
+    kind: Annotated[Literal["poses", "procedure"], told("Which of the two.", "poses")]
+    text: Annotated[str, told("Of a procedure: what to do.", "Turn joint 5 through its whole range.")] = ""
+    joints_deg: Annotated[list[list[float]], told("The poses, deg.", [])] = Field(default_factory=list)
+    sides: Annotated[list[list[int]], told("The side of approach of each joint, +1 or -1; no unit.", [])] = (
+        Field(default_factory=list)
+    )
+    approach_deg: Annotated[list[float], told("How far before the pose the last move begins, deg.", [])] = (
+        Field(default_factory=list)
+    )
+    targets: Annotated[list[str], told("Names of targets.", ["T1"])] = Field(default_factory=list)
+    separates: Annotated[list[Separation], told("The rivals that they tell apart.", [])] = Field(
+        default_factory=list
+    )
+    settles: Annotated[
+        float | None, told("Squared distance from which a rival counts as settled; no unit.", 30.0)
+    ] = None
+    campaign: Annotated[
+        Campaign, told("The campaign that measures them.", {"format": "truepose-campaign/1"})
+    ] = Field(default_factory=dict)
+
+
+class StructureShown(Answered):
+    """What is left that no effect of the library explains."""
+
+    where: Annotated[str, told("What it goes with.", "j5")]
+    acts_on: Annotated[str, told("On what it acts.", "the tool point")]
+    p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-6)]
+    explained_variance: Share
+
+
+class Power(Answered):
+    """The smallest size of an effect that these readings would show."""
+
+    label: Label
+    smallest: Annotated[float | None, told("That size, in `unit`.", 0.0037)]
+    unit: Unit
+
+
+class CarriedOver(Answered):
+    """The effects judged on another data set."""
+
+    data: Annotated[str, told("Its name.", "B.csv")]
+    error_base_mm: Annotated[Errors | None, told("Its own base model, mm.", ERRORS)]
+    error_frozen_mm: Annotated[Errors | None, told("With the effects as found, mm.", ERRORS)]
+    error_refitted_mm: Annotated[Errors | None, told("With amplitudes refitted, mm.", ERRORS)]
+    finding: Annotated[str, told("In words.", "The effects carry over.")]
+
+
+class DiagnosisResult(FitShown):
+    """A diagnosis (`truepose-diagnosis/1`)."""
+
+    format: Annotated[Literal["truepose-diagnosis/1"], told("The format.", "truepose-diagnosis/1")]
+    simulated: Annotated[bool, told("Whether simulators were measured.", False)]
+    verdict: Annotated[
+        Verdict,
+        told(
+            "complete: nothing is missing; attributed: what was missing has names; ambiguous: several names fit; "
+            "unexplained: structure is left; excess_noise: more noise than declared.",
+            "attributed",
+        ),
+    ]
+    effects: Annotated[list[EffectShown], told("What was found, the largest first.", [])]
+    p_lack_of_fit: Annotated[float | None, told("Probability that chance leaves as much.", 0.58)]
+    error_before_mm: Annotated[Errors | None, told("Of the base model, on readings held out, mm.", ERRORS)]
+    error_after_mm: Annotated[
+        Errors | None, told("With the effects found, on readings held out, mm.", ERRORS)
+    ]
+    raises_held_out_error: Annotated[list[str], told("Labels of effects that do.", [])]
+    follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
+    structure: Annotated[list[StructureShown], told("What is left.", [])]
+    power: Annotated[list[Power], told("What would have been seen.", [])]
+    notes: Annotated[list[str], told("What else is to be known.", [])]
+    carry_over: Annotated[CarriedOver | None, told("Where another data set was judged.", None)] = None
+    seconds: Annotated[float, told("Time it took, s.", 3.4)]
+
+
+class Verified(Answered):
+    """Where the robot landed with corrected targets."""
+
+    error_uncorrected_mm: Annotated[Errors | None, told("Driven uncorrected, mm.", ERRORS)]
+    error_verified_mm: Annotated[Errors, told("Driven corrected, mm.", ERRORS)]
+    floor_rms_mm: Annotated[float, told("What noise and repeatability alone would show, mm.", 0.039)]
+    ratio: Annotated[float, told("Verified over floor, a ratio.", 1.07)]
+    poses: Annotated[int, told("Number of new poses.", 20)]
+    refused: Annotated[list[str], told("Targets that could not be corrected.", [])]
+    nests_off_mm: Annotated[float | None, told("By how much the nests had moved, mm.", 0.01)]
+    approach: Annotated[str, told("The side of approach.", "from below")]
+    accepted: Annotated[list[str], told("Other devices that were accepted.", [])]
+
+
+class RivalsBefore(Answered):
+    """An effect that was ambiguous."""
+
+    label: Label
+    candidates: Annotated[dict[str, float | None], told("Probability by label.", {"periodic:j5:n2": 0.7})]
+
+
+class FollowedUp(Answered):
+    """The middle step of a loop: what was ambiguous, and what was measured to settle it."""
+
+    verdict_before: Annotated[Verdict, told("The verdict before.", "ambiguous")]
+    effects_before: Annotated[list[RivalsBefore], told("What was ambiguous.", [{"label": "periodic:j5:n2"}])]
+    error_before_follow_up_mm: Annotated[Errors | None, told("The error before, mm.", ERRORS)]
+    poses: Annotated[int, told("Number of poses that were added.", 12)]
+    readings: Annotated[int, told("Number of readings that were added.", 36)]
+    separates: Annotated[list[Separation], told("The rivals that they tell apart.", [])]
+
+
+class LoopResult(DiagnosisResult):
+    """A diagnosis with its verification on the robot."""
+
+    verification: Annotated[Verified, told("Where the robot landed.", {"ratio": 1.07})]
+    followed_up: Annotated[FollowedUp | None, told("Where poses were added.", None)] = None

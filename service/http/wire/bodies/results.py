@@ -1,0 +1,202 @@
+"""The bodies of an identification and of what all results share, as `--json` of the command line has them.
+
+`service.results` makes them; a test compares.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from service.http.wire.bodies.told import Answered, told
+
+_SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
+ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
+Reading = Annotated[int | str, told("The id of a reading, a number or text as in the data set.", 17)]
+Warnings = Annotated[
+    list[str], told("What keeps the figures from meaning what they seem to, in sentences.", [])
+]
+Share = Annotated[float | None, told("A share from 0 to 1, no unit.", 0.97)]
+Number = Annotated[float | None, told("A number without a unit; null: not known.", 1.02)]
+Unit = Annotated[str, told("The unit of value and std.", "deg")]
+
+
+class Errors(Answered):
+    """Errors of n readings, mm."""
+
+    n: Annotated[int, told("Number of readings.", 120)]
+    rms: Annotated[float | None, told("Root mean square, mm.", 0.04)]
+    mean: Annotated[float | None, told("Mean, mm.", 0.036)]
+    p95: Annotated[float | None, told("95 % of them are less, mm.", 0.067)]
+    max: Annotated[float | None, told("The largest, mm.", 0.09)]
+
+
+class Device(Answered):
+    """A device that the readings come from."""
+
+    role: Annotated[str, told("robot or instrument.", "robot")] = ""
+    model: Annotated[str, told("Its type.", "IRB 120")] = ""
+    serial: Annotated[str, told("Its serial number.", "120-500321")] = ""
+    firmware: Annotated[str, told("Its firmware.", "5.61")] = ""
+
+
+class DataShown(Answered):
+    """The readings that a result is based on."""
+
+    name: Annotated[str, told("The name of the table.", "data.csv")]
+    sha256: Annotated[str, told("Hash of table and header.", _SHA)]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    instrument: Annotated[str, told("The instrument.", "faro-ion")]
+    simulated: Annotated[bool, told("Whether simulators were measured.", False)]
+    readings: Annotated[int, told("Number of readings.", 300)]
+    fit: Annotated[int, told("Number of readings that took part in the fit.", 180)]
+    validation: Annotated[int, told("Number of readings that only judge.", 120)]
+    devices: Annotated[list[Device], told("Robot and instrument, as far as they said who they are.", [])] = (
+        Field(default_factory=list)
+    )
+
+
+class Figure(Answered):
+    """A value with its standard error."""
+
+    value: Annotated[float | None, told("The value, in `unit`.", 0.131)]
+    std: Annotated[float | None, told("Its standard error, in `unit`.", 0.002)]
+    unit: Unit
+
+
+class Parameter(Figure):
+    """A parameter of a model: its change from nominal."""
+
+    name: Annotated[str, told("Its name.", "theta2")]
+    nominal: Annotated[float | None, told("The nominal value, in `unit`; null where there is none.", -90.0)]
+    owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
+    dropped: Annotated[bool, told("These readings do not determine it.", False)] = False
+    confounded_with: Annotated[list[str], told("Names of what it cannot be told from.", [])] = Field(
+        default_factory=list
+    )
+
+
+class Dropped(Answered):
+    """A parameter that the readings do not determine."""
+
+    name: Annotated[str, told("Its name.", "d3")]
+    confounded_with: Annotated[list[str], told("Names of what it cannot be told from.", ["d2"])]
+
+
+class LeftOut(Answered):
+    """A reading that took no part in the fit."""
+
+    reading: Reading
+    joints_deg: Annotated[list[float], told("The joints as the controller counts them, deg.", [12.0, 45.0])]
+    target: Annotated[str, told("The target.", "T1")]
+    error_mm: Annotated[float | None, told("Its error, mm.", 1.9)]
+    times_noise: Annotated[float | None, told("Its error as a number of times the declared noise.", 44.0)]
+
+
+class Offset(Answered):
+    """A target that lies elsewhere than stated."""
+
+    name: Annotated[str, told("The target.", "N1")]
+    kind: Annotated[str, told("base target or tool target.", "base target")]
+    u_mm: Annotated[float, told("Stated standard uncertainty per axis, mm.", 0.3)]
+    offset_mm: Annotated[list[float], told("Where it lies against the stated place, mm.", [0.1, 0.0, -0.2])]
+    std_mm: Annotated[list[float], told("Standard errors of that, mm.", [0.01, 0.01, 0.01])]
+    distance_mm: Annotated[float | None, told("Its length, mm.", 0.22)]
+    sigma: Number
+    doubted: Annotated[bool, told("It should be measured anew.", False)]
+    rivals: Annotated[list[str], told("Names of what it cannot be told from.", [])]
+
+
+class Criterion(Answered):
+    """One figure against its limit."""
+
+    quantity: Annotated[Literal["rms", "max"], told("Which error.", "rms")]
+    figure_mm: Annotated[float, told("The figure, mm.", 0.041)]
+    expanded_uncertainty_mm: Annotated[float | None, told("Its expanded uncertainty U (95 %), mm.", 0.004)]
+    uncertainty_basis: Annotated[str, told("What that is based on.", "bootstrap over 40 whole poses")]
+    limit_mm: Annotated[float, told("The limit, mm.", 0.05)]
+    verdict: Annotated[Literal["accepted", "rejected", "not_decided"], told("The verdict.", "accepted")]
+
+
+class AcceptanceShown(Answered):
+    """The error on readings held out, held to limits with guard bands (ISO 14253-1)."""
+
+    verdict: Annotated[
+        Literal["accepted", "rejected", "not_decided"], told("Rejected where one criterion is.", "accepted")
+    ]
+    model: Annotated[str, told("The model that was judged.", "base model with the effects found")]
+    readings: Annotated[int, told("Number of readings.", 120)]
+    rule: Annotated[str, told("The decision rule in words.", "Accepted where ...")]
+    criteria: Annotated[list[Criterion], told("Every figure that has a limit.", [])]
+
+
+class FitShown(Answered):
+    data: Annotated[DataShown, told("The readings.", {"readings": 300})]
+    faulty_rows: Annotated[list[int | str], told("Ids of readings that do not belong.", [])]
+    left_out: Annotated[list[LeftOut], told("Readings that took no part.", [])]
+    relabelled_rows: Annotated[
+        list[list[int | str]], told("Reading, target as labelled, target as believed.", [[17, "T1", "T2"]])
+    ]
+    noise_scale: Annotated[float | None, told("Number of times the declared noise that is left.", 0.99)]
+    degrees_of_freedom: Annotated[float, told("Number of observations less that of parameters.", 149.0)]
+    reduced_chi_square: Number
+    condition_number: Number
+    config_sha256: Annotated[str, told("Hash of model and options.", _SHA)]
+    converged: Annotated[bool, told("Whether the fit ended well.", True)]
+    ending: Annotated[
+        Literal["converged", "round limit", "no descent"], told("Why the fit ended.", "converged")
+    ]
+    offsets: Annotated[list[Offset], told("Targets that lie elsewhere than stated.", [])]
+    dropped: Annotated[list[Dropped], told("Parameters that the readings do not determine.", [])]
+    warnings: Warnings
+    holdout: Annotated[str, told("How readings were held out.", "random")]
+    error_nominal_mm: Annotated[
+        Errors | None, told("Of the nominal robot, placed, on readings held out, mm.", ERRORS)
+    ]
+    acceptance: Annotated[AcceptanceShown | None, told("Where limits were given.", None)] = None
+
+
+class Correlation(Answered):
+    """Two parameters whose errors go together."""
+
+    between: Annotated[list[str], told("Their names.", ["a2", "d4"])]
+    correlation: Annotated[float | None, told("From -1 to 1, no unit.", 0.93)]
+
+
+class Leverage(Answered):
+    """A reading on which the fit leans."""
+
+    reading: Reading
+    leverage: Share
+
+
+class Spread(Answered):
+    """Expanded uncertainty of predicted positions, mm."""
+
+    median: Annotated[float | None, told("Median, mm.", 0.14)]
+    p95: Annotated[float | None, told("95 % of them are less, mm.", 0.26)]
+    max: Annotated[float | None, told("The largest, mm.", 0.41)]
+
+
+class PredictedU(Answered):
+    """The expanded uncertainty of predicted positions."""
+
+    coverage_factor: Annotated[float, told("Number of standard uncertainties.", 2)]
+    measured_ranges: Annotated[Spread | None, told("Within the measured joint ranges, mm.", None)]
+    outside_them: Annotated[Spread | None, told("Outside of them, mm.", None)]
+
+
+class IdentificationResult(FitShown):
+    """An identification (`truepose-identification/1`)."""
+
+    format: Annotated[Literal["truepose-identification/1"], told("The format.", "truepose-identification/1")]
+    parameters: Annotated[list[Parameter], told("Every parameter.", [])]
+    correlations: Annotated[list[Correlation], told("Those above 0.9.", [])]
+    high_leverage: Annotated[list[Leverage], told("Readings on which the fit leans.", [])]
+    predicted_u_mm: Annotated[
+        PredictedU, told("Expanded uncertainty of positions, mm.", {"coverage_factor": 2})
+    ]
+    error_identified_mm: Annotated[
+        Errors | None, told("Of the identified model, on readings held out, mm.", ERRORS)
+    ]

@@ -1,0 +1,106 @@
+"""The bodies of targets and programs that are corrected with a model."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NotRequired
+
+from typing_extensions import TypedDict
+
+from service.http.wire.bodies.told import Answered, DescribedAs, told
+
+Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
+Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]
+_Angle = Annotated[float, told("A joint angle as the controller counts it, deg.", 12.0)]
+_Place = Annotated[float, told("A coordinate of the tool point in the base frame, mm.", 401.2)]
+_Turn = Annotated[float, told("A part of the unit quaternion, w first; no unit.", 0.7071068)]
+
+
+class TargetRow(TypedDict):
+    """One target: joint angles `j1_deg` ..., or a pose with its `config`. Other members are kept as they are."""
+
+    target_id: Annotated[str, told("Its name, each once.", "A")]
+    j1_deg: NotRequired[_Angle]
+    j2_deg: NotRequired[_Angle]
+    j3_deg: NotRequired[_Angle]
+    j4_deg: NotRequired[_Angle]
+    j5_deg: NotRequired[_Angle]
+    j6_deg: NotRequired[_Angle]
+    x_mm: NotRequired[_Place]
+    y_mm: NotRequired[_Place]
+    z_mm: NotRequired[_Place]
+    rot_w: NotRequired[_Turn]
+    rot_x: NotRequired[_Turn]
+    rot_y: NotRequired[_Turn]
+    rot_z: NotRequired[_Turn]
+    config: NotRequired[Annotated[str, told("The branch that a pose is meant in.", "front/up/noflip")]]
+
+
+class StatedConditions(Answered):
+    """The conditions for which a correction or an export holds."""
+
+    side_of_model_joints: Annotated[
+        list[int],
+        told("From which side each joint of the model arrives, +1 from below; no unit.", [1, 1, 1, 1, 1, 1]),
+    ]
+    approach_deg: Annotated[float, told("How far before the target the last move begins, deg.", 5.0)]
+    temperature_c: Annotated[float | None, told("The air, degC.", 22.1)]
+    time_s: Annotated[float | None, told("Since the start of the campaign, s.", 3600.0)]
+    mass_kg: Annotated[float | None, told("The tool on the last link, kg; null: the load of the data.", 2.7)]
+    series: Annotated[str | None, told("The set-up of base and tool.", "main")]
+
+
+class TargetDone(Answered):
+    """What became of one target."""
+
+    target: Annotated[str, told("Its name.", "A")]
+    line: Annotated[int, told("Its line in the program, a number from 1.", 2)]
+    kind: Annotated[str, told("The kind of target, as the program has it.", "joints")]
+    status: Annotated[
+        Literal["corrected", "refused", "empty"],
+        told("`refused`: it stays as it was; `empty`: never taught.", "corrected"),
+    ]
+    reason: Annotated[str | None, told("Why it was refused.", None)]
+    moved_mm: Millimetres
+    moved_deg: Degrees
+    largest_joint_change_deg: Degrees
+    quantised_mm: Annotated[float | None, told("What the program's digits round away, mm.", 0.0004)]
+    quantised_deg: Annotated[float | None, told("What the program's digits round away, deg.", 0.00003)]
+    notes: Annotated[list[str], told("What else is to be known.", [])]
+
+
+class Corrected(Answered):
+    """What became of the targets (`truepose-compensation/1`)."""
+
+    format: Annotated[Literal["truepose-compensation/1"], told("The format.", "truepose-compensation/1")]
+    model: Annotated[str, told("The id of the model.", "20261121-170459-3f9a1c07b2e")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    direction: Annotated[
+        Literal["nominal to actual", "actual to nominal"], told("The direction.", "nominal to actual")
+    ]
+    conditions: Annotated[StatedConditions, told("For which it holds.", {"approach_deg": 5.0})]
+    corrected: Annotated[int, told("Number of targets that were corrected.", 12)]
+    refused: Annotated[int, told("Number of targets that stay as they were.", 0)]
+    empty: Annotated[int, told("Number of targets that were never taught.", 0)]
+    largest_move_mm: Millimetres
+    largest_quantisation_mm: Millimetres
+    targets: Annotated[list[TargetDone], told("Every target.", [])]
+    warnings: Annotated[list[str], told("What keeps the correction from meaning what it seems to.", [])]
+
+
+class CorrectedTargets(Corrected):
+    """Corrected targets, as `csv` and as `rows`, and what became of each."""
+
+    csv: Annotated[str, told("The table as text.", "target_id,j1_deg\nA,10.012\n")]
+    rows: Annotated[
+        list[Annotated[dict[str, Any], DescribedAs(TargetRow)]],
+        told("The table as rows, numbers as they are written.", [{"target_id": "A", "j1_deg": 10.012}]),
+    ]
+
+
+class CorrectedProgram(Corrected):
+    """A corrected program, and what became of each of its targets."""
+
+    name: Annotated[str, told("The name of the program that was sent.", "WELD.mod")]
+    program_base64: Annotated[
+        str, told("The whole corrected program, byte for byte as base64.", "TU9EVUxFIFdFTEQK")
+    ]

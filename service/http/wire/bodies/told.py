@@ -1,0 +1,53 @@
+"""The parts of all bodies: how a field is described, and the strictness of requests and answers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+
+def told(words: str, example: Any, **limits: Any) -> Any:
+    """The description of a field: what it is, with its unit, an example, and what bounds its values."""
+    return Field(description=words, examples=[example], **limits)
+
+
+class Body(BaseModel):
+    """A request; strict, and nothing that nobody reads."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class Answered(BaseModel):
+    """A response; members may be added in time."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class DescribedAs:
+    """The annotation of a plain dictionary that another reader checks: the schema shows this one's instead."""
+
+    def __init__(self, table: type) -> None:
+        self._schema = TypeAdapter(table).core_schema
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return handler(self._schema)
+
+
+Name = Annotated[
+    str, told("A name for people, at most 200 letters; it need not be unique.", "night 1", max_length=200)
+]
+Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
+Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
+Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]
+Version = Annotated[
+    int, told("Grows with every change; send it as `after` to wait for the next. No unit.", 412)
+]
+Names = Annotated[list[str], told("Names.", ["T1", "T2"])]
+Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]
+Joints = Annotated[
+    list[float],
+    told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),
+]

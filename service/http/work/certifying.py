@@ -1,0 +1,27 @@
+"""The certificate of a job's result, for a request; called in a worker process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from calib.data import read_dataset
+from calib.errors import DataError
+from calib.text import read_json
+from service.job import JOB, MODEL, RESULT
+from service.report.certificate import About, Certified, certificate_xml
+
+
+def certificate_of(folder: Path, about: dict[str, str]) -> str:
+    """The XML for the job in a folder. about: the fields of `About` that are known. Raises DataError."""
+    job: dict[str, Any] = read_json(folder / JOB)
+    data = Path(job["data"])
+    if not data.is_file():
+        raise DataError(
+            "is not there any more.", do="Its readings were deleted; ask for the job anew.", key="data"
+        )
+    model: dict[str, Any] = read_json(folder / MODEL) if (folder / MODEL).is_file() else {"parameters": []}
+    certified = Certified(
+        read_dataset(data), read_json(folder / RESULT), model["parameters"], model.get("content_sha256")
+    )
+    return certificate_xml(certified, About(**about))

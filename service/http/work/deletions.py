@@ -1,0 +1,96 @@
+"""The trail of what was deleted: `RECORD/deleted.jsonl`, one line each, and the events of runs in `RECORD/deleted/`.
+
+The line is durable before anything is gone; lines are only ever added.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+from acquisition import export_events
+from acquisition.errors import StorageError
+from acquisition.record import FILE as RECORD
+from service.http.access.audit import Audit
+from service.http.wire.problems import Problem
+from service.plain import utc_text
+
+FILE, FOLDER = "deleted.jsonl", "deleted"
+_COMING = ".deleted-"  # ids do not begin with a dot: nobody lists what is on its way out
+
+
+class Deletions:
+    """The trail of one record directory."""
+
+    def __init__(self, record: Path) -> None:
+        self._record = record
+        self._audit = Audit(record, FILE)
+        (record / FOLDER).mkdir(exist_ok=True)
+
+    def note(self, kind: str, document: dict[str, Any], by: str, reason: str, **more: str) -> dict[str, Any]:
+        """Write that this is deleted now; returns the line. Raises StorageError."""
+        line = {
+            "utc": utc_text(time.time()),
+            "kind": kind,
+            "id": str(document["id"]),
+            "name": str(document.get("name", "")),
+            "by": by,
+            "reason": reason,
+            "created_utc": str(document.get("created_utc", "")),
+            "sha256": str(document.get("sha256", "")),
+        } | more
+        self._audit.add(line)
+        return line
+
+    def note_run(
+        self, document: dict[str, Any], folder: Path, by: str, reason: str, *, events: bool
+    ) -> dict[str, Any]:
+        """As `note`, for the run in a folder; its events stay, where it has some. Raises StorageError, RecordError."""
+        kept = f"{FOLDER}/{folder.name}.events.jsonl"
+        if events:
+            export_events(folder, self._record / kept)
+        more = {"kept": kept} if events else {}
+        return self.note("run", document, by, reason, sha256=hash_of(folder / RECORD), **more)
+
+    def all(self) -> list[dict[str, Any]]:
+        """Every line, oldest first; one that was cut off by the end of the program is left out."""
+        file = self._record / FILE
+        lines = file.read_text("utf-8").splitlines() if file.is_file() else []
+        found = []
+        for line in lines:
+            try:
+                found.append(json.loads(line))
+            except json.JSONDecodeError:
+                continue
+        return found
+
+
+def take_away(place: Path) -> None:
+    """Delete a folder or a file, out of sight at once. Raises StorageError, Problem 409 where it is in use."""
+    aside = place.with_name(_COMING + place.name)
+    try:
+        os.replace(place, aside)
+    except PermissionError as error:
+        raise Problem(
+            409, f"{place.name} is in use.", "Close what reads its files, and delete it then."
+        ) from error
+    except OSError as error:
+        raise StorageError(f"{place.name}: cannot be deleted ({error.strerror})") from error
+    if aside.is_dir():
+        shutil.rmtree(aside, ignore_errors=True)
+    else:
+        aside.unlink(missing_ok=True)
+
+
+def hash_of(file: Path) -> str:
+    """SHA-256 of a file in hexadecimal; empty where it cannot be read."""
+    try:
+        with file.open("rb") as content:
+            return hashlib.file_digest(content, "sha256").hexdigest()
+    except OSError:
+        return ""

@@ -1,0 +1,63 @@
+"""A log for programs: one JSON object a line, with `utc`, `level`, `from` and `message`, and what is told beside it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from calib.errors import DataError
+from service.files import STANDARD_OUTPUT
+from service.plain import finite, utc_text
+
+NAMES = ("service", "acquisition", "drivers", "uvicorn.error")
+
+
+class JsonLines(logging.Formatter):
+    """A record as a line; `extra={"told": {...}}` adds members."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, without its end."""
+        line = {
+            "utc": utc_text(record.created),
+            "level": record.levelname.lower(),
+            "from": record.name,
+            "message": record.getMessage(),
+            **getattr(record, "told", {}),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(finite(line))
+
+
+@contextmanager
+def json_log(file: str | None) -> Iterator[None]:
+    """Keep a log in a file (`-`: on standard error) within; None: none. Raises DataError where it cannot be written."""
+    if file is None:
+        yield
+        return
+    try:
+        handler = (
+            logging.StreamHandler(sys.stderr)
+            if file == STANDARD_OUTPUT
+            else logging.FileHandler(file, "a", "utf-8")
+        )
+    except OSError as error:
+        raise DataError(
+            f"cannot be written ({error.strerror}).", do="Name another file.", key="--log"
+        ) from error
+    handler.setFormatter(JsonLines())
+    loggers = [logging.getLogger(name) for name in NAMES]
+    before = [each.level for each in loggers]
+    for each in loggers:
+        each.addHandler(handler)
+        each.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        for each, level in zip(loggers, before, strict=True):
+            each.removeHandler(handler)
+            each.setLevel(level)
+        handler.close()

@@ -1,0 +1,192 @@
+"""The pages for a cell PC, run as somebody would who copies them; and the client for Python.
+
+These would catch: a page whose requests the service does not know, a campaign that does not come to its end by one of
+them, a lease that lapses in spite of its heartbeat, an order that waits for the network, and a request that is sent
+twice and done twice.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.client import Client, Refused
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.app import create_app
+from tests.drivers.nobody import nobody_listens
+from tests.drivers.waiting import PATIENCE_S, until
+from tests.end_to_end.simulated import ROOT, cell_file
+from tests.service.test_http_support import TOKEN, Served, served
+
+PAGES = ROOT / "docs" / "cell-pc"
+CAMPAIGN = """format = "truepose-campaign/1"
+samples = 20
+settle_s = 0.0
+[[block]]
+set = "calibration"
+select = "random"
+count = 16
+[[block]]
+set = "validation"
+select = "random"
+count = 4
+"""
+node = shutil.which("node")
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    folder = tmp_path_factory.mktemp("cell-pc")
+    cell = cell_file(folder, time_scale=60.0)
+    with served(folder / "record", "--cell", str(cell), "--simulate") as running:
+        yield running
+
+
+def taken_from(page: str, folder: Path) -> Path:
+    """The program of a page, in a folder with a campaign as TOML and as JSON."""
+    language, name, text = re.findall(
+        r"```(\w+) file=(\S+)\n(.*?)```", (PAGES / page).read_text("utf-8"), re.DOTALL
+    )[0]
+    assert language
+    (folder / "campaign.toml").write_text(CAMPAIGN, "utf-8")
+    (folder / "campaign.json").write_text(json.dumps(tomllib.loads(CAMPAIGN)), "utf-8")
+    (folder / name).write_text(text, "utf-8")
+    return folder / name
+
+
+def run(command: list[str | Path], folder: Path, service: Served) -> str:
+    names = {"TRUEPOSE_URL": service.url, "TRUEPOSE_TOKEN": TOKEN, "URL": service.url, "TOKEN": TOKEN}
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=os.environ | names | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 0, (done.stdout, done.stderr)
+    return done.stdout
+
+
+def test_the_python_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
+    program = taken_from("python.md", tmp_path)
+    told = run([sys.executable, program, "campaign.toml"], tmp_path, service)
+    assert "checked: Checked only: 23 visits, 60 readings; nothing has moved." in told
+    assert "succeeded: 60 of 60" in told
+    assert re.search(r"0\.\d{3} mm, (not )?accepted", told)
+    assert (tmp_path / "report.html").read_text("utf-8").lower().startswith("<!doctype html>")
+    assert service.client.get("/cell").json()["lease"] is None
+
+
+@pytest.mark.skipif(not (shutil.which("curl") and shutil.which("sh")), reason="needs a shell and curl")
+def test_the_curl_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
+    told = run(["sh", taken_from("curl.md", tmp_path), "campaign.toml"], tmp_path, service)
+    assert "succeeded: 60 of 60" in told
+    assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)
+    assert service.client.get("/cell").json()["lease"] is None
+
+
+@pytest.mark.skipif(node is None, reason="needs node")
+def test_the_flow_runs_a_campaign(service: Served, tmp_path: Path) -> None:
+    assert node is not None
+    flow = taken_from("node-red.md", tmp_path)
+    told = run([node, ROOT / "tests" / "service" / "node_red.js", flow, "campaign.json"], tmp_path, service)
+    assert json.loads(told.splitlines()[-1].removeprefix("result: ")).keys() == {"verdict", "accepted"}
+    until(lambda: service.client.get("/cell").json()["lease"] is None)
+
+
+@pytest.mark.skipif(shutil.which("dotnet") is None, reason="needs a C# compiler: there is no dotnet here")
+def test_the_csharp_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
+    program = taken_from("csharp.md", tmp_path)
+    (tmp_path / "Page.csproj").write_text(
+        '<Project Sdk="Microsoft.NET.Sdk"><PropertyGroup><OutputType>Exe</OutputType><ImplicitUsings>enable'
+        "</ImplicitUsings><Nullable>enable</Nullable><TargetFramework>net8.0</TargetFramework></PropertyGroup></Project>",
+        "utf-8",
+    )
+    told = run(["dotnet", "run", "--", "campaign.json"], program.parent, service)
+    assert "succeeded: 60 of 60" in told
+    assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)
+
+
+def test_every_request_of_the_pages_is_one_that_the_service_knows(tmp_path: Path) -> None:
+    paths = create_app(Settings(tmp_path, Tokens("o", "v"))).openapi()["paths"]
+    asked = 0
+    for page in PAGES.glob("*.md"):
+        for method, path in re.findall(r"`?(GET|POST|DELETE) (/api/v1/[^\s`?]+)", page.read_text("utf-8")):
+            assert method.lower() in paths.get(path, {}), (page.name, method, path)
+            asked += 1
+    assert asked > 15
+
+
+def test_the_lease_is_prolonged_as_long_as_it_is_held(service: Served) -> None:
+    with Client(service.url, TOKEN) as cell:
+        with cell.lease("anna", seconds=120.0, every_s=0.05) as lease:
+            first = cell.ask("GET", "/cell")["lease"]["expires_utc"]
+            until(lambda: cell.ask("GET", "/cell")["lease"]["expires_utc"] > first)
+            assert not lease.lost.is_set()
+            with pytest.raises(Refused, match="held by anna") as refused, cell.lease("bert"):
+                pass
+            assert refused.value.code == 8102
+            assert "take it over" in refused.value.what_to_do
+            cell.ask("POST", "/cell/lease/takeover", {"holder": "carl", "reason": "now me"})
+            assert lease.lost.wait(PATIENCE_S)
+        assert cell.ask("GET", "/cell")["lease"]["holder"] == "carl"  # what was lost is not given back
+
+
+def test_what_is_asked_again_with_its_key_is_done_once(service: Served) -> None:
+    with Client(service.url, TOKEN) as cell:
+        campaign = {"campaign": tomllib.loads(CAMPAIGN), "name": "twice"}
+        ids = {cell.once("/campaigns", campaign, "the-same")["id"] for _ in range(3)}
+        assert len(ids) == 1
+
+
+def test_a_stop_returns_before_it_is_heard() -> None:
+    """Of a service that takes the connection and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        cell = Client(f"http://127.0.0.1:{silent.getsockname()[1]}", TOKEN, timeout_s=PATIENCE_S)
+        heard = cell.stop("x")
+        assert not heard.done()
+        link, _ = silent.accept()
+        with link:
+            assert link.recv(1000).startswith(b"POST /api/v1/runs/x/stop ")
+            assert not heard.done()
+        with pytest.raises(ConnectionError):
+            heard.result(PATIENCE_S)
+
+
+def test_a_stop_that_reaches_nobody_says_so() -> None:
+    with nobody_listens() as port, pytest.raises(ConnectionError):
+        Client(f"http://127.0.0.1:{port}", TOKEN).stop("x").result(PATIENCE_S)
+
+
+@pytest.mark.parametrize("url", ["", "127.0.0.1:80", "https://127.0.0.1:1", "http://127.0.0.1"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(ValueError, match="http://ADDRESS:PORT"):
+        Client(url, TOKEN)
+
+
+def test_the_client_stands_alone(tmp_path: Path) -> None:
+    """Copied by itself, it imports nothing but the standard library."""
+    shutil.copy(ROOT / "service" / "client.py", tmp_path / "client.py")
+    code = "import sys, client; print(sorted({n.split('.')[0] for n in sys.modules} - set(sys.stdlib_module_names)))"
+    done: Any = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", f"import sys; sys.path.insert(0, '.'); {code}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.stdout.strip() == "['__main__', 'client']"

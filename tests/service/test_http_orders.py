@@ -1,0 +1,237 @@
+"""What the command line can, asked by HTTP: programs, exports, validations, selections, examinations, deletions.
+
+These would catch: an answer that differs from the command's, a program whose bytes are not given back, a deletion that
+leaves no trail or takes what is in use.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+from fastapi.testclient import TestClient
+
+from acquisition import read_cell
+from service import job
+from service.cli import main
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.app import create_app
+from service.http.wire.bodies.selections import SelectionResult
+from service.http.wire.bodies.validations import ValidationResult
+from tests.drivers.waiting import PATIENCE_S
+from tests.end_to_end.simulated import ROOT, cell_file
+from tests.service.campaigns import write_data
+from tests.service.test_http_support import Served, problem, served
+from tests.service.test_openapi import unnamed
+
+TOKENS = Tokens("only-for-the-tests-of-orders", "only-to-look-at-the-tests-of-orders")
+EXAMPLE = ROOT / "examples" / "irb120_faro"
+CAMPAIGN = tomllib.loads((EXAMPLE / "campaign.toml").read_text("utf-8"))
+MODULE = b"""MODULE Here
+  ! Gr\xfc\xdfe from Latin-1
+  CONST jointtarget a := [[10,-20,30,0,45,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  CONST jointtarget b := [[-10,10,20,10,40,20],[9E9,9E9,9E9,9E9,9E9,9E9]];
+ENDMODULE
+"""
+
+
+class Here:
+    """A service in this process with a data set and a model that was identified on it."""
+
+    def __init__(self, client: TestClient, record: Path, data: Path) -> None:
+        self.client, self.record, self.data = client, record, data
+        files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
+        self.dataset = client.post("/datasets", files=files).json()["id"]
+        self.model = self.done("/identifications", dataset_id=self.dataset)["id"]
+
+    def done(self, path: str, **asked: Any) -> dict[str, Any]:
+        """A job, asked for and waited for."""
+        answer = self.client.post(path, json=asked)
+        assert answer.status_code == 202, answer.text
+        where = answer.headers["location"].removeprefix("/api/v1")
+        while True:
+            document = self.client.get(where, params={"wait": 30, "after": 2}).json()
+            if document["state"] in ("succeeded", "failed"):
+                return document
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Here]:
+    folder = tmp_path_factory.mktemp("orders")
+    settings = Settings(record=folder / "record", tokens=TOKENS, cell=read_cell(EXAMPLE / "cell.toml"))
+    with TestClient(create_app(settings), base_url="http://127.0.0.1/api/v1") as client:
+        client.headers |= {"Authorization": f"Bearer {TOKENS.operator}"}
+        yield Here(client, folder / "record", write_data(folder, n=50))
+
+
+def test_a_program_is_corrected_as_by_the_command_to_the_byte(here: Here, tmp_path: Path) -> None:
+    answer = here.client.post(
+        f"/models/{here.model}/programs", files={"program": ("../../etc/WELD.mod", MODULE)}
+    )
+    assert answer.status_code == 200, answer.text
+    told = answer.json()
+    assert (told["name"], told["corrected"]) == ("WELD.mod", 2)
+    (tmp_path / "in.mod").write_bytes(MODULE)
+    model = here.record / "identifications" / here.model / job.MODEL
+    assert main(["compensate", str(model), str(tmp_path / "in.mod"), str(tmp_path / "out.mod")]) == 0
+    corrected = base64.b64decode(told["program_base64"])
+    assert corrected == (tmp_path / "out.mod").read_bytes()
+    assert b"Gr\xfc\xdfe" in corrected
+    assert corrected != MODULE
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.exe", MODULE, "not a program"),
+        ("a.mod", b"\0\1", "not a text"),
+        ("a.ls", MODULE, "Fanuc"),
+        ("", MODULE, ""),
+        ("<script>.mod", b"MODULE x", ""),
+    ],
+)
+def test_a_program_that_cannot_be_used_is_refused(here: Here, name: str, content: bytes, words: str) -> None:
+    answer = here.client.post(f"/models/{here.model}/programs", files={"program": (name, content)})
+    assert words in problem(answer, 422)["detail"]
+
+
+def test_a_target_out_of_reach_is_refused_unless_it_is_kept(here: Here) -> None:
+    far = MODULE.replace(b"[[10,-20,30,0,45,0]", b"[[10,-20,130,0,45,0]")
+    path, files = f"/models/{here.model}/programs", {"program": ("a.mod", far)}
+    refused = problem(here.client.post(path, files=files), 422)
+    assert refused["code"] == 8111
+    assert refused["targets"][0]["target"] == "a"
+    kept = here.client.post(path, files=files, data={"keep_refused": "true"})
+    assert (kept.json()["corrected"], kept.json()["refused"]) == (1, 1)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "dh-csv", "dh-md", "mastering"])
+def test_a_model_is_exported_as_by_the_command(here: Here, tmp_path: Path, kind: str) -> None:
+    told = here.client.get(f"/models/{here.model}/exports/{kind}").json()
+    model = here.record / "identifications" / here.model / job.MODEL
+    out = tmp_path / "out"
+    assert main(["export", str(model), str(out), "--as", kind, "--json", str(tmp_path / "out.json")]) == 0
+    by_command = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    assert told["text"].replace(here.model, job.MODEL) == out.read_text("utf-8")
+    assert told["loss_mm"] == by_command["loss_mm"]
+    assert told["as"] == kind
+
+
+def test_an_export_that_does_not_suit_is_refused(here: Here) -> None:
+    assert "ABB" in problem(here.client.get(f"/models/{here.model}/exports/ur-yaml"), 422)["detail"]
+    problem(here.client.get(f"/models/{here.model}/exports/doc"), 422)
+    problem(here.client.get("/models/x/exports/urdf"), 404)
+
+
+def test_a_model_is_validated_and_held_to_limits(here: Here) -> None:
+    done = here.done("/validations", dataset_id=here.dataset, model_id=here.model, accept_rms_mm=0.001)
+    result = done["result"]
+    assert unnamed(ValidationResult.model_validate(result)) == set()
+    nominal, judged = (each["position_mm"]["rms"] for each in result["judgements"])
+    assert judged < 0.5 * nominal
+    assert result["acceptance"]["verdict"] == "rejected"
+    ask = {"dataset_id": here.dataset, "place": True}
+    assert "model" in problem(here.client.post("/validations", json=ask), 422)["detail"]
+
+
+def test_jobs_take_limits(here: Here) -> None:
+    done = here.done("/identifications", dataset_id=here.dataset, accept_max_mm=1000.0)
+    assert done["result"]["acceptance"]["verdict"] == "accepted"
+    assert "Accepted" in here.client.get(f"/reports/{done['id']}").text
+
+
+def test_poses_are_selected_in_the_cell(here: Here) -> None:
+    result = here.done("/selections", count=30, candidates=120)["result"]
+    assert unnamed(SelectionResult.model_validate(result)) == set()
+    assert len(result["poses_deg"]) == 30
+    block = {"kind": "poses", "select": "list", "joints_deg": result["poses_deg"]}
+    sent = {"campaign": {"format": "truepose-campaign/1", "block": [block]}}
+    checked = here.client.post("/runs", json=sent).json()
+    assert checked["total"] == 90  # three targets a pose
+    failed = here.done("/selections", targets=["T9"])
+    assert "T9" in failed["problem"]["detail"]
+
+
+def deleted(answer: httpx2.Response) -> dict[str, Any]:
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_what_is_deleted_is_gone_and_said(here: Here) -> None:
+    files = {"csv": here.data.read_bytes(), "toml": here.data.with_suffix(".toml").read_bytes()}
+    dataset = here.client.post("/datasets", files=files, data={"name": "tuesday"}).json()
+    result = here.done("/identifications", dataset_id=dataset["id"])["id"]
+    run = here.client.post("/runs", json={"campaign": CAMPAIGN}).json()["id"]
+    campaign = here.client.post("/campaigns", json={"campaign": CAMPAIGN}).json()["id"]
+    because = {"reason": "a trial = with the <wrong> tool"}
+    for path, again in (
+        (f"/results/{result}", f"/models/{result}"),
+        (f"/datasets/{dataset['id']}", f"/datasets/{dataset['id']}"),
+        (f"/runs/{run}", f"/runs/{run}"),
+        (f"/campaigns/{campaign}", f"/campaigns/{campaign}"),
+    ):
+        problem(here.client.delete(path), 422)  # for no reason
+        problem(here.client.delete(path, params={"reason": " "}), 422)
+        line = deleted(here.client.delete(path, params=because))
+        assert line["id"] in path
+        assert line["reason"] == because["reason"]
+        problem(here.client.get(again), 404)
+        problem(here.client.delete(path, params=because), 404)
+    trail = here.client.get("/deletions").json()["deletions"]
+    assert [each["kind"] for each in trail[-4:]] == ["identification", "dataset", "run", "campaign"]
+    assert trail[-3] | {"name": "tuesday", "sha256": dataset["sha256"]} == trail[-3]
+    assert not [p for p in here.record.rglob("*") if result in p.name or dataset["id"] in p.name]
+
+
+def test_nobody_deletes_with_a_trick_or_as_a_viewer(here: Here) -> None:
+    because = {"reason": "x"}
+    for name in ("..", "%2e%2e", "..%2f..%2frecord", ".", "a%00b", "x" * 300):
+        for kind in ("runs", "datasets", "campaigns", "results"):
+            assert here.client.delete(f"/{kind}/{name}", params=because).status_code in (404, 405)
+    viewer = {"Authorization": f"Bearer {TOKENS.viewer}"}
+    answer = here.client.delete(f"/datasets/{here.dataset}", params=because, headers=viewer)
+    assert problem(answer, 403)["code"] == 8113
+    assert here.client.get(f"/datasets/{here.dataset}").status_code == 200
+
+
+def test_without_a_cell_there_is_nothing_to_examine(tmp_path: Path) -> None:
+    app = create_app(Settings(record=tmp_path, tokens=TOKENS))
+    with TestClient(app, base_url="http://127.0.0.1/api/v1") as client:
+        client.headers |= {"Authorization": f"Bearer {TOKENS.operator}"}
+        for path in ("/cell/examination", "/selections"):
+            assert problem(client.post(path, json={}), 404)["code"] == 8108
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[Served]:
+    with served(
+        tmp_path / "record", "--cell", str(cell_file(tmp_path, time_scale=40.0)), "--simulate"
+    ) as running:
+        yield running
+
+
+def test_a_running_run_is_neither_deleted_nor_disturbed(service: Served, tmp_path: Path) -> None:
+    told = service.client.post("/cell/examination").json()
+    assert told["simulated"] is True
+    assert {each["device"] for each in told["findings"]} == {"robot", "instrument", "computer"}
+    service.lease()
+    run = service.client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False}).json()["id"]
+    because = {"reason": "in the way"}
+    assert problem(service.client.delete(f"/runs/{run}", params=because), 409)["code"] == 8105
+    assert problem(service.client.post("/cell/examination"), 409)["run_id"] == run
+    service.client.post(f"/runs/{run}/stop")
+    service.until(f"/runs/{run}", "stopped", seconds=PATIENCE_S)
+    line = deleted(service.client.delete(f"/runs/{run}", params=because))
+    assert line["by"] == "anna"
+    events = (tmp_path / "record" / line["kept"]).read_text("utf-8").splitlines()
+    assert json.loads(events[0])["kind"] == "created"
+    assert run not in {each["id"] for each in service.client.get("/runs").json()["runs"]}
+    again = service.client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False})  # the robot is free
+    assert again.status_code == 202

@@ -1,0 +1,214 @@
+"""The OpenAPI document as a programmer of a cell PC meets it, and whether it says what the program does.
+
+These would catch: a field or parameter without words, unit or example; a free object where a type is known; a list of
+states, verdicts or events that the program has outgrown; a campaign that the schema refuses and the reader takes.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from acquisition import State
+from acquisition.campaign.blocks import KINDS, SHARED
+from acquisition.campaign.campaign import _KEYS
+from calib.diagnose.diagnosis import Verdict
+from service import job
+from service.exports import FORMATS
+from service.http.access.roles import Tokens
+from service.http.access.settings import Settings
+from service.http.app import create_app
+from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
+from service.http.wire.bodies.diagnoses import DiagnosisResult
+from service.http.wire.bodies.regressions import RegressionResult
+from service.http.wire.bodies.results import IdentificationResult
+from service.http.work import jobs
+from service.http.work.campaigns import campaign_of
+from tests.end_to_end.simulated import ROOT
+from tests.service.campaigns import write_data
+
+UNITS = re.compile(
+    r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
+    r"[Nn]o unit|with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
+)
+FREE = {"EventShown.data"}
+"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md."""
+
+
+@pytest.fixture(scope="module")
+def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return create_app(Settings(tmp_path_factory.mktemp("openapi"), Tokens("o", "v"))).openapi()
+
+
+def fields(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every parameter and every member of every object, by name."""
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            for each in operation.get("parameters", ()):
+                told = each["schema"] | {k: v for k, v in each.items() if k == "description"}
+                yield f"{method} {path} {each['name']}", told
+    for name, schema in document["components"]["schemas"].items():
+        for key, member in schema.get("properties", {}).items():
+            yield f"{name}.{key}", member
+
+
+def kinds(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """A schema and its alternatives and elements."""
+    yield schema
+    for each in (*schema.get("anyOf", ()), *schema.get("oneOf", ()), *schema.get("allOf", ())):
+        yield from kinds(each)
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            yield from kinds(schema[key])
+
+
+def test_every_field_and_parameter_is_described_with_an_example(document: dict[str, Any]) -> None:
+    seen = dict(fields(document))
+    assert len(seen) > 300
+    assert [name for name, told in seen.items() if len(told.get("description", "")) < 5] == []
+    files = {"contentMediaType", "format"}
+    assert [name for name, told in seen.items() if not told.get("examples") and not files & set(told)] == []
+
+
+def test_every_number_has_its_unit(document: dict[str, Any]) -> None:
+    without = [
+        name
+        for name, told in fields(document)
+        if any(each.get("type") in ("number", "integer") and "enum" not in each for each in kinds(told))
+        and not UNITS.search(told["description"])
+    ]
+    # the id of a reading is a number or text, as somebody chose it
+    assert [name for name in without if not re.search(r"readings?$|_rows$|\.index$", name)] == []
+
+
+def test_no_object_is_free_where_its_type_is_known(document: dict[str, Any]) -> None:
+    bodies = {
+        f"{method} {path} {status}": content["schema"]
+        for path, item in document["paths"].items()
+        for method, operation in item.items()
+        for status, answer in operation["responses"].items()
+        for content in answer.get("content", {}).values()
+    }
+    free = {
+        name
+        for name, told in (*fields(document), *bodies.items())
+        for each in kinds(told)
+        if (
+            each.get("type") == "object"
+            and not each.get("properties")
+            and not isinstance(each.get("additionalProperties"), dict)
+        )
+        or not {"type", "$ref", "anyOf", "oneOf", "allOf", "const", "enum"} & set(each)
+    }
+    assert free == FREE
+
+
+def test_states_verdicts_and_kinds_are_enumerations(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    assert schemas["State"]["enum"] == [state.value for state in State]
+    for name in ("RunShown", "LoopShown", "JobShown", "DiagnosisShown"):
+        assert schemas[name]["properties"]["state"]["$ref"] == "#/components/schemas/State"
+    assert schemas["DiagnosisResult"]["properties"]["verdict"]["enum"] == list(get_args(Verdict))
+    assert set(schemas["JobShown"]["properties"]["kind"]["enum"]) == set(jobs._FOLDERS)
+    assert {"run", "dataset", "campaign", *jobs._FOLDERS} == set(
+        schemas["DeletionShown"]["properties"]["kind"]["enum"]
+    )
+    assert set(get_args(ExportKind)) == set(FORMATS)
+    assert schemas["EventShown"]["properties"]["kind"]["enum"] == list(get_args(EventKind))
+
+
+def test_the_kinds_of_events_are_those_that_the_program_writes() -> None:
+    """Read from its source: the first word that is given to whoever notes an event."""
+    written = {"deferred", "skipped"}  # by `Store.mark`, which has them from its caller
+    for file in (ROOT / "acquisition").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
+                known = node.args[-1] if node.func.attr == "note" else node.args[0]
+                notes = node.func.attr in ("note", "add_event", "_add_event") and node.keywords
+                if notes and isinstance(known, ast.Constant) and re.fullmatch(r"[a-z_]+", str(known.value)):
+                    written.add(str(known.value))
+    assert written <= set(get_args(EventKind)), written - set(get_args(EventKind))
+    assert len(written) > 25
+
+
+def test_the_keys_of_a_campaign_are_those_that_are_read(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    assert set(schemas["CampaignTable"]["properties"]) == set(_KEYS.split())
+    for kind, read in KINDS.items():
+        name = "".join(part.capitalize() for part in kind.split("_")) + "Block"
+        keys = {*SHARED, *read.keys} - {"file"}  # one of the server: refused
+        assert set(schemas[name]["properties"]) == keys, kind
+        sets = schemas[name]["properties"]["set"]
+        assert set(sets.get("enum", [sets.get("const")])) == set(read.sets), kind
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*/*campaign*.toml")), ids=str)
+def test_the_schema_takes_the_campaigns_of_the_examples(path: Path) -> None:
+    TypeAdapter(CampaignTable).validate_python(tomllib.loads(path.read_text("utf-8")))
+
+
+def test_the_schema_refuses_a_campaign_without_blocks() -> None:
+    with pytest.raises(ValidationError):
+        TypeAdapter(CampaignTable).validate_python({"format": "truepose-campaign/1"})
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_data(tmp_path_factory.mktemp("data"), n=50)
+
+
+def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
+    """Every member that the schema demands is there, of its type; and none is there that it does not name."""
+    from calib.text import read_json
+
+    done = {
+        "identification": IdentificationResult,
+        "diagnosis": DiagnosisResult,
+        "regression": RegressionResult,
+    }
+    limits = {"rms": 0.05, "largest": None}
+    for kind, model in done.items():
+        folder = tmp_path / kind
+        folder.mkdir()
+        if kind == "regression":
+            order = {
+                "on": "residuals",
+                "kernel": "linear",
+                "features": None,
+                "level": 3,
+                "both": False,
+                "diagnosed": False,
+            }
+            job.regression(data, folder, order)
+        else:
+            getattr(job, kind)(data, folder, limits=limits)
+        result = read_json(folder / job.RESULT)
+        assert unnamed(model.model_validate(result)) == set()
+        if kind == "diagnosis":
+            assert result["acceptance"]["criteria"][0]["limit_mm"] == 0.05
+            ModelShown.model_validate(read_json(folder / job.MODEL))
+
+
+def unnamed(model: Any, where: str = "") -> set[str]:
+    """Members of a document that its model does not name."""
+    out = {f"{where}.{name}" for name in getattr(model, "model_extra", None) or {}}
+    for name in type(model).model_fields if hasattr(type(model), "model_fields") else ():
+        value = getattr(model, name)
+        for each in value if isinstance(value, list) else [value]:
+            out |= unnamed(each, f"{where}.{name}")
+    return out
+
+
+def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
+    """What the page of the description offers to send is what the service takes."""
+    for model in (asked.NewRun, asked.NewLoop, asked.TargetsToCorrect):
+        (example,) = document["components"]["schemas"][model.__name__]["examples"]
+        model.model_validate(example)
+    campaign_of(asked.CAMPAIGN)
