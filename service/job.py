@@ -1,4 +1,4 @@
-"""One identification, diagnosis, alignment or regression, for a worker process of the service.
+"""One identification, diagnosis, alignment, regression or search of placements, for a worker process of the service.
 
 The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
 cannot be used.
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
-ROBOT, TRACKER, PICTURE = "robot.csv", "tracker.csv", "picture.svg"
+ROBOT, TRACKER, PICTURE, PROGRESS = "robot.csv", "tracker.csv", "picture.svg", "progress.json"
 
 
 def do(folder: Path) -> None:
@@ -28,6 +28,8 @@ def do(folder: Path) -> None:
             alignment(folder, job["order"], job["name"])
         elif job["kind"] == "regression":
             regression(Path(job["data"]), folder, job["order"])
+        elif job["kind"] == "placement":
+            placement(folder, job["cell"], job["order"])
         else:
             identification(Path(job["data"]), folder)
     except DataError as error:
@@ -84,6 +86,31 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     result.save(folder / MODEL)
     replace_file(folder / REPORT, result.report())
     replace_file(folder / RESULT, as_json(result.document))
+
+
+def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
+    """Search placements of the base balls, draw them. cell: the text of a cell file. Raises DataError."""
+    from acquisition.cell import cell_of_record
+    from calib.errors import DataError
+    from calib.text import replace_file
+    from drivers.errors import ConfigError
+    from service.files import as_json
+    from service.results.placements import Order, found_for
+
+    def progress(done: int, total: int) -> None:
+        replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
+
+    def say(_: str) -> None:
+        """What is done is in the progress."""
+
+    try:
+        found = found_for(
+            cell_of_record(cell, str(folder / JOB)), Order.of(order), folder / JOB, say, progress
+        )
+    except ConfigError as error:
+        raise DataError(f"{error.message}.", do=error.what_to_do, key="zone") from error
+    replace_file(folder / PICTURE, found.picture())
+    replace_file(folder / RESULT, as_json(found.document()))
 
 
 def alignment(folder: Path, order: dict[str, Any], name: str) -> None:

@@ -15,14 +15,15 @@ from collections.abc import Callable
 
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
+from acquisition.cell.picture import scene
 from acquisition.record.store import Planned
 from drivers.interfaces import Answer
 
-Ask = Callable[[str], Answer]
+Ask = Callable[[str, str | None], Answer]
 
 
 class Hands:
-    """The manual work of one execution. `ask`: put a question to a person."""
+    """The manual work of one execution. `ask`: put a question to a person, with a picture (SVG)."""
 
     def __init__(self, cell: Cell, ask: Ask) -> None:
         self._ask = ask
@@ -43,7 +44,7 @@ class Hands:
         """The SMR is in the nest of the reading, where there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
-        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.")
+        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", None)
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
@@ -52,14 +53,15 @@ class Hands:
         """The beam is on the SMR of a nest."""
         if not self._aimed or planned.visit.kind != "nest":
             return Answer.CONFIRM
-        return self._ask(f"Aim the tracker at the SMR in {planned.target} and press confirm.")
+        return self._ask(f"Aim the tracker at the SMR in {planned.target} and press confirm.", None)
 
     def free(self, planned: Planned) -> Answer:
         """Free the robot of the ballbar, since it goes to the pose of the reading next."""
         if not self._ballbar or self._free:
             return Answer.CONFIRM
         answer = self._ask(
-            f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}."
+            f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}.",
+            self._picture(planned, None),
         )
         if answer is Answer.CONFIRM:
             self._free, self._spanned = True, None
@@ -72,7 +74,8 @@ class Hands:
         self._free, self._spanned = False, None
         answer = self._ask(
             f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
-            f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke."
+            f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke.",
+            self._picture(planned, (planned.base_target, planned.target)),
         )
         if answer is Answer.CONFIRM:
             self._spanned = (planned.base_target, planned.target)
@@ -84,8 +87,16 @@ class Hands:
         if bar is not None:
             return self._ask(
                 f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
-                "its zero is read there."
+                "its zero is read there.",
+                None,
             )
         return self._ask(
-            "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres."
+            "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres.",
+            None,
         )
+
+    def _picture(self, planned: Planned, now: tuple[str, str] | None) -> str:
+        """The pose of a reading with its legs, or two balls of one body."""
+        visit = planned.visit
+        legs = [(base, target) for target, base in visit.readings if base is not None]
+        return scene(self._cell, visit.joints_deg or None, legs if visit.joints_deg else (), now)

@@ -19,6 +19,7 @@ from service.http.routes import (
     job_routes,
     loop_routes,
     page,
+    placement_routes,
     prompt_routes,
     regression_routes,
     run_routes,
@@ -59,6 +60,7 @@ def create_app(settings: Settings) -> FastAPI:
         alignment_routes,
         job_routes,
         regression_routes,
+        placement_routes,
         target_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)

@@ -102,6 +102,8 @@ function showPrompt(prompt) {
   const fresh = asked !== prompt.id;
   if (fresh) {
     asked = prompt.id; armed = ""; $("reason").value = ""; $("question").textContent = prompt.text;
+    $("picture").hidden = !prompt.picture;  // as an image no text of it runs or loads anything
+    if (prompt.picture) $("picture").src = "data:image/svg+xml," + encodeURIComponent(prompt.picture);
     setTimeout(() => { if (asked === prompt.id) { armed = asked; showRun(); } }, ARMED_MS);
   }
   $("arming").textContent = looksOn() ? "The operator answers." : armed ? "" : "The buttons work in a moment.";

@@ -273,7 +273,7 @@ class DatasetShown(Answered):
 
 
 class JobKept(Answered):
-    """An identification, a diagnosis, an alignment or a regression as it was asked for."""
+    """A job of any kind as it was asked for."""
 
     id: str
     kind: str
@@ -291,7 +291,8 @@ class ProblemKept(Answered):
 class JobShown(Answered):
     """A job of any kind; `result` once it has succeeded, `problem` once it has failed.
 
-    `dataset_id`: of an alignment, the data set it made, empty before.
+    `dataset_id`: of an alignment, the data set it made, empty before. `progress`: of a search of placements, how many
+    are `done` of the `total`.
     """
 
     id: str
