@@ -98,6 +98,23 @@ class OtherBalls(Refused):
     )
 
 
+class TouchedElsewhere(Refused):
+    """A ball of the tool was read far from the cup that it should be in."""
+
+    code = 3111
+    advice = (
+        "Jog the ball named into the cup named, then confirm: the touch is asked for again. Where the cups do not "
+        "stand where the cell file has them, correct its world.nests and begin a new record."
+    )
+
+
+class CupsDisagree(Refused):
+    """Two cups were touched farther from each other than the ballbar measured, or the sides make no triangle."""
+
+    code = 3112
+    advice = "Confirm to do it again; skip to go on with what was measured."
+
+
 class NestsDisagree(Refused):
     """The nests measured on the table do not have the distances of the cell file."""
 

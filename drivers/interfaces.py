@@ -147,7 +147,7 @@ class Answer(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """A question to a person. `expects`: the answers that make sense, in the order shown."""
+    """A question to a person. `expects`: the answers that make sense, in the order shown; `picture`: its name."""
 
     id: str
     text: str

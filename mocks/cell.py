@@ -24,6 +24,7 @@ from mocks.misplaced import offsets, true_nests
 from mocks.renishaw.qc20w import BallbarBridge, BallbarDevice
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import CellClock, DeviceClock
+from mocks.shared.jogging import jog_into
 from mocks.shared.mbp_bridge import MbpBridge
 from mocks.shared.sockets import Endpoint, Servers
 from mocks.shared.tracker_device import TrackerDevice
@@ -88,6 +89,8 @@ class Cell:
             | self.qc20w.orders()
             | self.leica.orders()
             | {
+                "touch": self._touch,
+                "jog": lambda order: self.arm.put(order["joints_deg"]),
                 "restart": self._restart,
                 "reboot": self._reboot,
                 "clock_step": self._clock_step,
@@ -124,6 +127,11 @@ class Cell:
         """A person puts the robot in order, and starts the programs of its controller again."""
         self.abb_simple.restart()
         await self.abb.restart()
+
+    def _touch(self, order: dict[str, Any]) -> None:
+        """A person jogs the arm until a ball of the tool sits in a cup of the base."""
+        ball = self.qc20w.device.balls[order["base"]]
+        jog_into(self.world, self.arm, self.clock, order["target"], ball, order["near_deg"])
 
     def _clock_step(self, order: dict[str, Any]) -> None:
         """Every device's own clock jumps by so many seconds."""

@@ -1,4 +1,4 @@
-"""One job: identification, diagnosis, alignment, regression, validation or selection, for a worker of the service.
+"""One job, of any kind that `service.http.work.jobs` knows, for a worker of the service.
 
 The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
 cannot be used.
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
-STEP, ARROWS = "step.json", "arrows.json"
+STEP, ARROWS, PROGRESS = "step.json", "arrows.json", "progress.json"
 ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
 
 
@@ -33,6 +33,8 @@ def do(folder: Path) -> None:
             selection(folder, job["cell"], job["order"])
         elif job["kind"] == "regression":
             regression(Path(job["data"]), folder, job["order"])
+        elif job["kind"] == "placement":
+            placement(folder, job["cell"], job["order"])
         else:
             identification(Path(job["data"]), folder, limits=job.get("limits"))
     except DataError as error:
@@ -153,6 +155,31 @@ def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
         order[name] = None if order[name] is None else tuple(order[name])
     found = Selected.of(cell_of_record(cell, str(folder / JOB)), Question(**order))
     replace_file(folder / POSES, found.csv)
+    replace_file(folder / RESULT, as_json(found.document()))
+
+
+def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
+    """Search placements of the base balls, draw them. cell: the text of a cell file. Raises DataError."""
+    from acquisition.cell import cell_of_record
+    from calib.errors import DataError
+    from calib.text import replace_file
+    from drivers.errors import ConfigError
+    from service.files import as_json
+    from service.results.placements import Order, found_for
+
+    def progress(done: int, total: int) -> None:
+        replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
+
+    def say(_: str) -> None:
+        """What is done is in the progress."""
+
+    try:
+        found = found_for(
+            cell_of_record(cell, str(folder / JOB)), Order.of(order), folder / JOB, say, progress
+        )
+    except ConfigError as error:
+        raise DataError(f"{error.message}.", do=error.what_to_do, key="zone") from error
+    replace_file(folder / PICTURE, found.picture())
     replace_file(folder / RESULT, as_json(found.document()))
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +20,7 @@ from drivers.operator import RehearsalOperator
 
 START_TIMEOUT_S = 60.0  # a shared machine may be slow to import numpy
 END_TIMEOUT_S = 5.0
+HAND_TIMEOUT_S = 30.0
 _LAST = "backdoor"  # printed after all others
 
 
@@ -38,12 +40,42 @@ class SimulatedDevices:
             operator=RehearsalOperator() if cell.rehearsed else operator,
             robot_url=self._url(cell.robot.driver),
             instrument_url=self._url(cell.instrument.driver),
+            hands=SimulatedHands(self.ports[_LAST]),
         )
 
     def _url(self, driver: str) -> str:
         if driver not in self.ports:
             raise ConfigError(f"there is no simulator for the driver {driver!r} in this cell")
         return f"tcp://127.0.0.1:{self.ports[driver]}"
+
+
+class SimulatedHands:
+    """The hands of a person at the arm of a simulated cell, through its back door."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+
+    def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
+        """Raises ConfigError where the simulated arm does not get there."""
+        self._do({"do": "touch", "target": target, "base": base_target, "near_deg": list(near_deg)})
+
+    def jog(self, joints_deg: Sequence[float]) -> None:
+        """Raises ConfigError."""
+        self._do({"do": "jog", "joints_deg": list(joints_deg)})
+
+    def _do(self, order: Mapping[str, object]) -> None:
+        try:
+            with (
+                socket.create_connection(("127.0.0.1", self._port), HAND_TIMEOUT_S) as door,
+                door.makefile("rwb") as lines,
+            ):
+                lines.write(json.dumps(order).encode() + b"\n")
+                lines.flush()
+                answer = json.loads(lines.readline() or b"{}")
+        except OSError as error:
+            raise ConfigError(f"the simulators of the cell do not answer: {error}") from error
+        if not answer.get("ok"):
+            raise ConfigError(f"the simulated arm was not jogged: {answer.get('error', 'no answer')}")
 
 
 def command_of(*arguments: str) -> list[str]:

@@ -3,6 +3,7 @@
 from acquisition.campaign.blocks.block import DECIMALS
 from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
 from acquisition.campaign.observability import setup_of
+from acquisition.campaign.placement_views import placement_picture
 from acquisition.campaign.placements import Hexapod, Placement, Reached, best_first, grid
 from acquisition.campaign.plan import Visit
 from acquisition.campaign.poses import Pose, draw_poses, too_few
@@ -19,6 +20,7 @@ __all__ = [
     "campaign_from",
     "draw_poses",
     "grid",
+    "placement_picture",
     "read_campaign",
     "setup_of",
     "too_few",

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign.blocks.block import DECIMALS
+from acquisition.cell.carried import carries, moved, point, taken
 from acquisition.cell.cell import Cell
-from acquisition.cell.obstacles import Array, Box, Obstacle, Post, between_lines
+from acquisition.cell.obstacles import Array, Obstacle, between_lines
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import targets_at
-from calib.arm import BRANCHES, Stances, stances
+from calib.arm import BRANCHES, Stances, stances_among
 from calib.selection import Balls, Lengths, uncertainty_of
 from calib.units import DEG
 from drivers.errors import ConfigError
 
 LEG_RADIUS_MM = 15.0  # half of what a QC20-W is thick, with its bars
-CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carries it
 _DRAWN = 40_000
 _AT_ONCE = 40  # placements, to bound the memory
 _WRIST = 5  # links from here on hold the tool, between whose balls the legs end
@@ -88,7 +88,10 @@ class Reached:
 
 
 class Hexapod:
-    """The ballbar hexapod of a cell, wherever its base balls are. Raises ValueError for balls that carry no tool."""
+    """The ballbar hexapod of a cell, wherever its base balls are: on any three of three or more.
+
+    Raises ValueError for balls that carry no tool.
+    """
 
     def __init__(self, cell: Cell, base: Sequence[str], tool: Sequence[str]) -> None:
         self.cell = cell
@@ -96,7 +99,7 @@ class Hexapod:
         self.tool = tuple(tool)
         self._balls = np.array([cell.nests[name] for name in base])
         self._tool = np.array([cell.tool.targets[name] for name in tool])
-        found = stances(self._balls, self._tool, cell.instrument.nominal_mm)
+        found = stances_among(self._balls, self._tool, cell.instrument.nominal_mm)
         out = found.outward
         self.stances = Stances(found.flange[out], found.base[out], found.tool[out], found.outward[out])
 
@@ -112,8 +115,8 @@ class Hexapod:
         out: list[Reached] = []
         for i in range(0, len(placements), _AT_ONCE):
             some = placements[i : i + _AT_ONCE]
-            moved = np.stack([each.pose(self._balls.mean(axis=0)) for each in some])
-            flange = moved[:, None] @ self.stances.flange
+            motion = np.stack([each.pose(self._balls.mean(axis=0)) for each in some])
+            flange = motion[:, None] @ self.stances.flange
             joints = configurations(bare, flange.reshape(-1, 4, 4))
             joints[~_clear(bare, joints)] = np.nan
             joints = joints.reshape(len(some), -1, *joints.shape[1:])
@@ -132,26 +135,28 @@ class Hexapod:
         joints[which[~good, 0], which[~good, 1]] = np.nan
         return replace(reached, joints_deg=joints)
 
-    def uncertainty(self, reached: Reached, places: Array) -> Array:
+    def uncertainty(self, reached: Sequence[Reached], places: Array) -> Array:
         """(p,) mm: U of the first tool ball at joint angles `places` (p, N) rad, once six legs of every configuration
-        were measured (`calib.selection.uncertainty_of`)."""
+        at every placement were measured (`calib.selection.uncertainty_of`)."""
         cell = self.cell
-        base = self.moved(reached.placement).nests
-        which, branch = np.nonzero(reached.there)
-        legs = self.stances.base[which].ravel(), self.stances.tool[which].ravel()
-        joints = cell.robot.model_angles(reached.joints_deg[which, branch])
+        base: dict[str, tuple[float, float, float]] = {}
+        joints, tool, anchors = [], list[str](), list[str]()
+        for k, each in enumerate(reached):
+            nests = self.moved(each.placement).nests
+            base |= {f"{name}.{k}": nests[name] for name in self.base}
+            which, branch = np.nonzero(each.there)
+            angles = cell.robot.model_angles(each.joints_deg[which, branch])
+            joints.append(np.repeat(angles, self.stances.base.shape[1], axis=0))
+            tool += [self.tool[t] for t in self.stances.tool[which].ravel()]
+            anchors += [f"{self.base[b]}.{k}" for b in self.stances.base[which].ravel()]
         return uncertainty_of(
             cell.robot.model,
             Balls(
                 {name: cell.tool.targets[name] for name in self.tool},
-                {name: base[name] for name in self.base},
+                base,
                 {name: u for name, u in cell.tool.u_mm.items() if name in self.tool},
             ),
-            Lengths(
-                np.repeat(joints, legs[0].size // max(len(which), 1), axis=0),
-                [self.tool[t] for t in legs[1]],
-                [self.base[b] for b in legs[0]],
-            ),
+            Lengths(np.concatenate(joints), tool, anchors),
             places,
             noise_mm=cell.instrument.noise.length_mm,
             repeatability=cell.robot.repeatability_deg * DEG,
@@ -180,19 +185,18 @@ class Hexapod:
     def moved(self, placement: Placement) -> Cell:
         """The cell with its base balls, and what carries them, at a placement."""
         pose = placement.pose(self._balls.mean(axis=0))
-        balls = _carried(self._balls, pose)
-        nests = {**self.cell.nests, **{n: _point(p) for n, p in zip(self.base, balls, strict=True)}}
-        fixtures = tuple(_moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures)
+        balls = taken(self._balls, pose)
+        nests = {**self.cell.nests, **{n: point(p) for n, p in zip(self.base, balls, strict=True)}}
+        fixtures = tuple(moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures)
         return replace(self.cell, nests=nests, fixtures=fixtures)
 
     def same_balls(self, placement: Placement) -> tuple[tuple[float, ...], ...]:
         """The places of the balls, whichever is which: placements that share it reach the same stances."""
-        balls = _carried(self._balls, placement.pose(self._balls.mean(axis=0)))
+        balls = taken(self._balls, placement.pose(self._balls.mean(axis=0)))
         return tuple(sorted(tuple(ball) for ball in np.round(balls, 1).tolist()))
 
     def _carries(self, fixture: Obstacle) -> bool:
-        points = np.repeat(self._balls[:, None], 2, axis=1)
-        return bool((np.linalg.norm(fixture.towards(points), axis=1) < CARRIES_MM).any())
+        return carries(fixture, self._balls)
 
     def _legs_free(self, cell: Cell, joints_deg: Array, stance: NDArray[np.int64]) -> Mask:
         """(n,) whether all six legs of each stance pass by the arm up to its wrist."""
@@ -250,27 +254,6 @@ def _clear(cell: Cell, joints_deg: Array) -> Mask:
     good = np.isfinite(flat[:, 0])
     good[good] = cell.clearance.clear_at(flat[good])
     return good.reshape(joints_deg.shape[:2])
-
-
-def _carried(points: Array, pose: Array) -> Array:
-    return points @ pose[:3, :3].T + pose[:3, 3]
-
-
-def _point(point: Array) -> tuple[float, float, float]:
-    x, y, z = (round(float(c), 4) for c in point)
-    return x, y, z
-
-
-def _moved(fixture: Obstacle, pose: Array) -> Obstacle:
-    """A post where the motion takes it; a box becomes the upright box about its corners."""
-    if isinstance(fixture, Post):
-        start, end = _carried(np.array([fixture.from_mm, fixture.to_mm]), pose)
-        return replace(fixture, from_mm=_point(start), to_mm=_point(end))
-    if isinstance(fixture, Box):
-        corners = np.array(np.meshgrid(*zip(fixture.low_mm, fixture.high_mm, strict=True))).reshape(3, -1).T
-        there = _carried(corners, pose)
-        return replace(fixture, low_mm=_point(there.min(axis=0)), high_mm=_point(there.max(axis=0)))
-    return fixture
 
 
 def _frame(balls: Array) -> Array:

@@ -84,9 +84,15 @@ def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
         visits = [Visit(0, f"nest {name}", "nest", "nest", -1, (name,)) for name in list(cell.nests)[:3]]
     reference = _reference(cell, campaign) if campaign.reference_every or campaign.warm_up else None
     order = np.random.default_rng([campaign.seed, Stream.ORDER])
-    numbers = range(len(campaign.blocks))
+    numbers, fitted = range(len(campaign.blocks)), list[Joints]()
     for _, station in groupby(numbers, key=campaign.station_of):
-        units = [unit for number in station for unit in _units(cell, campaign, number)]
+        units = []
+        for number in station:
+            taken = fitted if campaign.blocks[number].set == "validation" else ()
+            found = _units(cell, campaign, number, tuple(taken))
+            units += found
+            if campaign.blocks[number].set == "calibration":
+                fitted += [visit.joints_deg for unit in found for visit in unit if visit.joints_deg]
         if campaign.shuffled:
             units = [units[i] for i in order.permutation(len(units))]
         poses = [visit for unit in units for visit in unit]
@@ -125,10 +131,9 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
         raise ConfigError("zero_every needs a ballbar")
 
 
-def _units(cell: Cell, campaign: Campaign, number: int) -> list[list[Visit]]:
-    """The visits of a block: what must stay together, together."""
-    block = campaign.blocks[number]
-    site = Site(cell, campaign.seed, number, _targets(cell, block, number), block.approach)
+def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...]) -> list[list[Visit]]:
+    """The visits of a block: what must stay together, together. taken: as in its site."""
+    block, site = campaign.blocks[number], replace(site_of(cell, campaign, number), taken=taken)
     visits = [
         Visit(
             0,
@@ -146,6 +151,12 @@ def _units(cell: Cell, campaign: Campaign, number: int) -> list[list[Visit]]:
         for visit in block.recipe.visits_at(site)
     ]
     return [visits] if block.recipe.ordered else [[visit] for visit in visits]
+
+
+def site_of(cell: Cell, campaign: Campaign, number: int) -> Site:
+    """The site of a block, counted from 0. Raises ConfigError for targets that the cell does not have."""
+    block = campaign.blocks[number]
+    return Site(cell, campaign.seed, number, _targets(cell, block, number), block.approach)
 
 
 def _targets(cell: Cell, block: Block, number: int) -> tuple[str, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from acquisition.cell.cell import Cell
 from drivers import open_instrument, open_robot
@@ -11,19 +13,35 @@ from drivers.interfaces import LengthMeter, Operator, PointMeter, RobotArm
 from drivers.link import WireSink
 
 
+class Hands(Protocol):
+    """The hands of a person at the arm of a simulated cell; angles of the model, deg."""
+
+    def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
+        """Jog the arm until a ball of the tool sits in a cup, the arm nearly as in `near_deg`."""
+        ...
+
+    def jog(self, joints_deg: Sequence[float]) -> None:
+        """Jog the arm to there."""
+        ...
+
+
 @dataclass(frozen=True)
 class Devices:
-    """The devices of a cell, not yet connected. `operator` None: prompts are answered through `Run.answer` only."""
+    """The devices of a cell, not yet connected. `operator` None: prompts are answered through `Run.answer` only;
+    `hands` None: whoever confirms has jogged the arm with their own.
+    """
 
     robot: RobotArm
     instrument: PointMeter | LengthMeter
     operator: Operator | None = None
+    hands: Hands | None = None
 
 
 def open_devices(
     cell: Cell,
     *,
     operator: Operator | None = None,
+    hands: Hands | None = None,
     robot_url: str | None = None,
     instrument_url: str | None = None,
     wire: WireSink | None = None,
@@ -44,7 +62,7 @@ def open_devices(
         wire=wire,
         **cell.instrument.options,
     )
-    return Devices(robot, instrument, operator)
+    return Devices(robot, instrument, operator, hands)
 
 
 def _reach_mm(cell: Cell) -> float:

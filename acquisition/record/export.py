@@ -15,7 +15,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,9 @@ from acquisition.record.data_table import DataTable
 from acquisition.record.individuals import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.record.readings import Numbers, Reading, readings_of, spans_of
 from acquisition.record.store import Store
+from acquisition.record.touches import taught_of
 from calib.data import DEFAULT_GROUPS, OTHER
-from calib.text import replace_file
+from calib.text import Vector, replace_file
 
 _WEAKNESSES = """
 SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
@@ -77,13 +78,14 @@ def table_of(record_dir: Path) -> DataTable:
         simulated = bool(store.campaign["simulated"])
         rows, spans = readings_of(store), spans_of(store)
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
+        taught = taught_of(store, cell)
         world = store.world
         individuals = Individuals(store).all()
         unprotected = "; ".join(f"{role}: {weakness}" for role, weakness in store.database.query(_WEAKNESSES))
         ((began, ended),) = store.database.query(_MEASURED)
         operators = [who for (who,) in store.database.query(_OPERATORS)]
-    placed = cell.instrument.declared.measures_lengths or world is not None
-    if not placed or not any(row.counts for row in rows):
+    in_world = cell.instrument.declared.measures_lengths or world is not None
+    if not in_world or not any(row.counts for row in rows):
         raise RecordError(
             f"{record_dir}: holds no reading of a pose yet",
             what_to_do=f"Go on with it: truepose campaign resume {record_dir}.",
@@ -91,7 +93,8 @@ def table_of(record_dir: Path) -> DataTable:
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     rows = sorted([*rows, *spans], key=lambda row: row.id)
     of_rows, devices = _series(rows, individuals)
-    header = _header(cell, station, unprotected, simulated=simulated)
+    placed = {} if taught is None else taught.nests_mm
+    header = _header(cell, station, unprotected, placed, simulated=simulated)
     header["measured"] = {"began": _moment(began), "ended": _moment(ended), "operators": operators}
     return DataTable(str(record_dir), _columns(rows, of_rows, cell), header | {"device": devices})
 
@@ -192,20 +195,32 @@ def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def _known(cell: Cell) -> dict[str, Any]:
-    """Where the balls are to which distances were measured, and how well that and the tool are known."""
+def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
+    """Where the balls are to which distances were measured, and how well that and the tool are known.
+
+    touched: those that the robot has touched, known as well as a robot as it came knows a place.
+    """
     if not cell.instrument.declared.measures_lengths:
         return {"tool_targets_u_mm": dict(cell.tool.u_mm)} if cell.tool.u_mm else {}
+    unstated = [name for name in cell.unstated if name not in touched]
     return {
-        "base_targets": {name: list(point) for name, point in cell.nests.items()},
-        "base_targets_u_mm": {name: cell.nests_u_mm.get(name, TAUGHT_MM) for name in cell.nests},
+        "base_targets": {name: list(touched.get(name, point)) for name, point in cell.nests.items()},
+        "base_targets_u_mm": {
+            name: TAUGHT_MM if name in touched else cell.nests_u_mm.get(name, TAUGHT_MM)
+            for name in cell.nests
+        },
         "tool_targets_u_mm": {name: cell.tool.u_mm.get(name, MADE_MM) for name in cell.tool.targets},
-        **({"u_mm_assumed": list(cell.unstated)} if cell.unstated else {}),
+        **({"u_mm_assumed": unstated} if unstated else {}),
     }
 
 
 def _header(
-    cell: Cell, station_mm: tuple[float, ...], unprotected: str, *, simulated: bool
+    cell: Cell,
+    station_mm: tuple[float, ...],
+    unprotected: str,
+    touched: Mapping[str, Vector],
+    *,
+    simulated: bool,
 ) -> dict[str, Any]:
     return {
         "format": "truepose-dataset/1",
@@ -219,7 +234,7 @@ def _header(
         **({"unprotected": unprotected} if unprotected else {}),
         "noise": _noise(cell, station_mm),
         "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
-        **_known(cell),
+        **_known(cell, touched),
         "loads": [
             {"link": load.link, "mass_kg": load.mass_kg, "cog_mm": list(load.cog_mm)} for load in cell.loads
         ],

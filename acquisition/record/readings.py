@@ -14,7 +14,9 @@ from acquisition.record.store import Store
 Numbers = tuple[float, ...]
 
 _AT_POSES = "pose.kind = 'pose'"
-_BETWEEN = "pose.kind = 'nest' AND pose.base_target IS NOT NULL"
+_BETWEEN = "pose.kind = 'nest' AND pose.base_target IS NOT NULL AND attempt.arrival IS NULL"
+# A ball of the tool that a person has jogged into a cup: no joints were planned, those read are of its arrival.
+_TOUCHES = "pose.kind = 'nest' AND pose.base_target IS NOT NULL AND attempt.arrival IS NOT NULL"
 _ROWS = """
 SELECT attempt.*, pose.set_name, pose.target, pose.base_target, pose.joints_deg, pose.sides, pose.approach_deg,
        pose.reason, pose.replaced_by, arrival.read_deg AS reached_deg
@@ -68,6 +70,14 @@ def readings_of(store: Store, set_name: str | None = None) -> list[Reading]:
 def spans_of(store: Store) -> list[Reading]:
     """Every distance between two balls of one body, in the order of measuring; no joints. Raises StorageError."""
     return [_reading(row) for row in store.database.query(_ROWS.format(which=_BETWEEN), (None,))]
+
+
+def touches_of(store: Store) -> list[Reading]:
+    """Every touch of a cup by a ball of the tool, in the order of measuring: `reached` is where.
+
+    Raises StorageError.
+    """
+    return [_reading(row) for row in store.database.query(_ROWS.format(which=_TOUCHES), (None,))]
 
 
 def _reading(row: sqlite3.Row) -> Reading:

@@ -320,7 +320,10 @@ class Store:
             self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
 
     def replan(self, planned: Sequence[Planned], visit: Visit) -> None:
-        """Readings of one visit that could not be had there are planned in another, which has the same of them."""
+        """Readings of one visit that are not to be had there are planned in another, which has the same of them.
+
+        The other may bear the number of the one, if nothing was attempted there.
+        """
         wanted = [(each.target, each.base_target) for each in planned]
         visit = replace(
             visit,
@@ -328,16 +331,15 @@ class Store:
             base_targets=tuple(base for _, base in wanted if base is not None),
         )
         with self.changing() as db:
-            self._plan(db, [visit])
-            rows = db.execute("SELECT id FROM pose WHERE visit = ? ORDER BY id", (visit.number,)).fetchall()
-            for each, (again,) in zip(planned, rows, strict=True):
+            for each, again in zip(planned, self._plan(db, [visit]), strict=True):
                 db.execute("UPDATE pose SET replaced_by = ? WHERE id = ?", (again, each.id))
                 self.seals.row(db, "pose", each.id)
             self.note(
                 db, "replanned", poses=[each.id for each in planned], visit=visit.number, name=visit.name
             )
 
-    def _plan(self, db: sqlite3.Connection, visits: Sequence[Visit]) -> None:
+    def _plan(self, db: sqlite3.Connection, visits: Sequence[Visit]) -> list[int]:
+        made: list[int] = []
         for visit in visits:
             columns = (json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg))
             waypoints = json.dumps(visit.waypoints) if visit.waypoints else None
@@ -349,6 +351,8 @@ class Store:
                     (*shared, *reading),
                 ).fetchone()
                 self.seals.row(db, "pose", planned)
+                made.append(planned)
+        return made
 
     def _replace(self, db: sqlite3.Connection, pose: int, reason: str) -> int:
         columns = "visit, name, kind, set_name, block, target, base_target, joints_deg, sides, approach_deg, waypoints"

@@ -7,11 +7,12 @@ from acquisition.run.foresight import Foresee, at_once, forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.lease import Lease
 from acquisition.run.outcome import Outcome
-from acquisition.run.run import Run, checked_plan
+from acquisition.run.run import PROMPT, Run, checked_plan
 from acquisition.run.status import RunStatus, read_status
 
 __all__ = [
     "ON_REQUEST",
+    "PROMPT",
     "Clock",
     "Forecast",
     "Foresee",

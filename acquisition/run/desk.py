@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import uuid
 from contextlib import suppress
+from pathlib import Path
 
 from acquisition.record.attempts import VOID, Attempts
 from acquisition.run.control import Control
@@ -20,12 +21,15 @@ CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
 
 class Desk:
-    """The desk asks one prompt at a time."""
+    """The desk asks one prompt at a time. `picture`: the file of what is drawn for a terminal."""
 
-    def __init__(self, attempts: Attempts, operator: Operator | None, control: Control) -> None:
+    def __init__(
+        self, attempts: Attempts, operator: Operator | None, control: Control, picture: Path | None = None
+    ) -> None:
         self._attempts = attempts
         self._operator = operator
         self._control = control
+        self._picture = picture
         self._changed = threading.Condition()
         self._pending: Prompt | None = None
         self._answer: tuple[Answer, str, str] | None = None  # answer, who, why
@@ -37,8 +41,12 @@ class Desk:
         with self._changed:
             self._changed.notify_all()
 
-    def ask(self, text: str, picture: str | None = None, *, redo: bool = False) -> tuple[Answer, str]:
+    def ask(
+        self, text: str, picture: str | None = None, drawing: str | None = None, *, redo: bool = False
+    ) -> tuple[Answer, str]:
         """Wait for a person: the answer and its reason. `redo`: the last reading may be asked for once more.
+
+        picture: by name, for the page; drawing: SVG, for a terminal.
 
         Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
         """
@@ -46,6 +54,9 @@ class Desk:
         prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture)
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None
+        if drawing is not None and self._picture is not None:
+            with suppress(OSError):  # a full disk is said where it costs a reading
+                self._picture.write_text(drawing, encoding="utf-8")
         self._attempts.ask(prompt)
         if self._operator is not None:
             self._asker = threading.Thread(target=self._put, args=(self._operator, prompt), daemon=True)

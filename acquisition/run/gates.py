@@ -4,8 +4,8 @@
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down
     nest check   the nests are measured again after so many readings; when one is beyond the limit from where the
                  world frame has it, a person decides
-    zero         the ballbar is read in its calibrator before the first visit and after so many readings, and whenever a
-                 reading needs it built to another length
+    zero         the ballbar is read in its calibrator before the first visit, before each block and after so many
+                 readings, and whenever a reading needs it built to another length
     new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
                  moved, it is set up anew
 
@@ -64,6 +64,7 @@ class Gates:
         self._station: int | None = None  # of the instrument now; None: not yet looked up
         self._since_nests = 0
         self._visit: int | None = None  # of the last reading
+        self._block: int | None = None  # of the last reading of a pose
         self._warming = campaign.warm_up
         self._warming_since_s: float | None = None
         self._points: list[Sequence[float]] = []  # of the first visit, in this execution
@@ -79,7 +80,7 @@ class Gates:
         between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
         if check is not None and between and self._since_nests >= check.every:
             self._check_nests(check)
-        old = self._campaign.zero_every and between and self._zero_is_old()
+        old = self._campaign.zero_every and between and self._zero_is_old(planned)
         if old or self._zeroing.another(planned):
             self._since_zero = 0
             if not self._zeroing.read(planned):
@@ -92,12 +93,16 @@ class Gates:
         if self._since_zero is not None:
             self._since_zero += 1
         self._visit = planned.visit.number
+        if planned.visit.kind == "pose":
+            self._block = planned.visit.block
         if self._warming is not None and world_mm is not None:
             self._points.append(world_mm)
 
-    def _zero_is_old(self) -> bool:
+    def _zero_is_old(self, planned: Planned) -> bool:
         """Also in every new execution: nobody knows how long the bar lay about."""
-        return self._since_zero is None or self._since_zero >= self._campaign.zero_every
+        if self._since_zero is None or self._since_zero >= self._campaign.zero_every:
+            return True
+        return planned.visit.kind == "pose" and self._block not in (None, planned.visit.block)
 
     # -- the instrument -----------------------------------------------------------------------------------
 

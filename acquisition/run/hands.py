@@ -15,15 +15,17 @@ from collections.abc import Callable
 
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
+from acquisition.cell.picture import scene
 from acquisition.record.store import Planned
 from drivers.interfaces import Answer
 
-Ask = Callable[[str, str], Answer]
-"""A question, and the picture beside it: `seat/NAME`, `aim/NAME`, `off`, `span/BASE/TOOL`, `calibrator`."""
+Ask = Callable[[str, str, str | None], Answer]
+"""A question, the name of the picture beside it on the page (`seat/NAME`, `aim/NAME`, `off`, `span/BASE/TOOL`,
+`calibrator`), and a drawing (SVG) for those who sit at a terminal."""
 
 
 class Hands:
-    """The manual work of one execution. `ask`: put a question to a person, with its picture."""
+    """The manual work of one execution. `ask`: put a question to a person."""
 
     def __init__(self, cell: Cell, ask: Ask) -> None:
         self._ask = ask
@@ -44,7 +46,8 @@ class Hands:
         """The SMR is in the nest of the reading, where there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
-        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", f"seat/{planned.target}")
+        what = f"seat/{planned.target}"
+        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", what, None)
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
@@ -54,7 +57,9 @@ class Hands:
         if not self._aimed or planned.visit.kind != "nest":
             return Answer.CONFIRM
         return self._ask(
-            f"Aim the tracker at the SMR in {planned.target} and press confirm.", f"aim/{planned.target}"
+            f"Aim the tracker at the SMR in {planned.target} and press confirm.",
+            f"aim/{planned.target}",
+            None,
         )
 
     def free(self, planned: Planned) -> Answer:
@@ -64,6 +69,7 @@ class Hands:
         answer = self._ask(
             f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}.",
             "off",
+            self._drawing(planned, None),
         )
         if answer is Answer.CONFIRM:
             self._free, self._spanned = True, None
@@ -78,6 +84,7 @@ class Hands:
             f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
             f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke.",
             f"span/{planned.base_target}/{planned.target}",
+            self._drawing(planned, (planned.base_target, planned.target)),
         )
         if answer is Answer.CONFIRM:
             self._spanned = (planned.base_target, planned.target)
@@ -91,8 +98,16 @@ class Hands:
                 f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
                 "its zero is read there.",
                 "calibrator",
+                None,
             )
         return self._ask(
             "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres.",
             "calibrator",
+            None,
         )
+
+    def _drawing(self, planned: Planned, now: tuple[str, str] | None) -> str:
+        """The pose of a reading with its legs, or two balls of one body."""
+        visit = planned.visit
+        legs = [(base, target) for target, base in visit.readings if base is not None]
+        return scene(self._cell, visit.joints_deg or None, legs if visit.joints_deg else (), now)

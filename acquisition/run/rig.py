@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from dataclasses import dataclass
 from typing import cast
 
-from acquisition.cell.devices import Devices
+from acquisition.cell.devices import Devices, Hands
 from acquisition.run.control import Control
 from acquisition.run.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
@@ -120,7 +120,24 @@ class Rig:
         """Joint angles now, deg; a robot that may be moving is waited for. Raises AcquisitionError, Stopping."""
         if self._at_rest:
             return self.position().joints_deg
-        return until_still(self.position, self._control.settle).joints_deg
+        return self.at_rest().joints_deg
+
+    def let_go(self) -> None:
+        """The robot is connected and not armed: a person jogs it. Raises AcquisitionError, Stopping."""
+        self.meet()
+        with self.using("robot"):
+            self._devices.robot.disarm()
+        self._armed.discard("robot")
+        self._at_rest = False
+
+    @property
+    def hands(self) -> Hands | None:
+        """The hands that jog the arm of a simulated cell."""
+        return self._devices.hands
+
+    def at_rest(self) -> JointReading:
+        """What the robot reads back once it has come to rest. Raises AcquisitionError, Stopping."""
+        return until_still(self.position, self._control.settle)
 
     def may_have_moved(self) -> None:
         """Note that somebody may have jogged the robot, or be at it."""

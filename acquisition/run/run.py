@@ -45,6 +45,8 @@ from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
 
+PROMPT = "prompt.svg"
+"""What the prompt that is asked is about, in the folder of the record."""
 LEAST_FREE_BYTES = 50_000_000
 
 
@@ -210,7 +212,7 @@ class Run:
             self._resumed = False
             control = Control(clock)
             rig = Rig(devices, control, self._met)
-            desk = Desk(Attempts(self._store), devices.operator, control)
+            desk = Desk(Attempts(self._store), devices.operator, control, self.folder / PROMPT)
             done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
             self._execution = _Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
             return self._execution

@@ -11,6 +11,7 @@ Source: Nubiola, thesis, section 4.4.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -40,11 +41,14 @@ _LAST_ERROR = "SELECT error_code FROM attempt WHERE pose = ? AND status = 'faile
 
 
 class SecondStage:
-    """The second stage of one record."""
+    """The second stage of one record. `placed`: the cell with its cups where they were touched."""
 
-    def __init__(self, store: Store, cell: Cell, campaign: Campaign) -> None:
+    def __init__(
+        self, store: Store, cell: Cell, campaign: Campaign, placed: Callable[[], Cell] | None = None
+    ) -> None:
         self._store = store
         self._cell = cell
+        self._placed = placed or (lambda: cell)
         recipes = [block.recipe for block in campaign.blocks]
         self._blocks = {
             i
@@ -123,7 +127,7 @@ class SecondStage:
         joints = robot.model.controller_angles(correction.joints, robot.coupling) / DEG
         approach = joints + np.array([np.subtract(v.approach_deg, v.joints_deg) for v in visits])
         known = np.all(np.isfinite(joints), axis=1)
-        clear = may_visit(self._cell, np.nan_to_num(joints), np.nan_to_num(approach))
+        clear = may_visit(self._placed(), np.nan_to_num(joints), np.nan_to_num(approach))
         return np.where((known & clear)[:, None], joints, np.nan)
 
     def _moved(self, visit: Visit, joints_deg: Array, number: int) -> Visit:

@@ -28,10 +28,11 @@ from acquisition.campaign.plan import Visit
 from acquisition.cell.bars import Bar, bar_for, bars_of
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
-from acquisition.errors import ClockJumped, Displaced, OtherBalls, WronglySeated
+from acquisition.errors import Displaced, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import Planned, Store
 from acquisition.run.ballbar_checks import BallbarChecks
+from acquisition.run.calendar import Calendar
 from acquisition.run.clock import Clock
 from acquisition.run.control import Control, Stopping
 from acquisition.run.desk import Desk
@@ -40,9 +41,11 @@ from acquisition.run.gates import Gates, Zeroing
 from acquisition.run.hands import Hands
 from acquisition.run.nests import Nests
 from acquisition.run.path import PathDrive
+from acquisition.run.placing import Placing
 from acquisition.run.rig import Rig
 from acquisition.run.second_stage import SecondStage
 from acquisition.run.settling import until_still
+from acquisition.run.touches import Touches
 from drivers.errors import AcquisitionError, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
 from drivers.interfaces import Answer, JointReading, LengthReading, PointReading, Reading
 from drivers.read_back import apart_deg
@@ -51,8 +54,6 @@ DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-# A clock that is being disciplined slews by 500 ppm at most; what it steps beyond twice that was no discipline.
-CALENDAR_STEP_S, SLEW = 5.0, 1e-3
 
 
 @dataclass(frozen=True)
@@ -85,13 +86,18 @@ class Sequencer:
         self._control = control
         self._desk = desk
         self._clock = clock
+        self._calendar = Calendar(clock)
         zeroing = Zeroing(self._needs_another_bar, self._zero)
         self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
-        self._hands = Hands(cell, lambda text, picture: self._ask(text, picture)[0])
-        self._transit = Transit(cell)
+        self._hands = Hands(cell, lambda text, *shown: self._ask(text, *shown)[0])
+        self._touches = Touches(
+            cell, self._attempts, rig, lambda text, drawing: self._ask(text, None, drawing)[0]
+        )
+        self._placing = Placing(store, cell, campaign, self._consult)
+        self._transit = Transit(self._placing.cell())
         self._path = PathDrive(store, campaign, rig, control, self._transit)
         self._checks = BallbarChecks(store, cell)
-        self._second_stage = SecondStage(store, cell, campaign)
+        self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: _Arrival | None = None
         # The bar that is built, where it is always that of the legs; else nobody knows until it is built.
@@ -99,7 +105,6 @@ class Sequencer:
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
         self._reason = ""  # of the last answer
         self._last: int | None = None  # planned reading of a pose that was measured last
-        self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
         self._link_faults = 0  # in a row, as all of these
         self._tries = 0
         self._refusals = 0
@@ -107,7 +112,7 @@ class Sequencer:
 
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
-        self._look_at_the_calendar()
+        self._calendar.look()
         self._meet()
         self._warm_up()
         self._measure_nests("resumed: is the instrument still where it was?")
@@ -138,9 +143,13 @@ class Sequencer:
     # -- one reading --------------------------------------------------------------------------------------
 
     def _next(self, planned: Planned, *, last: bool) -> None:
-        """Make one try, unless a gate has planned others before it: what comes next is then asked anew."""
+        """Make one try, unless others were planned before it: what comes next is then asked anew."""
         self._control.check()
-        if self._gates.open_for(planned):
+        if not self._touches.wanted(planned):
+            self._touches.leave()
+        if planned.visit.kind == "pose" and self._arrival is None and self._placing.look():
+            self._transit = Transit(self._placing.cell())  # by where the cups were touched
+        elif self._touches.wanted(planned) or self._gates.open_for(planned):
             self._try(planned, last=last)
         else:
             self._arrival = None
@@ -148,9 +157,14 @@ class Sequencer:
     def _try(self, planned: Planned, *, last: bool) -> None:
         """Make one try at a reading. `last`: give it up for good when it cannot be had."""
         self._control.check()
-        self._look_at_the_calendar()
+        self._calendar.look()
         arrival, self._arrival = self._arrival, None  # only what ends well below leaves the approach valid
         try:
+            if self._touches.wanted(planned):
+                if self._by_hand(planned, self._touches.take) is Answer.CONFIRM:
+                    self._last = planned.id
+                    self._link_faults = self._given_up = self._tries = self._refusals = 0
+                return
             if self._by_hand(planned, self._hands.seat) is not Answer.CONFIRM:
                 return
             if self._by_hand(planned, self._hands.aim) is not Answer.CONFIRM:
@@ -188,15 +202,6 @@ class Sequencer:
         else:
             self._arrival = None if planned.visit.waypoints else arrival  # a path ends elsewhere
             self._link_faults = self._given_up = self._tries = self._refusals = 0
-
-    def _look_at_the_calendar(self) -> None:
-        """Raises ClockJumped when it stepped since the last look: then the computer slept, or it was set."""
-        calendar, steady = self._clock.utc(), self._clock.now() / self._clock.time_scale
-        before, self._looked = self._looked or (calendar, steady), (calendar, steady)
-        passed = steady - before[1]
-        step = calendar - before[0] - passed
-        if abs(step) > CALENDAR_STEP_S + SLEW * passed:
-            raise ClockJumped(f"the clock of the computer stepped by {step:+.0f} s")
 
     def _approach(self, planned: Planned) -> tuple[_Arrival, int | None]:
         """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
@@ -374,11 +379,11 @@ class Sequencer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
         return self._ask(error.sentence)[0]
 
-    def _ask(self, text: str, picture: str | None = None) -> tuple[Answer, str]:
+    def _ask(self, text: str, picture: str | None = None, drawing: str | None = None) -> tuple[Answer, str]:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        answer, reason = self._desk.ask(text, picture, redo=self._last is not None)
+        answer, reason = self._desk.ask(text, picture, drawing, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()
             raise Stopping

@@ -1,7 +1,7 @@
 """The arm: what its maker says of it, where it holds a target, which joints reach a place, where it is itself."""
 
 from calib.arm.capsules import Capsule
-from calib.arm.hexapod import LEGS, Stances, stances
+from calib.arm.hexapod import LEGS, Stances, stances, stances_among
 from calib.arm.inverse_kinematics import (
     BRANCHES,
     Reached,
@@ -20,7 +20,7 @@ from calib.arm.kinematics import (
     propagate,
 )
 from calib.arm.robot import FARTHEST_MM, MOST_TURN, Load, Robot, built_in_robots, load_robot
-from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, with_sides
+from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, of_base_points, with_sides
 
 __all__ = [
     "BRANCHES",
@@ -46,8 +46,10 @@ __all__ = [
     "nearest_branch",
     "nearest_turns",
     "nominal_values",
+    "of_base_points",
     "propagate",
     "stances",
+    "stances_among",
     "with_sides",
     "within_limits",
 ]

@@ -13,8 +13,8 @@ Source: Nubiola, thesis, sections 3.2 and 4.2 (trilateration: Manolakis 1996).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import permutations, product
+from dataclasses import dataclass, fields, replace
+from itertools import combinations, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,22 @@ def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
     normal = normal * np.sign(normal @ tool_mm.mean(axis=0))  # away from the flange
     along = np.einsum("nlc,nc->nl", base_mm[base] - flange[:, None, :3, 3], flange[:, :3, :3] @ normal)
     return Stances(flange, base, tool, np.all(along > (tool_mm @ normal)[tool], axis=1))
+
+
+def stances_among(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
+    """The stances on every three of n >= 3 base balls (n, 3): with a fourth ball four times as many. As `stances`.
+
+    base: which of the n each leg joins. Raises ValueError.
+    """
+    found = []
+    for three in map(list, combinations(range(len(base_mm)), 3)):
+        some = stances(base_mm[three], tool_mm, leg_mm)
+        found.append(replace(some, base=np.array(three)[some.base]))
+    if not found:
+        raise ValueError("fewer than three balls carry no tool")
+    return Stances(
+        *(np.concatenate([getattr(some, part.name) for some in found]) for part in fields(Stances))
+    )
 
 
 def trilaterated(v1: Array, v2: Array, v3: Array, l1: Array, l2: Array, l3: Array, sign: Array) -> Array:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from calib.errors import DataError
 from calib.fit import left_out
-from calib.saved import model_document, save_model
+from calib.saved import load_model, model_document, save_model
 from calib.text import replace_file
+from calib.validation import refuse_other_robot
 from service import wording
 from service.commands import options
 from service.commands.certificate import Dcc, DccAbout, read_about, write_certificate
@@ -33,6 +36,13 @@ def identify_command(
             help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
         ),
     ] = None,
+    preliminary: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="STAGE1.json",
+            help="The model of stage 1 of a ballbar campaign: the report sets it beside nominal and final.",
+        ),
+    ] = None,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
     dcc: Dcc = None,
@@ -43,17 +53,22 @@ def identify_command(
         {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
         inputs=(*options.files_of(data), dcc_about),
     )
+    if preliminary is not None and report is None:
+        raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
     limits = Limits.of(accept_rms, accept_max)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         result = Identified.of(data, level, terminal.say, limits)
         dataset, found = result.dataset, result.found
+        stage = None if preliminary is None else load_model(preliminary)
+        if preliminary is not None and stage is not None:
+            refuse_other_robot(stage, dataset, preliminary)
         options.write_result(result.document(), json, terminal)
         if model is not None and found.converged:
             save_model(model, found)
         if report is not None:
             terminal.say("drawing the report")
-            replace_file(report, result.report())
+            replace_file(report, result.report(stage))
         if dcc is not None:
             sealed = model_document(found)["content_sha256"] if found.converged else None
             write_certificate(

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from acquisition import Event, Run, RunStatus
+from acquisition.run import PROMPT
 from drivers.operator import TerminalOperator
 from service.printed.terminal import Terminal, duration
 from service.wording import counted
@@ -33,12 +34,16 @@ class Progress:
     def __init__(self, run: Run, terminal: Terminal) -> None:
         self._run, self._terminal = run, terminal
         self._step_shown = -1
+        self._pictured = False
         self.prompt: str | None = None
 
     def __call__(self, event: Event) -> None:
         if event.kind == "prompt":
             self.prompt = event.data["text"]
             self._terminal.rest()  # the spinner would write over the question
+            if not self._pictured and (self._run.folder / PROMPT).is_file():
+                self._pictured = True
+                self._terminal.note(f"A picture of what is asked: {self._run.folder / PROMPT}")
         elif event.kind == "answer":
             self._terminal.begin("measuring")
         elif event.kind == "connected":
@@ -52,6 +57,8 @@ class Progress:
             self._terminal.note(
                 f"The battery of the ballbar has {event.data['percent']:.0f} %: change it soon."
             )
+        elif event.kind == "taught":
+            self._terminal.say(_taught(event.data))
         elif event.kind == "nest_doubted":
             self._terminal.note(event.data["text"])
         elif event.kind == "command" and event.data["verb"] == "pause":
@@ -81,6 +88,15 @@ class Progress:
         )
         left = _left(self._run.status().seconds_left)
         self._terminal.say(f"waypoint {path['waypoint']} of {path['of']}, samples: {samples}{left}")
+
+
+def _taught(data: Mapping[str, Any]) -> str:
+    """What the touches of the cups have changed, in one line."""
+    left_out = f", {data['refused']} are not reached from there" if data["refused"] else ""
+    return (
+        f"the cups were touched up to {data['off_mm']:.2f} mm from where the cell file has them; "
+        f"{data['poses']} poses planned anew{left_out}"
+    )
 
 
 def _left(seconds: float | None) -> str:

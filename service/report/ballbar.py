@@ -19,10 +19,15 @@ from service.report.scatter import thinned
 Models = Mapping[str, tuple[RobotModel, Array, str]]
 _BINS = 24
 _MOST_DOTS = 1200
+_BIN_MM = 50.0  # in which the error is averaged along the distance
+NEAR_MM = 200.0  # Nubiola, thesis, 4.4: better than 0.4 mm so near to the point above the fixture
 
 
 def section_of(dataset: Dataset, models: Models) -> dict[str, Any] | None:
-    """Rows of the sphere tests and figures, for models with their colours; None without held-out distances."""
+    """Tables of the distances and of the sphere tests, and figures, for models with their colours.
+
+    None without held-out distances.
+    """
     rows = dataset.validation_rows & dataset.spanned
     if not rows.any():
         return None
@@ -44,10 +49,29 @@ def section_of(dataset: Dataset, models: Models) -> dict[str, Any] | None:
     ]
     above = over_the_fixture(dataset)
     return {
+        "models": [_row(name, found, dataset, rows, above) for name, (found, _) in errors.items()],
+        "near_mm": NEAR_MM if above is not None else None,
         "spheres": tests,
         "histogram": Markup(_histogram(errors)),
         "growth": None if above is None else Markup(_growth(dataset, rows, above, errors)),
     }
+
+
+def _row(
+    name: str, found: Array, dataset: Dataset, rows: np.ndarray, above: Array | None
+) -> tuple[str | int, ...]:
+    """Name, n, mean, std and max of the error of the distances, and of those near the fixture n and mean, mm."""
+    off = np.abs(found)
+    row = (name, len(off), *(f"{each:.4f}" for each in (off.mean(), off.std(ddof=1), off.max())))
+    if above is None:
+        return row
+    near = off[_from(above, dataset, rows) <= NEAR_MM]
+    return (*row, len(near), f"{near.mean():.4f}" if len(near) else "-")
+
+
+def _from(above: Array, dataset: Dataset, rows: np.ndarray) -> Array:
+    """(n,) mm: how far the targets are from the point above the fixture."""
+    return np.linalg.norm(dataset.conditions.point[rows] - above, axis=1)
 
 
 def _histogram(errors: Mapping[str, tuple[Array, str]]) -> str:
@@ -70,15 +94,21 @@ def _histogram(errors: Mapping[str, tuple[Array, str]]) -> str:
 
 def _growth(dataset: Dataset, rows: np.ndarray, above: Array, errors: Mapping[str, tuple[Array, str]]) -> str:
     """Error of the distances over the distance of the target from the point above the fixture, as SVG."""
-    distance = np.linalg.norm(dataset.conditions.point[rows] - above, axis=1)
+    distance = _from(above, dataset, rows)
+    bins = (distance // _BIN_MM).astype(int)
     drawn, (axes,) = drawing.figure(5.0, 3.1)
     for name, (found, colour) in errors.items():
         shown = thinned(np.arange(len(found)), _MOST_DOTS)
-        axes.plot(distance[shown], np.abs(found)[shown], ".", color=colour, markersize=4.0, label=name)
+        axes.plot(
+            distance[shown], np.abs(found)[shown], ".", color=colour, markersize=4.0, label=name, alpha=0.6
+        )
+        each = [(distance[bins == k].mean(), np.abs(found)[bins == k].mean()) for k in np.unique(bins)]
+        axes.plot(*np.array(each).T, "-", color=colour, linewidth=1.4)
+    axes.axvline(NEAR_MM, color=drawing.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
     axes.set_xlabel("distance of the target from the point above the fixture, mm")
     axes.set_ylabel("error of the distance, mm")
-    drawing.legend(drawn, axes, 2)
+    drawing.legend(drawn, axes, min(len(errors), 3))
     return drawing.as_svg(
         drawn, "ballbar-growth", "Error of the distances over the distance from the fixture"
     )

@@ -19,7 +19,7 @@ from calib.diagnose import CarryOver, Diagnosis
 from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
 from calib.model import Effect, RobotModel
 from calib.regression import Regression
-from calib.saved import model_document
+from calib.saved import SavedModel, model_document
 from service import wording
 from service.report import (
     ballbar,
@@ -137,8 +137,12 @@ def identification_report(
     placed: Array,
     document: Mapping[str, Any],
     acceptance: Acceptance | None = None,
+    preliminary: SavedModel | None = None,
 ) -> str:
-    """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place."""
+    """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place.
+
+    preliminary: a model of stage 1, for the section of the ballbar.
+    """
     models = {
         "nominal robot": (nominal, placed, drawing.BEFORE),
         "identified": (found.model, found.estimate, drawing.AFTER),
@@ -161,8 +165,17 @@ def identification_report(
         repeats=repeats.section_of(dataset, found.model, found.estimate),
         figures=_error_figures(measured),
         joints=joints,
-        ballbar=ballbar.section_of(dataset, models),
+        ballbar=ballbar.section_of(dataset, _with(preliminary, models)),
     )
+
+
+def _with(preliminary: SavedModel | None, models: ballbar.Models) -> ballbar.Models:
+    """The models in the order of a campaign: nominal, preliminary, final."""
+    if preliminary is None:
+        return models
+    first, *others = models.items()
+    between = (preliminary.model, preliminary.estimate, drawing.FITTED)
+    return dict([first, ("preliminary (stage 1)", between), *others])
 
 
 def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> str:

@@ -20,6 +20,7 @@ from calib.fit import (
     statistics_of,
 )
 from calib.model import RobotModel
+from calib.saved import SavedModel
 from service.results import documents
 from service.results.acceptance import BASE, Acceptance, Limits, decide
 
@@ -68,9 +69,9 @@ class Identified:
             document["acceptance"] = self.acceptance.document()
         return document
 
-    def report(self) -> str:
-        """The report as HTML."""
+    def report(self, preliminary: SavedModel | None = None) -> str:
+        """The report as HTML. preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
         from service.report import identification_report  # drawing takes long to import
 
         models = (self.dataset, self.found, self.nominal, self.placed)
-        return identification_report(*models, self.document(), self.acceptance)
+        return identification_report(*models, self.document(), self.acceptance, preliminary)

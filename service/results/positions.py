@@ -13,6 +13,7 @@ from calib.data import Dataset
 from calib.fit import Identification, Offset, offsets_of
 from service import wording
 
+_SAME_MM = 5e-4  # cups that the robot touched have those sides already
 HEADINGS = ("Target", "Stated ± u, mm", "Offset x, y, z ± std. error, mm", "By the others, mm", "Sigma")
 
 
@@ -37,9 +38,10 @@ def by_the_bar(dataset: Dataset) -> str:
         f"{name} = [{', '.join(f'{x:.3f}' for x in place)}]" for name, place in zip(names, found, strict=True)
     )
     off = np.linalg.norm(found - stated, axis=1).max()
+    elsewhere = f", up to {off:.3f} mm from the cell file" if off > _SAME_MM else ""
     return (
-        f"The base balls with the sides that the bar measured, up to {off:.3f} mm from the cell file, for its [world] "
-        f"before the next campaign: nests = {{ {places} }}"
+        f"The base balls with the sides that the bar measured{elsewhere}, for [world] of the cell file before the next "
+        f"campaign: nests = {{ {places} }}"
     )
 
 

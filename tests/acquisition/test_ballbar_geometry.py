@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -21,7 +22,7 @@ from acquisition.record.event import Event
 from acquisition.record.export import export
 from acquisition.record.readings import readings_of
 from acquisition.run.ballbar_checks import STAGE_1, BallbarChecks
-from acquisition.run.run import Run
+from acquisition.run.run import PROMPT, Run
 from calib.data import read_dataset
 from calib.saved import load_model
 from drivers.errors import ConfigError
@@ -238,3 +239,37 @@ def test_a_person_moves_one_end_of_the_bar_at_a_time() -> None:
     for visit in make_plan(cell, a_campaign(block=[{"kind": "hexapod"}])):
         assert len(set(visit.readings)) == 6
         assert all(a[0] == b[0] or a[1] == b[1] for a, b in pairwise(visit.readings))
+
+
+def test_the_bar_is_zeroed_before_every_block_of_poses(bars: Any) -> None:
+    blocks = [GEOMETRY, *HEXAPOD, {"kind": "hexapod", "set": "validation", "count": 1}]
+    bar: Bar = bars(block=blocks, zero_every=60)
+    assert bar.execute() == "succeeded"
+    log = [call for call in bar.bench.log if call == "zero" or call.startswith("measure")]
+    zeros = [i for i, call in enumerate(log) if call == "zero"]
+    assert zeros == [0, 4, 20]  # of either triangle, and after two poses of six legs
+
+
+def test_a_prompt_shows_the_pose_and_the_balls_that_it_is_about(bars: Any) -> None:
+    bar: Bar = bars(block=[GEOMETRY, *HEXAPOD])
+    seen: list[tuple[str, str]] = []
+    ask = bar.operator.ask
+
+    def asked(prompt: Prompt) -> Answer:
+        if prompt.picture is not None and prompt.picture.startswith("span/"):
+            assert prompt.picture.split("/")[1] in prompt.text
+            seen.append((prompt.text, (bar.folder / PROMPT).read_text("utf-8")))
+        return ask(prompt)
+
+    bar.operator.ask = asked  # type: ignore[method-assign]
+    assert bar.execute() == "succeeded"
+    legs = [(text, picture) for text, picture in seen if text.startswith("Attach the ballbar between B")]
+    assert len(legs) == 15
+    for text, picture in legs:
+        root = ElementTree.fromstring(picture)
+        title = next(root.iter("{http://www.w3.org/2000/svg}title")).text
+        one, other = text.split()[4], text.split()[6]
+        assert title == f"{one} to {other}"
+        names = {each.text for each in root.iter("{http://www.w3.org/2000/svg}text")}
+        assert {one, other} <= names
+    assert len({picture for _, picture in legs}) == 15

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from service.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BALLBAR = EXAMPLES / "lrmate_ballbar" / "cell.toml"
+TOOL = ["T1", "T2", "T3"]
+SVG = "{http://www.w3.org/2000/svg}"
 MOVED = Placement((-60.0, 40.0, 15.0), 25.0)
 
 
@@ -169,11 +172,22 @@ def test_the_jacobian_of_lengths_is_their_derivative(cell: Cell) -> None:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "p.json"
     options = ["--x", "-50", "50", "50", "--turn", "0", "120", "60", "--zone", "350", "0", "360", "200"]
-    assert main(["plan-ballbar", str(BALLBAR), *options, "--show", "2", "--json", str(out)]) == 0
+    drawn = tmp_path / "p.svg"
+    more = ["--show", "2", "--together", "2", "--picture", str(drawn), "--json", str(out)]
+    assert main(["plan-ballbar", str(BALLBAR), *options, *more]) == 0
     document = json.loads(out.read_text("utf-8"))
     assert document["placements"] == 9
     first, second = document["best"]
     assert first["max_u_mm"] <= second["max_u_mm"]
+    alone, both = document["plan"]
+    assert alone["nests_mm"] == first["nests_mm"]
+    assert both["max_u_mm"] < alone["max_u_mm"]
+    assert both["nests_mm"] != first["nests_mm"]
+    title, *panels = ElementTree.parse(drawn).getroot().iter(f"{SVG}title")
+    assert title.text is not None
+    assert not panels
+    names = [text.text for text in ElementTree.parse(drawn).getroot().iter(f"{SVG}text")]
+    assert [names.count(name) for name in ("B1", "B2", "B3")] == [4, 4, 4]  # two placements from two sides
     shown = capsys.readouterr().out
     assert f"B1 = [{first['nests_mm']['B1'][0]:g}, " in shown
 
@@ -184,7 +198,9 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         (["--x", "10", "-10", "5"], "'--x': is 10 -10 5. Give LOW HIGH STEP"),
         (["--turn", "0", "360", "0"], "STEP above zero"),
         (["--x", "-500", "500", "1", "--y", "-500", "500", "1"], "Ask for 20000 at most"),
-        (["--base", "B1,B2"], "Name three of B1, B2, B3"),
+        (["--base", "B1,B2"], "Name three or four of B1, B2, B3"),
+        (["--together", "2"], "'--together': needs a zone"),
+        (["--x", "0", "1", "1e-9"], "'--x': asks for more than 20000 placements"),
         (["--zone", "9000", "0", "0", "50"], "name a zone that the arm reaches"),
     ],
 )
@@ -196,3 +212,24 @@ def test_what_is_refused(options: list[str], said: str, capsys: pytest.CaptureFi
 def test_a_tracker_has_no_placement(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan-ballbar", str(EXAMPLES / "irb120_faro" / "cell.toml")]) == 2
     assert "is no ballbar. truepose select" in capsys.readouterr().err
+
+
+def test_a_fourth_cup_carries_the_tool_on_every_three_of_four(cell: Cell) -> None:
+    four = replace(cell, nests={**cell.nests, "B4": (500.0, 210.0, 60.0)})
+    one, all_of_them = (
+        Hexapod(four, ["B1", "B2", "B3"], ["T1", "T2", "T3"]),
+        Hexapod(four, list(four.nests), TOOL),
+    )
+    assert len(all_of_them.stances.flange) > 2 * len(one.stances.flange)
+    (few,), (many,) = one.survey([Placement()]), all_of_them.survey([Placement()])
+    assert many.poses > few.poses
+    balls = np.array(list(four.nests.values()))
+    tool = np.array([four.tool.targets[name] for name in TOOL])
+    for flange, base, ball in zip(
+        all_of_them.stances.flange, all_of_them.stances.base, all_of_them.stances.tool, strict=True
+    ):
+        ends = tool[ball] @ flange[:3, :3].T + flange[:3, 3]
+        np.testing.assert_allclose(np.linalg.norm(ends - balls[base], axis=1), 300.0, atol=1e-9)
+    assert {3} < set(np.unique(all_of_them.stances.base))
+    proven = all_of_them.prove(many, 5.0)
+    assert few.poses < proven.poses <= many.poses

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.cell.reach import configurations
+from calib.arm import forward
 from calib.arm.start import align
 from calib.convert import IMPORTERS
 from calib.convert.hexapod_legs import solved_poses
@@ -98,3 +100,23 @@ def test_a_cup_without_a_position(tmp_path: Path) -> None:
     header["base_targets"]["B3"] = "free"
     with pytest.raises(DataError, match="does not say where B3 is"):
         solved_poses(read_dataset(write_files(tmp_path, LEGS, header)))
+
+
+def test_joints_of_another_branch_are_no_pose(tmp_path: Path) -> None:
+    """Typed in with the wrist the other way round: a flip left out of one joint is no pose, a whole one no reading."""
+    typed = np.array([[LEGS[0][f"j{k}_deg"] for k in range(1, 7)]])
+    flange = forward(_CELL.robot.model, _CELL.robot.model_angles(typed))
+    found = configurations(_CELL, flange)[0]
+    others = found[np.isfinite(found).all(axis=1) & (np.abs(found - typed).max(axis=1) > 1.0)]
+    assert len(others)
+    half = typed[0] * [1, 1, 1, 1, -1, 1]
+    for name, joints in (("half", half), ("whole", others[0])):
+        new = {f"j{k}_deg": float(q) for k, q in enumerate(joints, start=1)}
+        legs = dataset(tmp_path / name, SPANS, [*(row | new for row in LEGS[:6]), *LEGS[6:]])
+        ids = [legs.reading_id[i] for i in np.flatnonzero(legs.spanned)[:6]]
+        if name == "half":
+            solved = solved_poses(legs)
+            assert (solved.far_mm > 30.0).sum() == 1
+        rejected = set(identify(legs).faulty_rows)
+        assert rejected
+        assert rejected <= set(ids)

@@ -21,6 +21,7 @@ from drivers.interfaces import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.shared.clock import SteppedClock
+from service.simulated_cell import SimulatedHands
 from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -99,7 +100,10 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
     drivers = (cell.robot.driver, cell.instrument.driver)
     with CellThread(described, devices=drivers, clock=clock) as simulated:
         robot, instrument = map(simulated.url, drivers)
-        devices = open_devices(cell, operator=operator, robot_url=robot, instrument_url=instrument)
+        hands = SimulatedHands(simulated.port("backdoor"))
+        devices = open_devices(
+            cell, operator=operator, hands=hands, robot_url=robot, instrument_url=instrument
+        )
         yield Equipment(cell, devices, SteppedCampaignClock(clock), simulated=True)
 
 

@@ -71,7 +71,7 @@ def files_of(example: str, campaign: str = "campaign") -> tuple[Cell, Campaign]:
         (
             "lrmate_ballbar",
             "campaign",
-            {("calibration", 6): 48, ("validation", 6): 16, ("validation", 1): 40},
+            {("calibration", 6): 61, ("validation", 6): 8, ("validation", 1): 40},
         ),
     ],
 )
@@ -133,21 +133,22 @@ def test_the_ballbar_comes_back_for_what_was_out_of_its_stroke(tmp_path: Path) -
     The cups are 0.3 mm from where the cell file puts them: exact, they spoil the robot; uncertain, they are found.
     """
     blocks = read_toml(EXAMPLES / "lrmate_ballbar" / "campaign.toml")[1]["block"]
-    fewer = {("hexapod", "calibration"): 24, ("hexapod", "validation"): 6, ("sphere", "validation"): 12}
-    few = [
-        block | {"count": fewer[key]} if (key := (block["kind"], block.get("set"))) in fewer else block
-        for block in blocks
-    ]
+    fewer = {46: 18, 15: 6, 8: 6, 40: 12}  # poses of each block
+    few = [block | ({"count": fewer[block["count"]]} if "count" in block else {}) for block in blocks]
     off = {"B1": [0.3, 0.0, 0.0], "B2": [0.0, -0.25, 0.17], "B3": [-0.2, 0.2, 0.1]}
     cell, campaign = faster("lrmate_ballbar", "campaign", simulation={"misplaced_mm": off}, block=few)
     with run_simulated(tmp_path, cell, campaign) as run:
-        assert (run.status().skipped, run.status().total) == (0, 30 * 6 + 12 + 2 * 6)
+        assert (run.status().skipped, run.status().total) == (0, 30 * 6 + 12 + 2 * 6 + 3)
+        (taught,) = [event.data for event in run.events(limit=10_000) if event.kind == "taught"]
         (stage,) = [event.data for event in run.events(limit=10_000) if event.kind == "second_stage"]
+    assert (taught["poses"], taught["refused"]) == (30 + 12, 0)
+    assert 0.3 < taught["off_mm"] < 5.0  # where the robot, which errs, has them
     assert stage["refused"] == 0
     assert stage["poses"] > 5
     data = export(tmp_path / "record", tmp_path / "data.csv")
     dataset = read_dataset(data)
-    assert np.all(np.abs(dataset.lengths[dataset.usable] - cell.instrument.nominal_mm) < 1.0)
+    off_mm = np.abs(dataset.lengths[dataset.usable] - cell.instrument.nominal_mm)
+    assert off_mm.max() < 1.0 + 0.02  # the stroke, of a bar some micrometres longer than its case says
     found = diagnose(dataset)
     assert (found.verdict, found.effects) == ("complete", ())
     assert [span.name for span in dataset.spans] == 2 * [
@@ -164,8 +165,9 @@ def test_the_ballbar_comes_back_for_what_was_out_of_its_stroke(tmp_path: Path) -
     errors = errors_on(dataset, dataset.validation_rows, found.final.model, found.final.estimate)
     assert np.sqrt(np.mean(errors**2)) < 0.05  # a third of a millimetre and more before
     assert not any(offset.judged.doubted for offset in offsets_of(found.final))
-    # what the same readings gave as long as cups and tool counted as exact
+    # what the same readings gave as long as cups and tool counted as exactly where the cell file has them
     table = tomllib.loads(data.with_suffix(".toml").read_text("utf-8"))
+    table["base_targets"] = {name: list(place) for name, place in cell.nests.items()}
     del table["base_targets_u_mm"], table["tool_targets_u_mm"]
     data.with_suffix(".toml").write_text(tomli_w.dumps(table), "utf-8")
     exact = identify(read_dataset(data))

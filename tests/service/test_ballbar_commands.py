@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cell, visits = example()
     truth = truth_of(cell, 2)
     sphere = checked_plan(cell, campaign_from({"format": "truepose-campaign/1", "block": [SPHERE]}, "test"))
-    legs = [row | {"other_target": ""} for row in legs_of(truth, cell, [*visits[::3], *sphere])]
+    legs = [row | {"other_target": ""} for row in legs_of(truth, cell, [*visits[::3], *sphere, visits[0]])]
     rows = [*sides_of(truth, cell, legs[0]), *legs]
     u_mm = {"base_targets_u_mm": 0.3, "tool_targets_u_mm": 0.05}
     data = write_files(out, rows, header_of(cell, cell.nests, cell.tool.targets, **u_mm), "legs")
@@ -72,3 +72,22 @@ def test_legs_as_points(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert comparison["models"] == ["m", "p"]
     assert {"a3", "theta3", "c3"} <= {parameter["name"] for parameter in comparison["parameters"]}
     assert "E_n" in capsys.readouterr().out
+
+
+def test_the_report_sets_the_preliminary_model_beside_nominal_and_final(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "r.html"
+    legs = str(folder / "legs.csv")
+    assert main(["identify", legs, "--report", str(out), "--preliminary", str(folder / "one.json")]) == 0
+    text = out.read_text("utf-8")
+    section = text[text.index("What the ballbar says") : text.index("Residual against joint angle")]
+    means = {}
+    for name in ("nominal robot", "preliminary (stage 1)", "identified"):
+        row, sphere = re.findall(rf'<th scope="row">{re.escape(name)}</th>(.*?)</tr>', section)
+        means[name] = float(re.findall(r'class="n">([\d.]+)', row)[1])
+        assert "T1 about B1" in sphere
+    assert means["nominal robot"] > means["preliminary (stage 1)"] > means["identified"]
+    assert "n within 200 mm" in section
+    assert main(["identify", legs, "--preliminary", str(folder / "one.json")]) == 2
+    assert "'--preliminary': is shown in a report" in capsys.readouterr().err

@@ -3,7 +3,10 @@
 Every two balls of the tool and every two of the base between which a bar fits are a reading (`cell.bars`): the tool
 triangle with the 150 mm bar, the base triangle with that of 300 mm. They are measured where the block comes in the
 campaign: first, so that the legs are known; once more in a last block, to see whether a cup has moved meanwhile.
-Readings of one bar follow one another. Source: Nubiola, thesis, section 4.2.
+Readings of one bar follow one another.
+
+With `touch_with = "T1"` a person jogs that ball of the tool into every cup between the two triangles (`run.touches`):
+three taught points and three sides say where the cups are. Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations
@@ -18,15 +21,18 @@ from acquisition.cell.cell import Cell
 from calib.text import TomlTable
 from drivers.errors import ConfigError
 
-KEYS = ("base", "repeats")
+KEYS = ("base", "repeats", "touch_with")
 
 
 @dataclass(frozen=True)
 class BallbarGeometry:
-    """`base`: the balls on the base, None for all; `repeats`: how often every distance is measured."""
+    """`base`: the balls on the base, None for all; `repeats`: how often every distance is measured; `touch_with`: the
+    ball of the tool with which the robot touches every cup, None where it does not.
+    """
 
     base: tuple[str, ...] | None
     repeats: int
+    touch_with: str | None = None
     ordered = True
     lengths = True
 
@@ -37,17 +43,31 @@ class BallbarGeometry:
                 raise ConfigError(
                     f"block {site.number + 1}: base names {name!r}, none of {', '.join(cell.nests)}"
                 )
-        spans = [*self._spans(cell, site.targets), *self._spans(cell, base)]
-        if not spans:
+        if self.touch_with is not None and self.touch_with not in cell.tool.targets:
+            raise ConfigError(
+                f"block {site.number + 1}: touch_with = {self.touch_with!r} is none of {', '.join(cell.tool.targets)}"
+            )
+        if self.touch_with is not None and not set(list(cell.nests)[:3]) <= set(base):
+            raise ConfigError(
+                f"block {site.number + 1}: touch_with needs the first three of {', '.join(cell.nests)} in its base"
+            )
+        of_tool, of_base = self._spans(cell, site.targets), self._spans(cell, base)
+        if not of_tool and not of_base and self.touch_with is None:
             raise ConfigError(
                 f"block {site.number + 1}: no bar fits between two balls of {', '.join((*site.targets, *base))}; "
                 "look at their positions in the cell file"
             )
+        if (ball := self.touch_with) is None:
+            return self._measured([*of_tool, *of_base])
+        touches = [BlockVisit(f"touch of {name} by {ball}", (), (), (), ((ball, name),)) for name in base]
+        return [*self._measured(of_tool), *touches, *self._measured(of_base)]
+
+    def _measured(self, spans: list[tuple[float, str, str]]) -> list[BlockVisit]:
+        """A visit a distance, those of one bar after one another."""
         lengths = list(dict.fromkeys(length for length, _, _ in spans))
-        spans.sort(key=lambda span: lengths.index(span[0]))
         return [
             BlockVisit(f"distance {one} to {other}", (), (), (), ((one, other),))
-            for _, one, other in spans
+            for _, one, other in sorted(spans, key=lambda span: lengths.index(span[0]))
             for _ in range(self.repeats)
         ]
 
@@ -60,4 +80,8 @@ class BallbarGeometry:
 
 def read(table: TomlTable, folder: Path | None) -> BallbarGeometry:
     """Raises ConfigError."""
-    return BallbarGeometry(base=table.names("base"), repeats=table.whole("repeats", 1, low=1, high=100))
+    return BallbarGeometry(
+        base=table.names("base"),
+        repeats=table.whole("repeats", 1, low=1, high=100),
+        touch_with=table.text("touch_with") if "touch_with" in table.values else None,
+    )

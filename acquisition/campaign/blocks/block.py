@@ -85,13 +85,17 @@ class BlockVisit:
 
 @dataclass(frozen=True)
 class Site:
-    """The site of a block: its cell, its number (from 0), its targets and its approach."""
+    """The site of a block: its cell, its number (from 0), its targets and its approach.
+
+    taken: poses of the calibration blocks before a block to judge by, deg.
+    """
 
     cell: Cell
     seed: int
     number: int
     targets: tuple[str, ...]
     approach: Approach
+    taken: tuple[Joints, ...] = ()
 
     def rng(self, stream: Stream) -> np.random.Generator:
         """A random generator that belongs to this block alone."""

@@ -3,8 +3,13 @@
 Every pose brings six distances, and with them the place and turn of the tool. Poses: all stances of the balls
 (`calib.arm.hexapod`) that the arm reaches within the limits, its approach point included, all legs on the side away
 from the flange. Stances whose leg labels agree follow one another, and of two legs in a row one end of the bar stays
-where it is. A robot misses by millimetres, the bar shows one: with `stages = 2` what lies outside its stroke is
-measured after a calibration by what lies within (`run.second_stage`). Source: Nubiola, thesis, sections 4.2 to 4.4.
+where it is.
+
+A stance is taken in its first branch of the arm (`one`), in each (`all`), or the branches take turns (`mixed`, as the
+thesis mixes flip and noflip), of those that the block names. Poses to judge by are none that an earlier block
+fits to, and other stances where there are any. A robot misses by millimetres, the bar shows one: with `stages = 2` what
+lies outside its stroke is measured after a calibration by what lies within (`run.second_stage`). Source: Nubiola,
+thesis, sections 4.2 to 4.4.
 """
 
 from __future__ import annotations
@@ -19,12 +24,13 @@ from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Site
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import Array
-from calib.arm import LEGS, stances
+from calib.arm import BRANCHES, LEGS, forward, stances_among
 from calib.errors import DataError
 from calib.text import TomlTable
 from drivers.errors import ConfigError
 
-KEYS = ("base", "count", "stages", "configurations")
+KEYS = ("base", "count", "stages", "configurations", "branches")
+_SAME_MM = 0.05  # entries of two flange poses that are one stance
 _ONE_END = ((2, 0), (0, 0), (0, 1), (1, 1), (1, 0), (1, 2))
 """The legs of a design (`calib.arm.hexapod.LEGS`) in an order in which a person moves one end of the bar at a time."""
 _ORDER = tuple(LEGS.index(leg) for leg in _ONE_END)
@@ -32,20 +38,22 @@ _ORDER = tuple(LEGS.index(leg) for leg in _ONE_END)
 
 @dataclass(frozen=True)
 class Hexapod:
-    """`base`: the balls on the base, None for the cell's first three; `count`: at most so many poses, None for all;
-    `every_configuration`: a stance that the arm reaches in several branches is taken in each.
+    """`base`: the balls on the base, None for the cell's first three; of four every three; `count`: at most so many
+    poses, None for all;
+    `configurations`: in which branches a stance is taken, of those whose names begin with one of `branches`.
     """
 
     base: tuple[str, ...] | None
     count: int | None
     stages: int
-    every_configuration: bool
+    configurations: str
+    branches: tuple[str, ...] | None = None
     ordered = True
     lengths = True
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         base = self.base or tuple(site.cell.nests)[:3]
-        if len(base) != 3 or len(site.targets) != 3 or not set(base) <= set(site.cell.nests):
+        if len(set(base)) < 3 or len(site.targets) != 3 or not set(base) <= set(site.cell.nests):
             raise ConfigError(
                 f"block {site.number + 1}: a hexapod lies between three balls of world.nests and three targets, "
                 f"not {', '.join(base)} and {', '.join(site.targets)}"
@@ -53,15 +61,18 @@ class Hexapod:
         cell = site.cell
         tool = np.array([cell.tool.targets[name] for name in site.targets])
         try:
-            found = stances(np.array([cell.nests[name] for name in base]), tool, cell.instrument.nominal_mm)
-            joints = configurations(cell, found.flange[found.outward])
+            found = stances_among(
+                np.array([cell.nests[name] for name in base]), tool, cell.instrument.nominal_mm
+            )
+            flange = found.flange[found.outward]
+            joints = configurations(cell, flange)
         except (DataError, ValueError) as error:
             raise ConfigError(f"block {site.number + 1}: {error}") from error
-        which, joints = self._allowed(site, joints)
+        which, joints = self._allowed(site, joints, flange)
         if not len(which):
             raise ConfigError(
                 f"block {site.number + 1}: the arm reaches no stance of the legs between {', '.join(base)} and "
-                f"{', '.join(site.targets)}; move the balls, or widen limits_deg"
+                f"{', '.join(site.targets)}{self._within()}; move the balls, or widen limits_deg"
             )
         legs = list(zip(found.base[found.outward][which], found.tool[found.outward][which], strict=True))
         sides = site.sides()
@@ -75,21 +86,55 @@ class Hexapod:
             for i, (pose, leg) in enumerate(zip(joints, legs, strict=True), start=1)
         ]
 
-    def _allowed(self, site: Site, joints_deg: Array) -> tuple[NDArray[np.int64], Array]:
-        """Stance (k,) and joints (k, N), deg, of those that may be driven, of configurations (n, 8, N)."""
+    def _within(self) -> str:
+        return "" if self.branches is None else f" in {' or '.join(self.branches)}"
+
+    def _allowed(self, site: Site, joints_deg: Array, flange: Array) -> tuple[NDArray[np.int64], Array]:
+        """Stance (k,) and joints (k, N), deg, of those that may be driven, of configurations (n, 8, N) at flange poses
+        (n, 4, 4)."""
         n, branches, axes = joints_deg.shape
         flat = np.round(joints_deg.reshape(-1, axes), DECIMALS)
         approach = flat - abs(site.approach.offset_deg) * np.array(site.sides())
         good = np.all(np.isfinite(flat), axis=1)
         good[good] = may_visit(site.cell, flat[good], approach[good])
         good = good.reshape(n, branches)
-        if not self.every_configuration:
+        if self.branches is not None:
+            good &= np.array([name.startswith(self.branches) for name in BRANCHES])
+        fresh = np.ones(n, dtype=bool)
+        if site.taken:
+            good &= ~np.any(
+                np.all(flat.reshape(n, branches, 1, axes) == np.array(site.taken), axis=3), axis=2
+            )
+            robot = site.cell.robot
+            there = forward(robot.model, robot.model_angles(site.taken))
+            fresh = ~np.any(np.all(np.abs(flange[:, None] - there) < _SAME_MM, axis=(2, 3)), axis=1)
+        if self.configurations == "one":
             good &= np.cumsum(good, axis=1) == 1  # the first of every stance
+        elif self.configurations == "mixed":
+            good = _in_turn(good)
         which, branch = np.nonzero(good)
         if self.count is not None and self.count < len(which):
-            spread = np.round(np.linspace(0, len(which) - 1, self.count)).astype(int)
-            which, branch = which[spread], branch[spread]
+            some = _spread(np.flatnonzero(fresh[which]), self.count)
+            some = np.union1d(some, _spread(np.flatnonzero(~fresh[which]), self.count - len(some)))
+            which, branch = which[some], branch[some]
         return which, np.round(joints_deg[which, branch], DECIMALS)
+
+
+def _in_turn(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n, b) one of the branches of every stance, the one that was taken least so far."""
+    taken = np.zeros(good.shape[1], dtype=np.int64)
+    out = np.zeros_like(good)
+    for i in np.flatnonzero(good.any(axis=1)):
+        branch = int(np.argmin(np.where(good[i], taken, len(good))))
+        out[i, branch], taken[branch] = True, taken[branch] + 1
+    return out
+
+
+def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """At most so many of them, evenly."""
+    if count >= len(some):
+        return some
+    return some[np.round(np.linspace(0, len(some) - 1, count)).astype(int)]
 
 
 def read(table: TomlTable, folder: Path | None) -> Hexapod:
@@ -98,5 +143,19 @@ def read(table: TomlTable, folder: Path | None) -> Hexapod:
         base=table.names("base"),
         count=table.whole("count", low=1) if "count" in table.values else None,
         stages=table.whole("stages", 2, low=1, high=2),
-        every_configuration=table.text("configurations", "one", ("one", "all")) == "all",
+        configurations=table.text("configurations", "one", ("one", "mixed", "all")),
+        branches=_branches(table),
     )
+
+
+def _branches(table: TomlTable) -> tuple[str, ...] | None:
+    """Raises ConfigError for a name with which no branch begins."""
+    named = table.names("branches")
+    for name in named or ():
+        if not any(branch == name or branch.startswith(f"{name}/") for branch in BRANCHES):
+            raise table.refuse(
+                "branches",
+                f"names {name!r}.",
+                f"Name branches of the arm, or what they begin with: {', '.join(BRANCHES)}.",
+            )
+    return named

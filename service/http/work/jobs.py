@@ -1,7 +1,7 @@
-"""Identifications, diagnoses, alignments and regressions: worked off one at a time, in a worker process of their own.
+"""Identifications, diagnoses, alignments, regressions, searches of placements: one at a time, in a worker process.
 
-    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/: job.json, then
-    result.json + report.html (a picture of an alignment, poses of a selection) or problem.json
+    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/, placements/: job.json,
+    then result.json + report.html (a picture of an alignment and of placements, poses of a selection) or problem.json
 
 The folder is the state: a job without an outcome that nobody works on was cut off.
 """
@@ -28,9 +28,10 @@ from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import Deletions, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
-from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, REPORT, RESULT, ROBOT, STEP, TRACKER
+from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, PROGRESS, REPORT, RESULT, ROBOT, STEP, TRACKER
 from service.names import new_id, safe_id
 from service.plain import utc_text
+from service.results import placements
 from service.results.acceptance import Limits
 from service.results.alignment import Order
 
@@ -42,6 +43,7 @@ _FOLDERS = {
     "regression": "regressions",
     "validation": "validations",
     "selection": "selections",
+    "placement": "placements",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
@@ -98,6 +100,10 @@ class Jobs:
         """Put a selection of poses in a cell in the queue, as `add`. order: that of `Question`."""
         return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, {})
 
+    def place(self, cell: Cell, order: placements.Order) -> dict[str, Any]:
+        """Put a search of placements of the base balls in the queue, as `add`."""
+        return self._add("placement", {"dataset_id": "", "cell": cell.source, "order": asdict(order)}, {})
+
     def align(self, robot: bytes, tracker: bytes, order: Order, name: str) -> dict[str, Any]:
         """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
         asked = {"dataset_id": "", "name": name, "order": asdict(order)}
@@ -137,7 +143,9 @@ class Jobs:
         else:
             state, version = State.FAILED, 3
             problem = self._problem(folder)
-        shown = {key: order[key] for key in ("id", "kind", "dataset_id", "created_utc")}
+        shown: dict[str, Any] = {key: order[key] for key in ("id", "kind", "dataset_id", "created_utc")}
+        if (folder / PROGRESS).is_file():
+            shown["progress"] = read_kept(folder / PROGRESS, Answered)
         if result is not None and kind == "alignment":
             shown["dataset_id"] = result["dataset_id"]
         return shown | {
@@ -218,7 +226,7 @@ class Jobs:
         return self._file(name, REPORT, "report")
 
     def picture(self, name: str) -> str:
-        """The SVG of an alignment. Raises Problem 404."""
+        """The SVG of an alignment or a search of placements. Raises Problem 404."""
         return self._file(name, PICTURE, "picture")
 
     def arrows(self, name: str) -> dict[str, Any]:

@@ -37,12 +37,14 @@ from service.http.wire.bodies.jobs import (
     JobKept,
     JobShown,
     JobsShown,
+    PlacementsShown,
     ProblemKept,
     RegressionShown,
     SelectionShown,
     ValidationShown,
 )
 from service.http.wire.bodies.models import ModelShown
+from service.http.wire.bodies.placements import PlacementsAsked
 from service.http.wire.bodies.problem import ProblemShown
 from service.http.wire.bodies.runs import (
     EventKind,
@@ -96,6 +98,8 @@ __all__ = [
     "NewLoop",
     "NewRun",
     "OfDataset",
+    "PlacementsAsked",
+    "PlacementsShown",
     "ProblemKept",
     "ProblemShown",
     "PromptShown",

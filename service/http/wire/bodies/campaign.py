@@ -162,7 +162,16 @@ class HexapodBlock(_Block):
     count: NotRequired[Annotated[int, told("Number of stances at most; left out: all.", 48)]]
     stages: NotRequired[Stages]
     configurations: NotRequired[
-        Annotated[Literal["one", "all"], told("Stances in one, or in every configuration of the arm.", "one")]
+        Annotated[
+            Literal["one", "all", "mixed"],
+            told("Stances in one, in every, or in one after the other configuration of the arm.", "one"),
+        ]
+    ]
+    branches: NotRequired[
+        Annotated[
+            list[str],
+            told("Branches of the arm that are used; left out: all.", ["front/up", "back/down/flip"]),
+        ]
     ]
 
 
@@ -172,6 +181,12 @@ class BallbarGeometryBlock(_Block):
     kind: Annotated[Literal["ballbar_geometry"], told("The kind of block.", "ballbar_geometry")]
     set: NotRequired[Annotated[Literal["calibration"], told("Such distances enter the fit.", "calibration")]]
     base: NotRequired[Balls]
+    touch_with: NotRequired[
+        Annotated[
+            str,
+            told("A target that a person jogs into the cup of each ball; left out: none is touched.", "T1"),
+        ]
+    ]
     repeats: NotRequired[Annotated[int, told("Number of times each side is measured; 1 where left out.", 2)]]
 
 

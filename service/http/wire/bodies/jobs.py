@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from acquisition import State
 from service.http.wire.bodies.alignments import AlignmentResult
 from service.http.wire.bodies.diagnoses import DiagnosisResult
+from service.http.wire.bodies.placements import PlacementsResult, Progress
 from service.http.wire.bodies.problem import ProblemShown
 from service.http.wire.bodies.regressions import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
@@ -15,7 +16,9 @@ from service.http.wire.bodies.selections import SelectionResult
 from service.http.wire.bodies.told import Answered, Created, Id, told
 from service.http.wire.bodies.validations import ValidationResult
 
-JobKind = Literal["identification", "diagnosis", "alignment", "regression", "validation", "selection"]
+JobKind = Literal[
+    "identification", "diagnosis", "alignment", "regression", "validation", "selection", "placement"
+]
 Result = (
     IdentificationResult
     | DiagnosisResult
@@ -23,6 +26,7 @@ Result = (
     | RegressionResult
     | ValidationResult
     | SelectionResult
+    | PlacementsResult
 )
 
 
@@ -53,6 +57,7 @@ class _Job(JobKept):
     state_code: StateCode
     version: Annotated[int, told("1 ready, 2 running, 3 over; no unit. Ask with `after=2` for the end.", 3)]
     problem: Annotated[ProblemShown | None, told("Once it has failed.", None)]
+    step: Annotated[str, told("What it does now, in words; empty where it does not say.", "reading")] = ""
     report: Annotated[
         str | None, told("The path of its report.", "/api/v1/reports/20261121-170459-3f9a1c07b2e")
     ]
@@ -98,6 +103,13 @@ class SelectionShown(_Job):
     """A selection of poses."""
 
     result: Annotated[SelectionResult | None, told("Once it has succeeded.", None)]
+
+
+class PlacementsShown(_Job):
+    """A search of placements."""
+
+    progress: Annotated[Progress | None, told("How far it is, once it has begun.", None)] = None
+    result: Annotated[PlacementsResult | None, told("Once it has succeeded.", None)]
 
 
 class JobsShown(Answered):

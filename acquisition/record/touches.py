@@ -1,0 +1,141 @@
+"""Where the cups of the base are, as the robot touched them: three taught points, and three distances by the ballbar.
+
+A person jogs a ball of the tool into every cup; the nominal robot says where the ball then is. Those points carry the
+errors of the robot, the shape of their triangle is known to a micrometre: the triangle of the measured sides is laid
+over them (`calib.arm.with_sides`). The cups are then where the robot believes them to be, as are its poses, so that it
+meets the stances of the legs nearer than by any other knowledge of them. Source: Nubiola, thesis, section 4.2, (4.10)
+to (4.12). Lengths mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from acquisition.cell.carried import point
+from acquisition.cell.cell import Cell
+from acquisition.cell.position_uncertainty import TAUGHT_MM
+from acquisition.cell.workspace import targets_at
+from acquisition.record.readings import spans_of, touches_of
+from acquisition.record.store import Planned, Store
+from calib.arm import WorldFrame, of_base_points, with_sides
+from calib.array import Array
+from calib.text import Vector
+
+AGREE_MM = 3.0 * 2.0**0.5 * TAUGHT_MM
+"""By which a side may differ from two touches: three standard deviations of what a robot as it came makes of it."""
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Taught:
+    """The cups as touched, by name. sides_mm: of the first three, as far as the bar measured them.
+
+    readings: numbers of the attempts that it comes from; poses, side_poses: planned readings of each touch and side.
+    """
+
+    touched_mm: Mapping[str, Vector]
+    sides_mm: Mapping[Pair, float]
+    readings: tuple[int, ...]
+    poses: Mapping[str, int]
+    side_poses: tuple[int, ...] = ()
+
+    @property
+    def corners(self) -> tuple[str, ...]:
+        """The three cups whose triangle is measured."""
+        return tuple(self.touched_mm)[:3]
+
+    @property
+    def sides(self) -> tuple[float, float, float] | None:
+        """d12, d23, d31; None where one of them was not measured."""
+        one, two, three = self.corners
+        found = [self.sides_mm.get(pair) for pair in ((one, two), (two, three), (one, three))]
+        return None if None in found else tuple(found)  # type: ignore[return-value]
+
+    @cached_property
+    def nests_mm(self) -> dict[str, Vector]:
+        """Where the cups are. Raises DataError for sides that make no triangle, ValueError for touches in a line."""
+        if self.sides is None:
+            return dict(self.touched_mm)
+        found = with_sides(self._touched, self.sides)
+        return {**self.touched_mm, **{n: point(p) for n, p in zip(self.corners, found, strict=True)}}
+
+    @property
+    def frame(self) -> WorldFrame | None:
+        """The robot in the frame of the cups: origin in the first, x to the second, z normal; None without sides.
+
+        Raises as `nests_mm`.
+        """
+        return None if self.sides is None else of_base_points(self._touched, self.sides)
+
+    @property
+    def disagreements(self) -> dict[Pair, float]:
+        """Sides that two touches have longer than the bar, by more than a robot errs, mm."""
+        off = {
+            pair: float(np.linalg.norm(np.subtract(self.touched_mm[pair[0]], self.touched_mm[pair[1]])))
+            - side
+            for pair, side in self.sides_mm.items()
+        }
+        return {pair: each for pair, each in off.items() if abs(each) > AGREE_MM}
+
+    @property
+    def accused(self) -> tuple[str, ...]:
+        """The cups that were touched elsewhere: the one that all disagreements share, else all that take part."""
+        pairs = list(self.disagreements)
+        if not pairs:
+            return ()
+        common = set(pairs[0]).intersection(*pairs) if len(pairs) > 1 else set()
+        return tuple(name for name in self.corners if name in (common or set().union(*pairs)))
+
+    @property
+    def _touched(self) -> Array:
+        return np.array([self.touched_mm[name] for name in self.corners])
+
+
+def is_touch(cell: Cell, planned: Planned) -> bool:
+    """Whether a planned reading is a ball of the tool in a cup of the base, to which a person jogs the arm."""
+    visit = planned.visit
+    return visit.kind == "nest" and planned.target in cell.tool.targets and planned.base_target in cell.nests
+
+
+def block_of_touches(store: Store, cell: Cell) -> list[Planned]:
+    """The planned readings of the first block with touches: touches and sides. Raises StorageError."""
+    plan = [planned for planned in store.plan() if planned.visit.kind == "nest"]
+    first = min((each.visit.block for each in plan if is_touch(cell, each)), default=None)
+    return [each for each in plan if each.visit.block == first]
+
+
+def taught_of(store: Store, cell: Cell) -> Taught | None:
+    """The cups as they were touched last, with the sides measured in the same block; None before all are.
+
+    Raises StorageError.
+    """
+    of_block = {planned.id for planned in block_of_touches(store, cell)}
+    rows = {row.base_target: row for row in touches_of(store) if row.counts and row.pose in of_block}
+    touches = {name: rows[name] for name in cell.nests if name in rows}
+    if not set(list(cell.nests)[:3]) <= set(touches):
+        return None
+    names = list(cell.tool.targets)
+    joints = np.array([row.reached for row in touches.values()])
+    places = targets_at(cell, joints)[range(len(touches)), [names.index(r.target) for r in touches.values()]]
+    lengths: dict[Pair, list[float]] = {}
+    readings, sides = [row.id for row in touches.values()], []
+    corners = list(combinations(list(touches)[:3], 2))
+    for row in spans_of(store):
+        pair = next((two for two in corners if {row.target, row.base_target} == set(two)), None)
+        if pair is not None and row.counts and row.length_mm is not None and row.pose in of_block:
+            lengths.setdefault(pair, []).append(row.length_mm)
+            readings.append(row.id)
+            sides.append(row.pose)
+    return Taught(
+        {name: point(place) for name, place in zip(touches, places, strict=True)},
+        {pair: float(np.mean(each)) for pair, each in lengths.items()},
+        tuple(sorted(readings)),
+        {name: row.pose for name, row in touches.items()},
+        tuple(sides),
+    )

@@ -1,0 +1,226 @@
+"""The base of a ballbar hexapod placed where the robot touched it: the poses still to come are planned anew.
+
+    touches -> three taught points -> laid over by the measured triangle -> stances of the legs -> joints, checked
+
+Where touches and sides disagree by more than a robot errs, the cup that all of it accuses is named and touched again.
+A pose keeps its place in the plan, its legs and its branch; one that may not be driven from where the cups
+are is left out. Whatever was attempted stays as it was. Source: Nubiola, thesis, section 4.2. Lengths mm, angles deg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.campaign.blocks.block import BlockVisit, Joints, rounded
+from acquisition.campaign.blocks.hexapod import Hexapod
+from acquisition.campaign.blocks.sphere import Sphere
+from acquisition.campaign.campaign import Campaign
+from acquisition.campaign.plan import Visit, site_of
+from acquisition.cell.carried import with_nests
+from acquisition.cell.cell import Cell
+from acquisition.cell.reach import configurations
+from acquisition.errors import CupsDisagree
+from acquisition.record.store import Planned, Store
+from acquisition.record.touches import Taught, block_of_touches, taught_of
+from calib.arm import forward, nearest_branch
+from calib.errors import DataError
+from drivers.errors import AcquisitionError, ConfigError
+from drivers.interfaces import Answer
+
+SAME_POSE_DEG = 15.0  # by which a joint may turn between where a cup was thought to be and where it is
+_MEASURED = """
+SELECT max(attempt.id) FROM attempt JOIN pose ON pose.id = attempt.pose
+WHERE pose.kind = 'nest' AND attempt.status = 'good'
+"""
+_LAST = "SELECT json_extract(data, '$.readings') FROM event WHERE kind = 'taught' ORDER BY id DESC LIMIT 1"
+
+
+class Placing:
+    """The placing of one execution. consult: ask a person about an error; retries: how often anew."""
+
+    def __init__(
+        self,
+        store: Store,
+        cell: Cell,
+        campaign: Campaign,
+        consult: Callable[[AcquisitionError], Answer],
+    ) -> None:
+        self._store = store
+        self._cell = cell
+        self._campaign = campaign
+        self._consult = consult
+        self._again = 0
+        self._looked: int | None = None  # the last of the readings that were there when it was looked at
+
+    def cell(self) -> Cell:
+        """The cell with its cups where they were touched, once the poses were planned for that."""
+        taught = taught_of(self._store, self._cell)
+        if taught is None or not self._planned_for(taught):
+            return self._cell
+        return with_nests(self._cell, taught.nests_mm)
+
+    def look(self) -> bool:
+        """Plan anew when all touches and sides are there that are to be had; whether the plan has changed.
+
+        Raises CupsDisagree where they still do after a few times, and what a question to a person raises.
+        """
+        last = self._store.database.query(_MEASURED)[0][0]
+        if last == self._looked:
+            return False
+        self._looked = last
+        taught = taught_of(self._store, self._cell)
+        if taught is None or self._planned_for(taught) or self._some_are_left():
+            return False
+        if self._doubted(taught):
+            return True
+        there = with_nests(self._cell, taught.nests_mm)
+        frame = taught.frame
+        with self._store.changing():
+            moved, left_out = self._plan(there)
+            self._store.add_event(
+                "taught",
+                readings=list(taught.readings),
+                nests_mm=taught.nests_mm,
+                touched_mm=dict(taught.touched_mm),
+                sides_mm={f"{one} {other}": side for (one, other), side in taught.sides_mm.items()},
+                off_mm=max(
+                    float(np.linalg.norm(np.subtract(place, self._cell.nests[name])))
+                    for name, place in taught.nests_mm.items()
+                ),
+                robot_in_cups=None if frame is None else frame.as_json(),
+                poses=moved,
+                refused=left_out,
+            )
+        return True
+
+    def _planned_for(self, taught: Taught) -> bool:
+        rows = self._store.database.query(_LAST)
+        return bool(rows) and rows[0][0] == _as_json(taught.readings)
+
+    def _some_are_left(self) -> bool:
+        """Touches, or sides in their block, that are not measured yet."""
+        return any(each.status == "planned" for each in block_of_touches(self._store, self._cell))
+
+    def _doubted(self, taught: Taught) -> bool:
+        """Whether something is to be done again. Raises CupsDisagree."""
+        impossible = False
+        try:
+            _ = taught.nests_mm
+        except (DataError, ValueError) as error:
+            wrong = CupsDisagree(f"the base triangle is impossible: {error}", device="instrument")
+            again, impossible = list(taught.side_poses), True
+        else:
+            if not (accused := taught.accused):
+                return False
+            wrong = CupsDisagree(_in_words(taught), device="robot")
+            again = [taught.poses[name] for name in accused]
+        self._again += 1
+        if self._again > self._campaign.retries + 1:
+            raise wrong
+        if self._consult(wrong) is not Answer.CONFIRM:
+            if impossible:
+                raise wrong  # no pose can be planned from it
+            return False
+        self._store.measure_again(again, wrong.message)
+        return True
+
+    def _plan(self, there: Cell) -> tuple[int, int]:
+        """How many poses were planned anew for the cell, and how many were left out."""
+        visits: dict[int, list[Planned]] = {}
+        for planned in self._store.plan():
+            if planned.visit.kind == "pose":
+                visits.setdefault(planned.visit.number, []).append(planned)
+        moved = left_out = 0
+        for number, block in enumerate(self._campaign.blocks):
+            recipe = block.recipe
+            if not isinstance(recipe, Hexapod | Sphere) or not recipe.lengths:
+                continue
+            untouched = [
+                group
+                for group in visits.values()
+                if group[0].visit.block == number and all(each.status == "planned" for each in group)
+            ]
+            for group, elsewhere in zip(
+                untouched, self._visits(there, number, recipe, untouched), strict=True
+            ):
+                if elsewhere is None:
+                    left_out += 1
+                    for each in group:
+                        self._store.mark(each.id, "skipped", "not reached from where the cups are")
+                else:
+                    moved += 1
+                    self._store.replan(group, _moved(group[0].visit, elsewhere))
+        return moved, left_out
+
+    def _visits(
+        self, there: Cell, number: int, recipe: Hexapod | Sphere, groups: Sequence[Sequence[Planned]]
+    ) -> list[BlockVisit | None]:
+        """For each visit the pose with the same legs in the same branch, from where the cups are."""
+        site = site_of(there, self._campaign, number)
+        try:
+            if isinstance(recipe, Hexapod):
+                found = replace(recipe, count=None, configurations="all").visits_at(site)
+                return [_same_pose(group[0].visit, found) for group in groups]
+            found = replace(recipe, centre_deg=self._centre(there, recipe)).visits_at(site)
+        except ConfigError:
+            return [None] * len(groups)
+        by_name = {f"{elsewhere.what} of block {number + 1} ": elsewhere for elsewhere in found}
+        return [
+            next(
+                (elsewhere for name, elsewhere in by_name.items() if group[0].visit.name.startswith(name)),
+                None,
+            )
+            for group in groups
+        ]
+
+    def _centre(self, there: Cell, recipe: Sphere) -> Joints:
+        """The centre of a sphere moved with its cup. Raises ConfigError where the arm does not reach it."""
+        robot, base = self._cell.robot, recipe.base or ""
+        taught = np.array([recipe.centre_deg])
+        flange = forward(robot.model, robot.model_angles(taught))
+        flange[:, :3, 3] += np.subtract(there.nests[base], self._cell.nests[base])
+        found = configurations(there, flange, taught[0])
+        branch = nearest_branch(found, taught)[0]
+        if branch < 0:
+            raise ConfigError(f"the arm does not reach {base} where it was touched")
+        return rounded(found[0, branch])
+
+
+def _as_json(readings: Sequence[int]) -> str:
+    return f"[{','.join(map(str, readings))}]"
+
+
+def _same_pose(visit: Visit, found: Sequence[BlockVisit]) -> BlockVisit | None:
+    """The one with the same legs that is nearest in joint space, if it is near."""
+    legs = set(visit.readings)
+    alike = [elsewhere for elsewhere in found if set(elsewhere.distances) == legs]
+    if not alike:
+        return None
+    apart = np.abs(np.array([elsewhere.joints_deg for elsewhere in alike]) - np.array(visit.joints_deg)).max(
+        axis=1
+    )
+    nearest = int(np.argmin(apart))
+    return alike[nearest] if apart[nearest] <= SAME_POSE_DEG else None
+
+
+def _moved(visit: Visit, elsewhere: BlockVisit) -> Visit:
+    return replace(
+        visit,
+        joints_deg=elsewhere.joints_deg,
+        sides=elsewhere.sides,
+        approach_deg=elsewhere.approach_deg,
+    )
+
+
+def _in_words(taught: Taught) -> str:
+    said = [
+        f"{one} to {other} is {taught.sides_mm[one, other] + off:.2f} mm by the touches and "
+        f"{taught.sides_mm[one, other]:.3f} mm by the bar"
+        for (one, other), off in taught.disagreements.items()
+    ]
+    names = taught.accused
+    who = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+    return f"{'; '.join(said)}: {who} was not touched where it is, or has moved since"

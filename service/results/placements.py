@@ -1,0 +1,194 @@
+"""A search of placements of the base balls of a ballbar hexapod, for the command and for the service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import Cell
+from acquisition.campaign import Hexapod, Placement, Reached, best_first, grid, placement_picture
+from calib.array import Array
+from calib.errors import DataError
+
+FORMAT = "truepose-placements/1"
+MOST = 20_000  # placements of a search
+TOGETHER = 4  # placements of one plan
+_TRIED = 5  # times as many placements are proven as are shown
+
+Range = tuple[float, float, float]
+Zone = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is searched. x, y, z: (low, high, step) shifts, mm; turn: deg; base: the balls, None for the first three
+    nests; zone: x, y, z and radius, mm; together: placements that complete each other in the zone.
+    """
+
+    x: Range = (0.0, 0.0, 1.0)
+    y: Range = (0.0, 0.0, 1.0)
+    z: Range = (0.0, 0.0, 1.0)
+    turn: Range = (0.0, 0.0, 1.0)
+    base: tuple[str, ...] | None = None
+    zone: Zone | None = None
+    together: int = 1
+    offset_deg: float = 5.0
+    show: int = 5
+
+    @classmethod
+    def of(cls, table: Mapping[str, Any]) -> Order:
+        """From what JSON has made of one."""
+        plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
+        return cls(**plain)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best placements, proven, each with the largest U in the zone, mm, by itself; `plan`: those that are to be
+    used together, with the largest U of the first, the first two, and so on.
+    """
+
+    hexapod: Hexapod
+    order: Order
+    placements: int
+    best: list[tuple[Reached, float | None]]
+    plan: list[tuple[Reached, float | None]]
+
+    def picture(self) -> str:
+        """The placements that are shown, as SVG."""
+        return placement_picture(self.hexapod, [each for each, _ in self._shown])
+
+    @property
+    def _shown(self) -> list[tuple[Reached, float | None]]:
+        return self.plan if self.order.together > 1 else self.best
+
+    def document(self) -> dict[str, Any]:
+        """The result for JSON."""
+        hexapod = self.hexapod
+        return {
+            "format": FORMAT,
+            "cell": hexapod.cell.name,
+            "robot": hexapod.cell.robot.model.name,
+            "base": list(hexapod.base),
+            "stances": len(hexapod.stances.flange),
+            "placements": self.placements,
+            "zone_mm": None if self.order.zone is None else list(self.order.zone),
+            "best": [self._one(*each) for each in self.best],
+            "plan": [self._one(*each) for each in self.plan],
+        }
+
+    def _one(self, each: Reached, u: float | None) -> dict[str, Any]:
+        nests = self.hexapod.moved(each.placement).nests
+        return {
+            "shift_mm": list(each.placement.shift_mm),
+            "turn_deg": each.placement.turn_deg,
+            "nests_mm": {name: list(nests[name]) for name in self.hexapod.base},
+            "poses": each.poses,
+            "configurations": each.configurations,
+            "by_branch": each.by_branch,
+            "max_u_mm": u,
+        }
+
+
+def wanted_of(order: Order) -> list[Placement]:
+    """The placements of an order. Raises DataError naming the option."""
+    shifts = [_steps(f"--{name}", each) for name, each in (("x", order.x), ("y", order.y), ("z", order.z))]
+    turns = _steps("--turn", order.turn)
+    if (count := len(turns) * int(np.prod([len(each) for each in shifts]))) > MOST:
+        raise DataError(f"asks for {count} placements.", do=f"Ask for {MOST} at most.", key="--turn")
+    if order.together > 1 and order.zone is None:
+        raise DataError(
+            "needs a zone in which placements complete each other.", do="Give --zone.", key="--together"
+        )
+    return grid(shifts, turns)
+
+
+def found_for(
+    cell: Cell, order: Order, file: Path, say: Callable[[str], None], progress: Callable[[int, int], None]
+) -> Found:
+    """Search. `say` hears what is done, `progress` how many placements of how many. Raises DataError, ConfigError."""
+    hexapod, wanted = _hexapod(cell, file, order.base), wanted_of(order)
+    places = None if order.zone is None else hexapod.places_in(order.zone[:3], order.zone[3])
+    say(f"looking at {len(wanted)} placements")
+    surveyed = best_first(hexapod.survey(wanted, progress=lambda done: progress(done, len(wanted))))
+    finalists = _finalists(hexapod, surveyed, order.show)
+    say(f"proving the best {len(finalists)}")
+    proven = [hexapod.prove(each, order.offset_deg) for each in finalists]
+    u = [_largest(hexapod, [each], places) for each in proven]
+    ranks = np.argsort(u, kind="stable") if places is not None else _by_poses(proven)
+    best = [(proven[i], _finite(u[i])) for i in ranks]
+    plan = [] if places is None else _together(hexapod, best, places, order.together)
+    return Found(hexapod, order, len(wanted), best[: order.show], plan)
+
+
+def _together(
+    hexapod: Hexapod, best: Sequence[tuple[Reached, float | None]], places: Array, count: int
+) -> list[tuple[Reached, float | None]]:
+    """The best one, then one by one whichever lowers the largest U most beside those that are there."""
+    plan = list(best[:1])
+    left = [each for each, _ in best[1:] if each.poses]
+    while left and len(plan) < count:
+        chosen = [each for each, _ in plan]
+        u = [_largest(hexapod, [*chosen, each], places) for each in left]
+        plan.append((left.pop(int(np.argmin(u))), _finite(min(u))))
+    return plan
+
+
+def _largest(hexapod: Hexapod, reached: Sequence[Reached], places: Array | None) -> float:
+    if places is None or not all(each.poses for each in reached):
+        return np.inf
+    return float(hexapod.uncertainty(reached, places).max())
+
+
+def _finite(u: float) -> float | None:
+    return float(u) if np.isfinite(u) else None
+
+
+def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> Hexapod:
+    """Raises DataError for a cell without a ballbar, and for balls that it does not have or that carry no tool."""
+    if not cell.instrument.declared.measures_lengths:
+        raise DataError(
+            f"the {cell.instrument.name} is no ballbar.",
+            do="truepose select chooses poses for a tracker.",
+            file=path,
+            key="instrument.driver",
+        )
+    names = tuple(cell.nests)[:3] if base is None else base
+    if not 3 <= len(set(names)) == len(names) <= 4 or not set(names) <= set(cell.nests):
+        raise DataError(
+            f"is '{','.join(names)}'.", do=f"Name three or four of {', '.join(cell.nests)}.", key="--base"
+        )
+    try:
+        return Hexapod(cell, names, list(cell.tool.targets)[:3])
+    except ValueError as error:
+        raise DataError(f"{error}.", do="Correct world.nests or tool.targets.", file=path) from error
+
+
+def _steps(option: str, wanted: Range) -> list[float]:
+    low, high, step = wanted
+    if not (np.isfinite(wanted).all() and low <= high and step > 0.0):
+        raise DataError(
+            f"is {low:g} {high:g} {step:g}.", do="Give LOW HIGH STEP, LOW first, STEP above zero.", key=option
+        )
+    if (high - low) / step > MOST:
+        raise DataError(f"asks for more than {MOST} placements.", do="Take larger steps.", key=option)
+    return [low + i * step for i in range(int((high - low) / step + 1e-9) + 1)]
+
+
+def _finalists(hexapod: Hexapod, found: Sequence[Reached], show: int) -> list[Reached]:
+    """The best by stances, each set of places once, and the placement of the cell file beside them."""
+    once: dict[object, Reached] = {}
+    for each in found:
+        once.setdefault(hexapod.same_balls(each.placement), each)
+    best = list(once.values())[: _TRIED * show]
+    own = once[hexapod.same_balls(Placement())]
+    return best if own in best else [*best, own]
+
+
+def _by_poses(proven: Sequence[Reached]) -> list[int]:
+    ranked = best_first(proven)
+    return [next(i for i, each in enumerate(proven) if each is one) for one in ranked]
