@@ -53,8 +53,8 @@ def serve(
         typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
     ] = None,
 ) -> None:
-    """Serve HTTP and the operator's page; prints where to open it and the tokens when ready. Nothing moves until it
-    is asked to."""
+    """Serve HTTP and the operator's page. Prints where to open it and the tokens when ready; nothing moves until it is
+    asked to."""
     _refuse_host(host)
     token = chosen_token() if token_file is None else None
     if token is None and token_file is None and not is_loopback(host):

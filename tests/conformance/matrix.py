@@ -84,10 +84,11 @@ def _right(rig: Rig, question: int) -> bool:
 
 def cell(name: str, fault: str, questions: int, rate: float) -> Cell:
     """Put the questions to one rig under one fault."""
-    logging.disable(logging.WARNING)  # every driver warns that it is unverified on hardware
     right = loud = wrong = 0
     longest_s = 0.0
     with ExitStack() as stack:
+        logging.disable(logging.WARNING)  # every driver warns that it is unverified on hardware
+        stack.callback(logging.disable, logging.NOTSET)
         rig = RIGS[name](stack)
         _restart(rig, name, fault, rate)
         for i in range(questions):

@@ -17,7 +17,7 @@ from tests.service.campaigns import read_rows, write_data
 
 DOCS = Path(__file__).parents[2] / "docs"
 BLOCK = re.compile(r"^```(\w*)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-ELSEWHERE = {"python.md", "extending.md"}
+ELSEWHERE = {"python.md", "extending.md", "cell-pc/curl.md", "cell-pc/python.md"}
 RUN = {"first-hour.md"}
 
 

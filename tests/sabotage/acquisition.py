@@ -86,7 +86,7 @@ CHANGES = (
     ),
     Change(
         "acquisition/campaign/placements.py",
-        "_moved(f, pose) if self._carries(f) else f",
+        "moved(f, pose) if self._carries(f) else f",
         "f",
         "cups stay behind when their balls move",
         ("tests/acquisition/test_placements.py",),

@@ -29,9 +29,10 @@ from tests.service.lease_clock import LeaseClock
 from tests.service.test_http import CAMPAIGN, CELL
 from tests.service.test_http_support import Served, problem, served
 
-MOTIONS = {"createRun", "resumeRun", "createLoop", "resumeLoop"}
+MOTIONS = {"createRun", "resumeRun", "createLoop", "resumeLoop", "retakeVisit"}
 OWN_LEASE = {"takeLease", "giveLeaseBack"}
-NAMED_BY_IT = {"answerPrompt", "restationRun"}  # they move nothing by themselves
+DELETIONS = {"deleteCampaign", "deleteDataset", "deleteResult", "deleteRun"}
+NAMED_BY_IT = {"answerPrompt", "restationRun", "skipVisit", *DELETIONS}  # they move nothing by themselves
 
 
 @pytest.fixture(scope="module")

@@ -61,7 +61,7 @@ def create_alignment(
         ),
     ] = SLOW_MM_S,
     coupling: Annotated[str, _text("How the controller counts coupled joints.", "none")] = "none",
-    instrument: Annotated[str, _text("The instrument, for the data set.", "leica")] = "unknown",
+    instrument: Annotated[str, _text("The instrument, for the data set.", "leica-at960")] = "unknown",
     robot_columns: Annotated[
         str, _text(_COLUMNS.format("Columns of ROBOT.csv", "robot"), "t_s=time", 2000)
     ] = "",

@@ -106,7 +106,7 @@ def get_model(here: Here, job_id: JobId) -> JSONResponse:
 
 
 @router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
-def get_result(here: Here, result_id: str) -> dict[str, Any]:
+def get_result(here: Here, result_id: JobId) -> dict[str, Any]:
     """A job of any kind, or a closed loop, for whoever has its id alone; `kind` says which of them it is."""
     kind = here.jobs.kind_of(result_id)
     if kind is not None:
@@ -117,7 +117,7 @@ def get_result(here: Here, result_id: str) -> dict[str, Any]:
 
 
 @router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)
-def get_arrows(here: Here, job_id: str) -> dict[str, Any]:
+def get_arrows(here: Here, job_id: JobId) -> dict[str, Any]:
     """The errors of an identification or a diagnosis in space, before and after: at most 500 readings, held out."""
     return here.jobs.arrows(job_id)
 

@@ -13,7 +13,7 @@ from service.http.routes.run_routes import RUNS, accepted, who
 from service.http.runs.dry_runs import plan_in
 from service.http.state import Here, Service
 from service.http.wire.bodies import RunShown, WhyBody
-from service.http.wire.headers import IdempotencyKey, LeaseId
+from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
 from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
 from service.http.wire.problems import not_found
 from service.results.price import price_of
@@ -44,13 +44,13 @@ def get_scene(here: Here, joints_deg: Joints = "") -> dict[str, Any]:
 
 
 @router.get("/runs/{run_id}/plan", operation_id="getPlan", response_model=PlanShown)
-def get_plan(here: Here, run_id: str) -> dict[str, Any]:
+def get_plan(here: Here, run_id: RunId) -> dict[str, Any]:
     """Every visit of a run, or of a dry run: where its targets should be, what became of them, how long it takes."""
     return here.workers.call(plan_in, here.book.path(run_id))
 
 
 @router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice", response_model=PriceShown)
-def get_price(here: Here, run_id: str, number: Number) -> dict[str, Any]:
+def get_price(here: Here, run_id: RunId, number: Number) -> dict[str, Any]:
     """What a pose is worth: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
     here.book.get(run_id)  # a dry run measures nothing
     price = here.workers.call(price_of, here.book.path(run_id), number)
@@ -67,7 +67,7 @@ def get_price(here: Here, run_id: str, number: Number) -> dict[str, Any]:
 )
 def retake_visit(
     here: Here,
-    run_id: str,
+    run_id: RunId,
     number: Number,
     body: WhyBody,
     idempotency_key: IdempotencyKey = "",
@@ -86,7 +86,7 @@ def retake_visit(
 )
 def skip_visit(
     here: Here,
-    run_id: str,
+    run_id: RunId,
     number: Number,
     body: WhyBody,
     idempotency_key: IdempotencyKey = "",

@@ -33,9 +33,11 @@ class CellShown(Answered):
 
     name: Name
     robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
-    robot_driver: Annotated[str, told("The driver of the robot.", "abb")]
+    robot_driver: Annotated[str, told("The driver of the robot, as the cell file names it.", "my_robot")]
     instrument: Annotated[str, told("The instrument.", "faro-ion")]
-    instrument_driver: Annotated[str, told("The driver of the instrument.", "faro")]
+    instrument_driver: Annotated[
+        str, told("The driver of the instrument, as the cell file names it.", "my_tracker")
+    ]
     targets: Annotated[list[str], told("Names of the targets on the tool.", ["T1", "T2", "T3"])]
     nests: Annotated[list[str], told("Names of the nests on the base.", ["N1", "N2", "N3"])]
     simulated: Simulated

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from service.http.wire.bodies.told import Answered, Id, told
 
 Kind = Literal[
-    "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection"
+    "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection",
+    "placement",
 ]  # fmt: skip
 
 
