@@ -64,7 +64,7 @@ class RobotSection:
 
     @property
     def declared(self) -> RobotDriver:
-        """What its driver says of itself. Raises ConfigError for an unknown one."""
+        """The declaration of its driver. Raises ConfigError for an unknown one."""
         return robot_driver(self.driver)
 
     def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
@@ -91,7 +91,7 @@ class InstrumentSection:
 
     @property
     def declared(self) -> InstrumentDriver:
-        """What its driver says of itself."""
+        """The declaration of its driver."""
         return instrument_driver(self.driver)
 
     @property

@@ -78,7 +78,7 @@ class Panel:
 
 
 def as_picture(rows: Sequence[Sequence[Panel]], described: str) -> str:
-    """One SVG of panels, row by row."""
+    """The SVG of some panels, row by row."""
     width, height = _WIDTH * max(map(len, rows)), _HEIGHT * len(rows)
     parts = "".join(panel.svg(i, k) for k, row in enumerate(rows) for i, panel in enumerate(row))
     return (
@@ -89,7 +89,7 @@ def as_picture(rows: Sequence[Sequence[Panel]], described: str) -> str:
 
 
 def views(cell: Cell, shown: Array, what: str = "") -> list[Panel]:
-    """From above and from the side, with room for points (n, 3) and the foot of the robot."""
+    """The two views, from above and from the side, with room for points (n, 3) and the foot of the robot."""
     outwards = np.mean(list(cell.nests.values()), axis=0) * [1.0, 1.0, 0.0]
     far = float(np.linalg.norm(outwards))
     outwards = outwards / far if far > 1.0 else np.array([1.0, 0.0, 0.0])

@@ -70,7 +70,7 @@ Diagnose = Callable[[Path, Say], Diagnosis]
 
 
 def here(function: Callable[..., Any], *args: object) -> Any:
-    """What the function returns, computed by whoever calls this."""
+    """The value of the function, computed in this process."""
     return function(*args)
 
 

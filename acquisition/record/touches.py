@@ -54,8 +54,9 @@ class Taught:
     def sides(self) -> tuple[float, float, float] | None:
         """d12, d23, d31; None where one of them was not measured."""
         one, two, three = self.corners
-        found = [self.sides_mm.get(pair) for pair in ((one, two), (two, three), (one, three))]
-        return None if None in found else tuple(found)  # type: ignore[return-value]
+        of = self.sides_mm.get
+        d12, d23, d31 = of((one, two)), of((two, three)), of((one, three))
+        return None if d12 is None or d23 is None or d31 is None else (d12, d23, d31)
 
     @cached_property
     def nests_mm(self) -> dict[str, Vector]:
