@@ -317,7 +317,9 @@ def _execute(run: Run, record: Path, json: str | None, *, simulate: bool) -> Non
             terminal.note(_how_to_go_on(record, simulate=simulate))
         elif status.done > status.skipped:
             terminal.note(f"Next: truepose campaign export {record} OUT.csv")
-    write_json(_document(record, status, outcome), json)
+        write_json(
+            _document(record, status, outcome), json
+        )  # before a late Ctrl-C is the interpreter's again
     if outcome.exit_code != exit_codes.DONE:
         raise typer.Exit(outcome.exit_code)
 

@@ -6,10 +6,11 @@ import json
 import os
 import pty
 import signal
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from tests.service.test_http_support import ROOT
 EXAMPLE = ROOT / "examples" / "irb120_faro" / "cell.toml"
 CAMPAIGN = """
 format = "truepose-campaign/1"
-settle_s = 0.5
+settle_s = {settle_s}
 samples = 5
 [[block]]
 set = "calibration"
@@ -33,13 +34,20 @@ select = "random"
 """
 
 
-def files(folder: Path, *, count: int = 3, one_smr: bool = False, time_scale: float = 500.0) -> list[str]:
+def files(
+    folder: Path,
+    *,
+    count: int = 3,
+    one_smr: bool = False,
+    time_scale: float = 500.0,
+    settle_s: float = 0.5,
+) -> list[str]:
     """A cell and a campaign, as the arguments of `campaign run`."""
     text = EXAMPLE.read_text("utf-8").replace("time_scale = 200.0", f"time_scale = {time_scale}")
     if one_smr:
         text = text.replace("one_smr = false", "one_smr = true")
     (folder / "cell.toml").write_text(text, "utf-8")
-    (folder / "campaign.toml").write_text(CAMPAIGN.format(count=count), "utf-8")
+    (folder / "campaign.toml").write_text(CAMPAIGN.format(count=count, settle_s=settle_s), "utf-8")
     return [str(folder / "cell.toml"), str(folder / "campaign.toml"), "--record", str(folder / "record")]
 
 
@@ -133,18 +141,22 @@ def test_a_real_cell_that_does_not_answer_ends_with_4(
 
 @pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
 def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, state: str) -> None:
-    """At the real speed a reading takes seconds, so that a second Ctrl-C comes before the pause."""
-    scale = 1.0 if times == 2 else 50.0
-    arguments = files(tmp_path, count=8, time_scale=scale)
+    """The robot settles for two minutes of real time where the second Ctrl-C is to come before the pause."""
+    scale, settle_s = (1.0, 120.0) if times == 2 else (50.0, 0.5)
+    arguments = files(tmp_path, count=8, time_scale=scale, settle_s=settle_s)
+    record = tmp_path / "record"
     with started("campaign", "run", *arguments, "--simulate", "--json", "-") as process:
         assert process.stderr is not None
         for line in process.stderr:
-            if "of 24 readings" in line:
+            if "nest N3 measured" in line:
                 break
+        if times == 2:
+            until(lambda: in_record(record, "SELECT 1 FROM attempt WHERE kind = 'arrive'"))
+        else:
+            until(lambda: in_record(record, "SELECT 1 FROM attempt WHERE arrival AND status = 'good'"))
         process.send_signal(signal.SIGINT)
         if times == 2:
-            record = tmp_path / "record"
-            until(lambda: commands(record) == ["pause"])
+            until(lambda: in_record(record, "SELECT verb FROM command") == [("pause",)])
             process.send_signal(signal.SIGINT)
         out, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, complaint
@@ -154,18 +166,13 @@ def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, 
     assert "campaign resume" in complaint
     assert "Ctrl-C once more stops the robot now." in complaint
     if times == 1:
-        assert main(["campaign", "resume", str(tmp_path / "record"), "--simulate"]) == 0
+        assert main(["campaign", "resume", str(record), "--simulate"]) == 0
 
 
-def commands(record: Path) -> list[str]:
-    """What was asked of a campaign, from its record, which another program writes."""
-    from acquisition.record.store import Store
-
-    store = Store.open(record, writer=False)
-    try:
-        return [event.data["verb"] for event in store.events() if event.kind == "command"]
-    finally:
-        store.close()
+def in_record(record: Path, query: str) -> list[tuple[object, ...]]:
+    """What a query finds in the record of a campaign that another process runs."""
+    with closing(sqlite3.connect(f"file:{record / 'record.sqlite3'}?mode=ro", uri=True)) as database:
+        return database.execute(query).fetchall()
 
 
 def test_ctrl_c_at_a_prompt_ends_cleanly(tmp_path: Path) -> None:
