@@ -15,6 +15,7 @@ _UR = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_commanded.py",
     "tests/drivers/test_ur.py",
+    "tests/drivers/test_robots.py",
     "tests/drivers/test_ur_stop.py",
     "tests/drivers/test_ur_transcripts.py",
 )
