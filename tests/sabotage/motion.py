@@ -66,7 +66,9 @@ CHANGES = (
     ),
     Change(
         "calib/motion/arm.py",
-        """        *(Term(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),\n""",
+        """        *(Term(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),
+        *(Term(f"theta{k}", _TOOL_BENDS, f"load{k}") for k in joints[1:]),
+""",
         "",
         "an arm that bends shifts the clocks",
         _MOTION,
