@@ -20,7 +20,7 @@ from acquisition.examination.finding import Chart, Examination, Finding
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
 from acquisition.examination.robot import examine_robot
-from acquisition.run.mover import Mover
+from acquisition.run.orders.mover import Mover
 
 __all__ = ["Examination", "Finding", "examine"]
 

@@ -46,7 +46,7 @@ from acquisition.record.verification import (
 )
 from acquisition.run.clock import Clock
 from acquisition.run.foresight import Foresee, at_once
-from acquisition.run.lease import Lease
+from acquisition.run.orders.lease import Lease
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import Run
 from calib.array import Array

@@ -2,10 +2,10 @@
 
 from acquisition.campaign.forecast import Forecast
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.control import ON_REQUEST
 from acquisition.run.foresight import Foresee, at_once, forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
-from acquisition.run.lease import Lease
+from acquisition.run.orders.control import ON_REQUEST
+from acquisition.run.orders.lease import Lease
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import PROMPT, Run, checked_plan
 from acquisition.run.status import RunStatus, read_status

@@ -30,14 +30,14 @@ from acquisition.record.individuals import Acceptance, Individual, Individuals
 from acquisition.record.states import State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.control import ON_REQUEST, Control, Pausing, Stopping
-from acquisition.run.desk import Desk
 from acquisition.run.foresight import Foresee, at_once
-from acquisition.run.lease import Lease
-from acquisition.run.mover import Mover
-from acquisition.run.noting import Noting
+from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
+from acquisition.run.orders.lease import Lease
+from acquisition.run.orders.mover import Mover
+from acquisition.run.orders.noting import Noting
 from acquisition.run.outcome import Outcome, not_resumed
-from acquisition.run.rig import Met, Rig
+from acquisition.run.prompts.desk import Desk
+from acquisition.run.rig.rig import Met, Rig
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import Pace, RunStatus, status_of
 from acquisition.run.visits import Visits

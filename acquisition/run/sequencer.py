@@ -31,21 +31,21 @@ from acquisition.cell.transit import Transit
 from acquisition.errors import Displaced, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import Planned, Store
-from acquisition.run.ballbar_checks import BallbarChecks
-from acquisition.run.calendar import Calendar
+from acquisition.run.ballbar.distances import BallbarChecks
+from acquisition.run.ballbar.placing import Placing
+from acquisition.run.ballbar.second_stage import SecondStage
+from acquisition.run.checks.calendar import Calendar
+from acquisition.run.checks.expected import Expectation
+from acquisition.run.checks.gates import Gates, Zeroing
+from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
-from acquisition.run.control import Control, Stopping
-from acquisition.run.desk import Desk
-from acquisition.run.expected import Expectation
-from acquisition.run.gates import Gates, Zeroing
-from acquisition.run.hands import Hands
-from acquisition.run.nests import Nests
-from acquisition.run.path import PathDrive
-from acquisition.run.placing import Placing
-from acquisition.run.rig import Rig
-from acquisition.run.second_stage import SecondStage
-from acquisition.run.settling import until_still
-from acquisition.run.touches import Touches
+from acquisition.run.orders.control import Control, Stopping
+from acquisition.run.prompts.desk import Desk
+from acquisition.run.prompts.hands import Hands
+from acquisition.run.prompts.touches import Touches
+from acquisition.run.rig.path import PathDrive
+from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
 from drivers.interfaces import Answer, JointReading, LengthReading, PointReading, Reading
 from drivers.read_back import apart_deg

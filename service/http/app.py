@@ -13,29 +13,21 @@ from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate
 from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
-from service.http.routes import (
+from service.http.routes import campaign_file_routes, cell_routes, data_routes, deletion_routes
+from service.http.routes.pages import docs_page, metrics_routes, page
+from service.http.routes.pages.openapi import describe
+from service.http.routes.runs import loop_routes, plan_routes, prompt_routes, run_routes
+from service.http.routes.work import (
     alignment_routes,
-    campaign_file_routes,
-    cell_routes,
-    data_routes,
-    deletion_routes,
-    docs_page,
     examination_routes,
     job_routes,
-    loop_routes,
-    metrics_routes,
-    page,
     placement_routes,
-    plan_routes,
     program_routes,
-    prompt_routes,
     regression_routes,
-    run_routes,
     selection_routes,
     target_routes,
     validation_routes,
 )
-from service.http.routes.openapi import describe
 from service.http.state import Service
 from service.http.wire import problems
 from service.http.wire.paths import PREFIX

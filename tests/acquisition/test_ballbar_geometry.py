@@ -21,7 +21,7 @@ from acquisition.cell.bars import bar_between, bars_of
 from acquisition.record.event import Event
 from acquisition.record.export import export
 from acquisition.record.readings import readings_of
-from acquisition.run.ballbar_checks import STAGE_1, BallbarChecks
+from acquisition.run.ballbar.distances import STAGE_1, BallbarChecks
 from acquisition.run.run import PROMPT, Run
 from calib.data import read_dataset
 from calib.saved import load_model

@@ -21,8 +21,8 @@ from acquisition.record.drift import Drift, drift_of
 from acquisition.record.event import Event
 from acquisition.record.export import export
 from acquisition.run.outcome import Outcome
+from acquisition.run.rig.settling import TRIES, until_still
 from acquisition.run.run import Run
-from acquisition.run.settling import TRIES, until_still
 from calib.data.read import read_dataset
 from drivers.errors import ConfigError, NoisyMeasurement
 from drivers.interfaces import Answer, JointReading, PointReading

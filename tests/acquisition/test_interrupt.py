@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from acquisition.run.clock import ScaledClock
-from acquisition.run.control import Control, Pausing, Stopping
 from acquisition.run.interrupt import pausing_on_interrupt
+from acquisition.run.orders.control import Control, Pausing, Stopping
 from tests.acquisition.fakes import JumpingClock
 from tests.acquisition.stage import ALL, Stage
 from tests.drivers.waiting import until

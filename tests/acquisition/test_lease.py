@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
-from acquisition.run.lease import Lease
+from acquisition.run.orders.lease import Lease
 from acquisition.run.run import Run
 from drivers.operator import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of

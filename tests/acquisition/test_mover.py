@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from acquisition.errors import RobotInUse
-from acquisition.run.mover import Mover
+from acquisition.run.orders.mover import Mover
 from acquisition.run.run import Run
 from drivers.endpoint import endpoints
 from drivers.errors import ConfigError
@@ -27,7 +27,7 @@ from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_camp
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
-from acquisition.run.mover import Mover
+from acquisition.run.orders.mover import Mover
 with Mover(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.readline()

@@ -12,7 +12,7 @@ from acquisition.campaign.forecast import Forecast
 from acquisition.cell.cell import Cell, read_cell
 from acquisition.errors import UnsafePlan
 from acquisition.record.store import Store
-from acquisition.run.recorder import Feed
+from acquisition.run.rig.recorder import Feed
 from acquisition.run.run import checked_plan
 from drivers.errors import ConfigError
 from drivers.interfaces import Sample

@@ -13,8 +13,8 @@ import pytest
 
 from acquisition.campaign.campaign import campaign_from
 from acquisition.record.store import Store
-from acquisition.run.recorder import Recorder
-from acquisition.run.rig import Rig
+from acquisition.run.rig.recorder import Recorder
+from acquisition.run.rig.rig import Rig
 from drivers.errors import LinkTimeout, MotionStopped
 from drivers.interfaces import Identity, Sample
 from tests.acquisition.fakes import a_cell

@@ -13,8 +13,8 @@ import pytest
 
 from acquisition.cell.devices import Devices
 from acquisition.errors import StorageError
-from acquisition.run.noting import Noting
-from acquisition.run.rig import PRESS
+from acquisition.run.orders.noting import Noting
+from acquisition.run.rig.rig import PRESS
 from drivers.errors import (
     AcquisitionError,
     CannotStop,

@@ -19,7 +19,7 @@ _LEASE = (
 
 CHANGES = (
     Change(
-        "service/http/routes/plan_routes.py",
+        "service/http/routes/runs/plan_routes.py",
         "    here.lease.needed(lease_id)\n",
         "",
         "the robot goes back to a pose that somebody without the lease wants again",
@@ -152,7 +152,7 @@ CHANGES = (
         ("tests/service/test_refused_politely.py",),
     ),
     Change(
-        "service/http/routes/run_routes.py",
+        "service/http/routes/runs/run_routes.py",
         "at_once=True, problems=problems)",
         "at_once=True, problems=[])",
         "whoever stops is not told what could not be stopped",

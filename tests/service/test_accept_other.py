@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from acquisition import Cell, Devices, Lease, checked_plan
 from acquisition.record.individuals import Acceptance
 from service.cli import main
-from service.http.routes.run_routes import acceptance
+from service.http.routes.runs.run_routes import acceptance
 from service.http.runs.book import Book
 from service.http.wire.bodies import Export, Resume
 from service.http.work.datasets import Datasets

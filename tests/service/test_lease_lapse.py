@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.run.lease import Lease
+from acquisition.run.orders.lease import Lease
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import Run
 from drivers.interfaces import Answer

@@ -17,7 +17,7 @@ import pytest
 from acquisition.campaign.campaign import Campaign
 from acquisition.loop.loop import Compute, Equipment, LoopResult, Say, measure
 from acquisition.record.states import State
-from acquisition.run.lease import Lease
+from acquisition.run.orders.lease import Lease
 from drivers.errors import ConfigError
 from service.http.runs import loop_work
 from service.http.runs.book import Book

@@ -18,7 +18,7 @@ import pytest
 
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell
-from service.http.routes.page import FOLDER, MODULES, page_text, policy_of
+from service.http.routes.pages.page import FOLDER, MODULES, page_text, policy_of
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from service.http.routes.page import FOLDER, MODULES
+from service.http.routes.pages.page import FOLDER, MODULES
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page, browser

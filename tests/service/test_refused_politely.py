@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 
 from drivers.errors import LinkLost
-from service.http.routes.run_routes import stop_run
+from service.http.routes.runs.run_routes import stop_run
 from service.http.state import Service
 from service.http.wire.problems import Problem
 from service.http.work.jobs import Jobs

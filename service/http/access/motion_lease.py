@@ -5,8 +5,8 @@ alone; whoever moves the robot, prolongs the lease or gives it back has to send 
 every refusal. Another person may take the lease over, with a reason, which is a deliberate act and is noted.
 
 A program that dies, or whose network does, falls silent; then the robot comes to rest and the run is paused, to be
-resumed by whoever takes the lease next. Who watches is `acquisition.run.lease`, for as long as devices are in use.
-Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor prolongs
+resumed by whoever takes the lease next. Who watches is `acquisition.run.orders.lease`, for as long as devices are in
+use. Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor prolongs
 it.
 """
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.run_routes import who
+from service.http.routes.runs.run_routes import who
 from service.http.state import Here
 from service.http.wire.bodies import Deletions, DeletionShown
 from service.http.wire.headers import CampaignId, DatasetId, JobId, LeaseId, RunId

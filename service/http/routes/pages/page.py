@@ -20,7 +20,7 @@ from fastapi.responses import HTMLResponse, Response
 from service.http.wire.problems import not_found
 
 router = APIRouter()
-FOLDER = Path(__file__).parents[2] / "static"
+FOLDER = Path(__file__).parents[3] / "static"
 MODULES = tuple(sorted(path.name for path in FOLDER.glob("*.js")))
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",

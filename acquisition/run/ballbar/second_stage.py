@@ -5,7 +5,7 @@
 A robot misses its poses by millimetres and the bar shows one. The model of stage 1 need not be good: it brings the
 tool near enough for the bar to show the rest. Nothing of it enters the data set, which has the joints as commanded. It
 is kept in the folder of the record, `stage1.json`, to say how long the legs of stage 2 must be
-(`run.ballbar_checks`), and to be compared with the final one: the thesis found it the better for front/up.
+(`run.ballbar.distances`), and to be compared with the final one: the thesis found it the better for front/up.
 Source: Nubiola, thesis, section 4.4.
 """
 
@@ -28,7 +28,7 @@ from acquisition.errors import RecordError, StorageError
 from acquisition.record.export import table_of
 from acquisition.record.individuals import Individuals, series_among
 from acquisition.record.store import Planned, Store
-from acquisition.run.ballbar_checks import STAGE_1
+from acquisition.run.ballbar.distances import STAGE_1
 from calib.compensate import correct
 from calib.errors import DataError
 from calib.fit import Identification, identify

@@ -10,9 +10,9 @@ from acquisition.campaign.campaign import Campaign
 from acquisition.cell.transit import Transit
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import Planned, Store
-from acquisition.run.control import Control, Pausing, Stopping
-from acquisition.run.recorder import Recorder
-from acquisition.run.rig import Rig
+from acquisition.run.orders.control import Control, Pausing, Stopping
+from acquisition.run.rig.recorder import Recorder
+from acquisition.run.rig.rig import Rig
 from drivers.errors import MotionStopped
 
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, File, Form, Path, Query, UploadFile
 
 from calib.compensate import Bounds
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.target_routes import refuse
+from service.http.routes.work.target_routes import refuse
 from service.http.state import Here
 from service.http.wire.bodies import CorrectedProgram, ExportKind, ModelExport
 from service.http.wire.headers import JobId

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from acquisition.record.attempts import VOID, Attempts
-from acquisition.run.control import Control
+from acquisition.run.orders.control import Control
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer, Operator, Prompt
 from drivers.operator import RemoteOperator, UnknownPrompt

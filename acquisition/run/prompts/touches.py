@@ -21,7 +21,7 @@ from acquisition.errors import TouchedElsewhere
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import Planned
 from acquisition.record.touches import is_touch
-from acquisition.run.rig import Rig
+from acquisition.run.rig.rig import Rig
 from calib.errors import DataError
 from calib.units import DEG
 from drivers.errors import AcquisitionError, Refused

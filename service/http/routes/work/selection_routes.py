@@ -6,8 +6,8 @@ from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
 from calib.arm import built_in_robots
-from service.http.routes.job_routes import shown
 from service.http.routes.json_route import JsonRoute
+from service.http.routes.work.job_routes import shown
 from service.http.state import Here
 from service.http.wire.bodies import SelectionAsked, SelectionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from acquisition.cell.devices import Devices, Hands
-from acquisition.run.control import Control
-from acquisition.run.settling import until_still
+from acquisition.run.orders.control import Control
+from acquisition.run.rig.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
 from drivers.interfaces import (
     Device,

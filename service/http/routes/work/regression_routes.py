@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
-from service.http.routes.job_routes import shown
 from service.http.routes.json_route import JsonRoute
+from service.http.routes.work.job_routes import shown
 from service.http.state import Here
 from service.http.wire.bodies import RegressionAsked, RegressionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse, Response
 
 from acquisition import Lease
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.run_routes import acceptance, who
+from service.http.routes.runs.run_routes import acceptance, who
 from service.http.runs.dry_runs import planned
 from service.http.runs.loops import ENDED
 from service.http.state import Here, Service

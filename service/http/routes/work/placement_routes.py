@@ -7,8 +7,8 @@ from fastapi.responses import JSONResponse, Response
 
 from calib.arm import built_in_robots
 from calib.errors import DataError
-from service.http.routes.job_routes import REPORT_HEADERS, shown
 from service.http.routes.json_route import JsonRoute
+from service.http.routes.work.job_routes import REPORT_HEADERS, shown
 from service.http.state import Here
 from service.http.wire.bodies import PlacementsAsked, PlacementsShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait

@@ -18,7 +18,7 @@ from types import TracebackType
 
 from acquisition.record.store import Store
 from acquisition.record.streams import Arrived, append
-from acquisition.run.rig import Rig
+from acquisition.run.rig.rig import Rig
 from drivers.errors import AcquisitionError, TargetNotSeen
 from drivers.interfaces import Sample
 

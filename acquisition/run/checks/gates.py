@@ -21,7 +21,7 @@ import numpy as np
 
 from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
 from acquisition.record.store import Planned, Store
-from acquisition.run.control import Control
+from acquisition.run.orders.control import Control
 
 _FIRST_VISIT = """
 SELECT id, visit, status FROM pose WHERE replaced_by IS NULL AND visit = (

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 
 from calib.errors import DataError
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.run_routes import RUNS, accepted, who
+from service.http.routes.runs.run_routes import RUNS, accepted, who
 from service.http.runs.dry_runs import plan_in
 from service.http.state import Here, Service
 from service.http.wire.bodies import RunShown, WhyBody

@@ -15,7 +15,7 @@ from fastapi.responses import FileResponse, HTMLResponse
 from service.http.wire.problems import Problem
 
 router = APIRouter()
-FOLDER = Path(__file__).parents[2] / "vendored" / "swagger_ui"
+FOLDER = Path(__file__).parents[3] / "vendored" / "swagger_ui"
 FILES = {
     "swagger-ui-bundle.js": "text/javascript",
     "docs.js": "text/javascript",

@@ -1,0 +1,1 @@
+"""Who may move the robot and who stops it: orders, lease, the lock on a robot."""

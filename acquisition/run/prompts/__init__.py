@@ -1,0 +1,1 @@
+"""What a run asks a person to do, and the answers."""

@@ -1,0 +1,1 @@
+"""Robot and instrument as a run uses them: connected, at rest, recorded."""

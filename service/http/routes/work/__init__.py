@@ -1,0 +1,1 @@
+"""Routes of what a worker computes: jobs, results, files made of them."""
