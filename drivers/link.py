@@ -40,12 +40,12 @@ class WireLog:
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.time) -> None:
         self._stream = stream
-        self._clock = clock
+        self.clock = clock
         self._lock = threading.Lock()
 
     def record(self, device: str, direction: str, data: bytes) -> None:
         row = {
-            "t_s": round(self._clock(), 6),
+            "t_s": round(self.clock(), 6),
             "device": device,
             "dir": direction,
             "data": data.decode("latin-1"),
@@ -88,7 +88,10 @@ def parse_url(url: str) -> Address:
 
 
 class TcpLink:
-    """One connection to one device. Not shared between threads, except `close`, which is always safe."""
+    """One connection to one device. Not shared between threads, except `close`, which is always safe.
+
+    `clock`: s, by which deadlines are kept, also by those who speak over the link.
+    """
 
     poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
 
@@ -102,8 +105,8 @@ class TcpLink:
     ) -> None:
         self.address = address
         self.device = device
-        self._wire = wire
-        self._clock = clock
+        self.wire = wire
+        self.clock = clock
         self._socket: socket.socket | None = None
         self._buffer = b""
 
@@ -184,7 +187,7 @@ class TcpLink:
         `meanwhile` is called every `poll_s` while waiting and may raise. Raises LinkTimeout (naming the
         deadline), LinkLost (also at the end of the stream with half a line), ProtocolError (line too long).
         """
-        end = self._clock() + seconds
+        end = self.clock() + seconds
         while terminator not in self._buffer:
             if len(self._buffer) > limit:
                 raise ProtocolError(
@@ -211,7 +214,7 @@ class TcpLink:
         meanwhile: Callable[[], None] | None = None,
     ) -> bytes:
         """The next `count` bytes, for protocols that count; the rest stays. Raises LinkTimeout, LinkLost."""
-        end = self._clock() + seconds
+        end = self.clock() + seconds
         while len(self._buffer) < count:
             self._fill(command, deadline, seconds, end, meanwhile)
         data, self._buffer = self._buffer[:count], self._buffer[count:]
@@ -233,7 +236,7 @@ class TcpLink:
         `possible` says whether the bytes so far can still become an answer. Free text has no recognisable
         end: with `quiet_s` it ends when nothing more came for so long. Raises like `read_until`.
         """
-        end = self._clock() + seconds
+        end = self.clock() + seconds
         while not (found := complete.fullmatch(self._buffer)) or self._more_within(quiet_s, command):
             if found:
                 continue
@@ -284,7 +287,7 @@ class TcpLink:
         meanwhile: Callable[[], None] | None,
     ) -> None:
         sock = self._open_socket(command)
-        left = end - self._clock()
+        left = end - self.clock()
         if left <= 0:
             raise LinkTimeout(
                 f"no complete answer within {deadline} = {seconds:.3g} s",
@@ -320,5 +323,5 @@ class TcpLink:
         return self._socket
 
     def _log(self, direction: str, data: bytes) -> None:
-        if self._wire is not None:
-            self._wire.record(self.device, direction, data)
+        if self.wire is not None:
+            self.wire.record(self.device, direction, data)

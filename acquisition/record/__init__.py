@@ -1,6 +1,6 @@
 """The record of a campaign: durable, sealed row by row, and what is read from it."""
 
-from acquisition.record.database import FILE
+from acquisition.record.database import FILE, sha256_of
 from acquisition.record.event import Event
 from acquisition.record.export import export, export_events
 from acquisition.record.individuals import Acceptance, individual_of
@@ -28,4 +28,5 @@ __all__ = [
     "individual_of",
     "rescue",
     "salvage",
+    "sha256_of",
 ]

@@ -13,6 +13,7 @@ place where errors of SQLite are translated; nothing is written to it, `record.r
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import sqlite3
 import stat
@@ -185,6 +186,19 @@ def own(folder: Path, *, new: bool) -> FileLock:
     except OSError as error:
         raise StorageError(f"{folder}: cannot be written ({error.strerror})") from error
     return lock
+
+
+def sha256_of(folder: Path) -> str:
+    """SHA-256 of a record's database in hexadecimal, its journal applied; empty where it cannot be read.
+
+    SQLite reads it, into memory, and not this program: see `_look_at`.
+    """
+    path = folder / FILE
+    with suppress(StorageError, sqlite3.Error):
+        if _look_at(path):
+            with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+                return hashlib.sha256(connection.serialize()).hexdigest()
+    return ""
 
 
 def _look_at(path: Path) -> bool:

@@ -42,6 +42,7 @@ from acquisition.run.clock import Clock
 from acquisition.run.orders.control import Control, Stopping
 from acquisition.run.prompts.desk import Desk
 from acquisition.run.prompts.hands import Hands
+from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
 from acquisition.run.rig.rig import Rig
@@ -89,10 +90,8 @@ class Sequencer:
         self._calendar = Calendar(clock)
         zeroing = Zeroing(self._needs_another_bar, self._zero)
         self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
-        self._hands = Hands(cell, lambda text, *shown: self._ask(text, *shown)[0])
-        self._touches = Touches(
-            cell, self._attempts, rig, lambda text, drawing: self._ask(text, None, drawing)[0]
-        )
+        self._hands = Hands(cell, self._answer)
+        self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
         self._transit = Transit(self._placing.cell())
         self._path = PathDrive(store, campaign, rig, control, self._transit)
@@ -379,11 +378,14 @@ class Sequencer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
         return self._ask(error.sentence)[0]
 
-    def _ask(self, text: str, picture: str | None = None, drawing: str | None = None) -> tuple[Answer, str]:
+    def _answer(self, text: str, picture: Picture) -> Answer:
+        return self._ask(text, picture)[0]
+
+    def _ask(self, text: str, picture: Picture = WORDS_ALONE) -> tuple[Answer, str]:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        answer, reason = self._desk.ask(text, picture, drawing, redo=self._last is not None)
+        answer, reason = self._desk.ask(text, picture, redo=self._last is not None)
         if answer is Answer.ABORT:
             self._control.stop()
             raise Stopping

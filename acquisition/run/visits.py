@@ -15,7 +15,7 @@ _OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")
 
 
 class Visits:
-    """Of one record, of which this program is the writer. Both return how many readings are concerned."""
+    """The visits of a record that this program writes. Both methods return how many readings are concerned."""
 
     def __init__(self, store: Store) -> None:
         self._store = store

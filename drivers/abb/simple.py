@@ -40,7 +40,7 @@ from drivers.errors import (
     NotReached,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import WireSink, beside, parse_url
+from drivers.link import TcpLink, WireSink, beside, parse_url
 from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
@@ -82,9 +82,9 @@ class AbbSimpleArm:
         self._caps = caps
         self._hold_deg = hold_deg
         self._clock = clock
-        self._motion = MotionServer(address, name, self._deadlines, wire, clock)
+        self._motion = MotionServer(TcpLink(address, name, wire=wire, clock=clock), self._deadlines)
         behind = beside(address, "state", address.port + 2, name)
-        self._stream = StateStream(behind, f"{name}-state", self._deadlines, wire, clock)
+        self._stream = StateStream(TcpLink(behind, f"{name}-state", clock=clock), self._deadlines, wire)
         self._lock = threading.RLock()
         self._armed = False
         self._warned = False

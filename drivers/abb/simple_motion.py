@@ -14,7 +14,7 @@ from contextlib import suppress
 from drivers.abb.simple_packets import ANSWER_SIZE, END, JOINTS, STOP, encode_point, parse_reply
 from drivers.abb.simple_stream import AbbSimpleDeadlines
 from drivers.errors import CommandRefused, LinkError, LinkLost, MotionStopped, ProtocolError
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import TcpLink
 
 _TAKEOVER_PAUSE_S = 0.05
 _NOWHERE = (0.0,) * JOINTS, (0.0,) * 4, 0.0  # a stop carries no point
@@ -35,19 +35,10 @@ def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], 
 class MotionServer:
     """Points go one at a time, from any thread. `stopped`: somebody said stop since the arming."""
 
-    def __init__(
-        self,
-        address: Address,
-        device: str,
-        deadlines: AbbSimpleDeadlines,
-        wire: WireSink | None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines) -> None:
         self.deadlines = deadlines
         self.stopped = threading.Event()
-        self._device = device
-        self._clock = clock
-        self._link = TcpLink(address, device, wire=wire, clock=clock)
+        self._device, self._link = link.device, link
         self._saying = threading.RLock()  # one point and its reply: a stop has to wait for no more
 
     @property
@@ -64,7 +55,7 @@ class MotionServer:
             self.say(STOP, *_NOWHERE, command)
 
         with self._saying:
-            patiently(once, self.deadlines.takeover_s, self._clock)
+            patiently(once, self.deadlines.takeover_s, self._link.clock)
 
     def close(self) -> None:
         """Close; never raises."""

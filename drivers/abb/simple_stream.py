@@ -9,13 +9,11 @@ were used; all of them would be 20 MB an hour.
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.abb.simple_packets import STATE_SIZE, AbbState, parse_state
 from drivers.errors import LinkError, LinkLost, LinkTimeout
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import TcpLink, WireSink
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +36,14 @@ class AbbSimpleDeadlines:
 
 
 class StateStream:
-    """The newest state of one controller. `following` may be asked from any thread."""
+    """The newest state of one controller. `following` may be asked from any thread.
 
-    def __init__(
-        self,
-        address: Address,
-        device: str,
-        deadlines: AbbSimpleDeadlines,
-        wire: WireSink | None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    `wire` sees the states that somebody asked for; over the link it would see every one.
+    """
+
+    def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines, wire: WireSink | None) -> None:
         self.deadlines = deadlines
-        self._device = device
-        self._wire = wire
-        self._clock = clock
-        self._link = TcpLink(address, device, clock=clock)
+        self._device, self._link, self._wire = link.device, link, wire
         self._news = threading.Condition()
         self._reader: threading.Thread | None = None
         self._count = 0
@@ -85,14 +76,14 @@ class StateStream:
 
     def following(self, number: int, command: str) -> tuple[int, AbbState]:
         """The newest state, as soon as its number is greater than `number`; its number. Raises LinkError."""
-        end = self._clock() + self.deadlines.reply_s
+        end = self._link.clock() + self.deadlines.reply_s
         with self._news:
             while self._count <= number or self._state is None:
                 if self._fault is not None:
                     raise self._fault.__class__(
                         self._fault.message, device=self._device, command=command, raw=self._fault.raw
                     ) from self._fault
-                left = end - self._clock()
+                left = end - self._link.clock()
                 if left <= 0:
                     self._link.close()
                     raise LinkTimeout(

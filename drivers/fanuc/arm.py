@@ -33,7 +33,7 @@ from drivers.fanuc.controller import JOINTS, WIDEST_DEG, FanucController, FanucD
 from drivers.fanuc.mappdk import MappdkController
 from drivers.fanuc.modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import WireSink, parse_url
+from drivers.link import TcpLink, WireSink, parse_url
 from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
@@ -64,7 +64,7 @@ class FanucArm:
     ) -> None:
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=WIDEST_DEG, device=name)
         address = parse_url(url)
-        kinds: dict[str | None, Callable[..., FanucController]] = {
+        kinds: dict[str | None, Callable[[TcpLink, FanucDeadlines], FanucController]] = {
             None: MappdkController,
             "hmi": ModbusController,
             "io": ModbusController,
@@ -77,7 +77,8 @@ class FanucArm:
         self._caps = caps
         self._hold_deg = hold_deg
         self._clock = clock
-        self._controller = kinds[kind](address, name, deadlines or FanucDeadlines(), wire=wire, clock=clock)
+        link = TcpLink(address, name, wire=wire, clock=clock)
+        self._controller = kinds[kind](link, deadlines or FanucDeadlines())
         self._lock = threading.RLock()
         self._armed = False
         self._stopped = threading.Event()

@@ -17,7 +17,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import time
 from collections.abc import Callable, Sequence
 
 from drivers.errors import (
@@ -55,7 +54,7 @@ from drivers.fanuc.mappdk_link import (
     sum_of,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import Address, TcpLink, WireSink, beside
+from drivers.link import TcpLink, beside
 from drivers.read_back import apart_deg
 
 _WATCHDOG_MS = 2000
@@ -70,20 +69,13 @@ _WEAKNESS = (
 class MappdkController:
     """Both connections of a controller: the first moves, the second looks."""
 
-    def __init__(
-        self,
-        address: Address,
-        name: str,
-        deadlines: FanucDeadlines,
-        *,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.name = name
-        self._clock = clock
-        self._main = MappdkLink(TcpLink(address, name, wire=wire, clock=clock), deadlines)
-        behind = beside(address, "logger", address.port + 1, name)
-        self._logger = MappdkLink(TcpLink(behind, f"{name}-logger", wire=wire, clock=clock), deadlines)
+    def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
+        self.name = link.device
+        self._clock = link.clock
+        self._main = MappdkLink(link, deadlines)
+        behind = beside(link.address, "logger", link.address.port + 1, self.name)
+        logger = TcpLink(behind, f"{self.name}-logger", wire=link.wire, clock=link.clock)
+        self._logger = MappdkLink(logger, deadlines)
         self._numbers = itertools.cycle(range(1, 10000))
         self._ours: Identity | None = None  # of our own server; None: a stock one
 

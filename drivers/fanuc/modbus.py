@@ -26,7 +26,7 @@ from drivers.errors import Busy, CommandRefused, LinkError, LinkTimeout, NotRead
 from drivers.fanuc.controller import VERSION, WIDEST_DEG, FanucDeadlines, Looker, Move, other_version
 from drivers.fanuc.registers import HmiProfile, IoProfile, MoveProgress, Profile
 from drivers.interfaces import Identity, JointReading, RobotStatus
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import TcpLink
 
 _WRITE = 16
 _UNIT = 1  # a Fanuc ignores it
@@ -154,21 +154,12 @@ class ModbusRegisters:
 class ModbusController:
     """One connection to the registers of a controller, in the profile that the address names."""
 
-    def __init__(
-        self,
-        address: Address,
-        name: str,
-        deadlines: FanucDeadlines,
-        *,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.name = name
-        self._clock = clock
-        self._registers = ModbusRegisters(TcpLink(address, name, wire=wire, clock=clock), deadlines)
-        self._profile: Profile = (
-            HmiProfile() if address.options["modbus"] == "hmi" else IoProfile.of(address, name)
-        )
+    def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
+        self.name = link.device
+        self._clock = link.clock
+        self._registers = ModbusRegisters(link, deadlines)
+        hmi = link.address.options["modbus"] == "hmi"
+        self._profile: Profile = HmiProfile() if hmi else IoProfile.of(link.address, self.name)
         self._beats = 0
         self._number = 0
 

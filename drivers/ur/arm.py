@@ -30,7 +30,7 @@ from drivers.errors import (
     NotArmed,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
-from drivers.link import WireSink, beside, parse_url
+from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 from drivers.ur.dashboard import read_serial
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.motion import Limits, Motion, not_ready
@@ -82,15 +82,14 @@ class UrArm:
         if feed not in ("rtde", "realtime"):
             raise ConfigError(f"feed={feed!r} in {url!r} is neither rtde nor realtime", device=name)
         self.name = name
-        self._wire = wire
+        self._address, self._wire, self._clock = address, wire, clock
         self._deadlines = deadlines or UrDeadlines()
         self._caps = caps
         self._secondary = beside(address, "secondary", address.port - 2, name)
         self._dashboard = beside(address, "dashboard", address.port - 5, name)
-        self._rtde = Rtde(address, name, self._deadlines, wire, clock)
-        self._address, self._clock = address, clock
+        self._rtde = Rtde(self._link(address), self._deadlines)
         realtime = beside(address, "realtime", address.port - 1, name)
-        self._realtime = Realtime(realtime, name, self._deadlines, wire, clock)
+        self._realtime = Realtime(lambda: self._link(realtime), name, self._deadlines)
         self._only_realtime = feed == "realtime"
         self._feed: Rtde | Realtime = self._realtime if self._only_realtime else self._rtde
         allowed = Limits(
@@ -105,6 +104,9 @@ class UrArm:
         self._lock = threading.RLock()
         self._armed = False
         self._warned = False
+
+    def _link(self, address: Address) -> TcpLink:
+        return TcpLink(address, self.name, wire=self._wire, clock=self._clock)
 
     @property
     def deadlines(self) -> UrDeadlines:
@@ -230,7 +232,7 @@ class UrArm:
 
         Raises LinkError. It needs RTDE, also where states otherwise come from the real-time packet.
         """
-        return joint_stream(Rtde(self._address, self.name, self._deadlines, self._wire, self._clock, rate_hz))
+        return joint_stream(Rtde(self._link(self._address), self._deadlines, rate_hz))
 
     def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]:
         """Moves that begin within the block are no faster than this, nor than the arm was made for. From one thread."""

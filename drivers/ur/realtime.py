@@ -9,12 +9,11 @@ via TCP/IP", sheet of the real-time interface; read from 3.2 on, where the progr
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from drivers.errors import ProtocolError
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.state import UrState, Witness, check_state, naming
 
@@ -53,24 +52,15 @@ def parse_packet(packet: bytes) -> UrState:
 
 
 class Realtime:
-    """Questions to port 30003. From any thread: nothing is shared between them."""
+    """Questions to port 30003. From any thread: nothing is shared between them. `connect`: a link that is not open."""
 
     numbered = False  # no register comes back on this port, and no watchdog can be fed through it
     confirms = False
 
-    def __init__(
-        self,
-        address: Address,
-        device: str,
-        deadlines: UrDeadlines,
-        wire: WireSink | None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.address = address
+    def __init__(self, connect: Callable[[], TcpLink], device: str, deadlines: UrDeadlines) -> None:
+        self._connect = connect
         self.device = device
         self.deadlines = deadlines
-        self._wire = wire
-        self._clock = clock
         self._asked: set[TcpLink] = set()
 
     @contextmanager
@@ -115,7 +105,7 @@ class Realtime:
 
     @contextmanager
     def _connection(self, command: str, *, outlives_close: bool = False) -> Iterator[TcpLink]:
-        link = TcpLink(self.address, self.device, wire=self._wire, clock=self._clock)
+        link = self._connect()
         if not outlives_close:
             self._asked.add(link)
         try:

@@ -16,11 +16,11 @@ import logging
 import math
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers.errors import Busy, LinkTimeout, ProtocolError
-from drivers.link import Address, TcpLink, WireSink
+from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.state import UrState, Witness, check_state, naming
 
@@ -100,20 +100,11 @@ def parse_text(payload: bytes) -> str:
 class Rtde:
     """One RTDE connection, used by one thread at a time; `close` is safe from any."""
 
-    def __init__(
-        self,
-        address: Address,
-        device: str,
-        deadlines: UrDeadlines,
-        wire: WireSink | None,
-        clock: Callable[[], float] = time.monotonic,
-        rate_hz: float = FREQUENCY_HZ,
-    ) -> None:
-        self.device = device
+    def __init__(self, link: TcpLink, deadlines: UrDeadlines, rate_hz: float = FREQUENCY_HZ) -> None:
+        self.device = link.device
         self._rate_hz = rate_hz
         self.deadlines = deadlines
-        self._link = TcpLink(address, device, wire=wire, clock=clock)
-        self._clock = clock
+        self._link, self._clock = link, link.clock
         self._recipe = 0
         self._echoed = False
         self._beat_recipe: int | None = None

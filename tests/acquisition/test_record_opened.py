@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import pytest
 from acquisition.campaign.plan import make_plan
 from acquisition.errors import RecordError, RecordInUse, StorageError
 from acquisition.record.attempts import Attempts
-from acquisition.record.database import FILE
+from acquisition.record.database import FILE, sha256_of
 from acquisition.record.event import Moment
 from acquisition.record.schema import SCRIPTS
 from acquisition.record.states import State
@@ -67,15 +69,29 @@ def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
     Store.open(tmp_path).close()
 
 
-def test_what_is_written_after_a_look_by_the_same_program_survives(tmp_path: Path) -> None:
+@pytest.mark.parametrize("look", [read_status, sha256_of])
+def test_what_is_written_after_a_look_by_the_same_program_survives(
+    tmp_path: Path, look: Callable[[Path], object]
+) -> None:
     """A file that a process closes takes all locks of the process on it along. Whoever read the record next then seemed
     to be the last user of the journal and took it away: what the run wrote from there on was lost with the run."""
     store = new_store(tmp_path)
-    read_status(tmp_path)
+    look(tmp_path)
     assert "after the look" not in seen_by_another_process(tmp_path)
     store.add_event("after the look")
     assert "after the look" in seen_by_another_process(tmp_path)
     store.close()
+
+
+def test_the_hash_of_a_record_is_that_of_its_file_once_it_is_closed(tmp_path: Path) -> None:
+    store = new_store(tmp_path / "record")
+    file = tmp_path / "record" / FILE
+    store.add_event("in the journal")
+    while_open = sha256_of(tmp_path / "record")
+    store.close()
+    assert while_open == sha256_of(tmp_path / "record") == hashlib.sha256(file.read_bytes()).hexdigest()
+    file.write_bytes(b"this is not a database at all" * 100)
+    assert sha256_of(tmp_path / "record") == sha256_of(tmp_path / "nowhere") == ""
 
 
 def seen_by_another_process(folder: Path) -> str:

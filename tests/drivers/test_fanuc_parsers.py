@@ -13,7 +13,7 @@ from drivers import AcquisitionError, FanucDeadlines
 from drivers.fanuc.mappdk import MappdkController, sealed
 from drivers.fanuc.modbus import ModbusController, answers_to
 from drivers.fanuc.registers import HmiProfile, IoProfile
-from drivers.link import Address
+from drivers.link import Address, TcpLink
 from mocks.fanuc.mappdk import sealed as seal
 from tests.drivers.hearing import hearing
 
@@ -26,13 +26,13 @@ TEXT = st.text("0123456789:j=xyzwpr,. -none", max_size=60).map(str.encode)
 
 
 def text_joints(*answers: bytes) -> tuple[float, ...]:
-    controller = MappdkController(Address("h", 1), "fanuc", DEADLINES)
+    controller = MappdkController(TcpLink(Address("h", 1), "fanuc"), DEADLINES)
     with hearing(controller._main.link, *answers):
         return controller.joints().joints_deg
 
 
 def register_joints(data: bytes) -> tuple[float, ...]:
-    controller = ModbusController(Address("h", 1, {"modbus": "hmi"}), "fanuc", DEADLINES)
+    controller = ModbusController(TcpLink(Address("h", 1, {"modbus": "hmi"}), "fanuc"), DEADLINES)
     with hearing(controller._registers.link, data):
         return controller.joints().joints_deg
 

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from drivers import LinkError, ProtocolError, UrDeadlines
-from drivers.link import Address
+from drivers.link import Address, TcpLink
 from drivers.ur.motion import Program
 from drivers.ur.realtime import LENGTHS, parse_packet
 from drivers.ur.rtde import Rtde, encode, parse_data, parse_text
@@ -121,7 +121,7 @@ def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
 )
 def test_any_bytes_of_an_rtde_stream(head: bytes, tail: bytes) -> None:
     """One state is never believed, and whatever follows it is not the next one."""
-    stream = Rtde(Address("h", 1), "ur", UrDeadlines(reply_s=5.0), None)
+    stream = Rtde(TcpLink(Address("h", 1), "ur"), UrDeadlines(reply_s=5.0))
     stream._recipe, stream._echoed = 1, True
     with hearing(stream._link, head + tail), pytest.raises(LinkError), stream.watch("position") as witness:
         witness.state()
@@ -129,7 +129,7 @@ def test_any_bytes_of_an_rtde_stream(head: bytes, tail: bytes) -> None:
 
 @given(st.binary(max_size=80))
 def test_any_bytes_as_the_beginning_of_rtde(data: bytes) -> None:
-    stream = Rtde(Address("h", 1), "ur", UrDeadlines(reply_s=5.0), None)
+    stream = Rtde(TcpLink(Address("h", 1), "ur"), UrDeadlines(reply_s=5.0))
     with hearing(stream._link, data), pytest.raises(LinkError):
         stream.open()
 

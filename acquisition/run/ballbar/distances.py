@@ -31,7 +31,7 @@ LOW_PERCENT = 15.0
 
 
 class BallbarChecks:
-    """Of one execution."""
+    """The checks of one execution."""
 
     def __init__(self, store: Store, cell: Cell) -> None:
         self._store = store

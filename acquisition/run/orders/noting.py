@@ -33,7 +33,7 @@ class Noting:
             self._left.append((by, key))
 
     def finish(self) -> None:
-        """Once every order is durable. Raises StorageError where the record still cannot be written."""
+        """Return once every order is durable. Raises StorageError where the record still cannot be written."""
         for thread in self._threads:
             thread.join()
         for by, key in self._left:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from acquisition.record.attempts import VOID, Attempts
 from acquisition.run.orders.control import Control
+from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer, Operator, Prompt
 from drivers.operator import RemoteOperator, UnknownPrompt
@@ -21,7 +22,7 @@ CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
 
 class Desk:
-    """The desk asks one prompt at a time. `picture`: the file of what is drawn for a terminal."""
+    """The desk asks one prompt at a time. `picture`: the file for drawings, shown to a person at a terminal."""
 
     def __init__(
         self, attempts: Attempts, operator: Operator | None, control: Control, picture: Path | None = None
@@ -41,22 +42,18 @@ class Desk:
         with self._changed:
             self._changed.notify_all()
 
-    def ask(
-        self, text: str, picture: str | None = None, drawing: str | None = None, *, redo: bool = False
-    ) -> tuple[Answer, str]:
+    def ask(self, text: str, picture: Picture = WORDS_ALONE, *, redo: bool = False) -> tuple[Answer, str]:
         """Wait for a person: the answer and its reason. `redo`: the last reading may be asked for once more.
-
-        picture: by name, for the page; drawing: SVG, for a terminal.
 
         Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
         """
         choices = (*CHOICES, Answer.REDO) if redo else CHOICES
-        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture)
+        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture.name)
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None
-        if drawing is not None and self._picture is not None:
+        if picture.drawing is not None and self._picture is not None:
             with suppress(OSError):  # a full disk is said where it costs a reading
-                self._picture.write_text(drawing, encoding="utf-8")
+                self._picture.write_text(picture.drawing, encoding="utf-8")
         self._attempts.ask(prompt)
         if self._operator is not None:
             self._asker = threading.Thread(target=self._put, args=(self._operator, prompt), daemon=True)

@@ -5,23 +5,18 @@
     ballbar    asked while the robot is in the pose: with the bar on it there is no approach, it would tear the
                bar off. The robot leaves a pose only after somebody has said that the bar is off
 
-What a person says is checked by what the instrument then sees (`run.expected`; the stroke of the bar). Which
+What a person says is checked by what the instrument then sees (`run.checks.expected`; the stroke of the bar). Which
 of it still holds is only known within one execution: a new one asks again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
 from acquisition.cell.picture import scene
 from acquisition.record.store import Planned
+from acquisition.run.prompts.picture import Ask, Picture
 from drivers.interfaces import Answer
-
-Ask = Callable[[str, str, str | None], Answer]
-"""A question, the name of the picture beside it on the page (`seat/NAME`, `aim/NAME`, `off`, `span/BASE/TOOL`,
-`calibrator`), and a drawing (SVG) for those who sit at a terminal."""
 
 
 class Hands:
@@ -46,8 +41,8 @@ class Hands:
         """The SMR is in the nest of the reading, where there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
-        what = f"seat/{planned.target}"
-        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", what, None)
+        seat = Picture(f"seat/{planned.target}")
+        answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", seat)
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
@@ -58,8 +53,7 @@ class Hands:
             return Answer.CONFIRM
         return self._ask(
             f"Aim the tracker at the SMR in {planned.target} and press confirm.",
-            f"aim/{planned.target}",
-            None,
+            Picture(f"aim/{planned.target}"),
         )
 
     def free(self, planned: Planned) -> Answer:
@@ -68,8 +62,7 @@ class Hands:
             return Answer.CONFIRM
         answer = self._ask(
             f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}.",
-            "off",
-            self._drawing(planned, None),
+            Picture("off", self._drawing(planned, None)),
         )
         if answer is Answer.CONFIRM:
             self._free, self._spanned = True, None
@@ -83,8 +76,10 @@ class Hands:
         answer = self._ask(
             f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
             f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke.",
-            f"span/{planned.base_target}/{planned.target}",
-            self._drawing(planned, (planned.base_target, planned.target)),
+            Picture(
+                f"span/{planned.base_target}/{planned.target}",
+                self._drawing(planned, (planned.base_target, planned.target)),
+            ),
         )
         if answer is Answer.CONFIRM:
             self._spanned = (planned.base_target, planned.target)
@@ -97,13 +92,11 @@ class Hands:
             return self._ask(
                 f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
                 "its zero is read there.",
-                "calibrator",
-                None,
+                Picture("calibrator"),
             )
         return self._ask(
             "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres.",
-            "calibrator",
-            None,
+            Picture("calibrator"),
         )
 
     def _drawing(self, planned: Planned, now: tuple[str, str] | None) -> str:

@@ -7,7 +7,6 @@ cup. Angles deg, lengths mm. Source: Nubiola, thesis, section 4.2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +20,7 @@ from acquisition.errors import TouchedElsewhere
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import Planned
 from acquisition.record.touches import is_touch
+from acquisition.run.prompts.picture import WORDS_ALONE, Ask, Picture
 from acquisition.run.rig.rig import Rig
 from calib.errors import DataError
 from calib.units import DEG
@@ -33,11 +33,9 @@ _TURNS = 24  # about the vertical, in which a posture over a cup is looked for
 
 
 class Touches:
-    """The touches of one execution. `ask`: put a question to a person, with a picture (SVG)."""
+    """The touches of one execution. `ask`: put a question to a person."""
 
-    def __init__(
-        self, cell: Cell, attempts: Attempts, rig: Rig, ask: Callable[[str, str | None], Answer]
-    ) -> None:
+    def __init__(self, cell: Cell, attempts: Attempts, rig: Rig, ask: Ask) -> None:
         self._cell = cell
         self._attempts = attempts
         self._rig = rig
@@ -59,7 +57,7 @@ class Touches:
         answer = self._ask(
             f"Jog the robot until {ball} sits in {cup}{_near(near)}, with the setting ball between them, and press "
             "confirm: its joints are read there. The robot is not armed, nothing moves by itself.",
-            scene(self._cell, None if near is None else near.tolist(), (), (ball, cup)),
+            Picture(drawing=scene(self._cell, None if near is None else near.tolist(), (), (ball, cup))),
         )
         if answer is not Answer.CONFIRM:
             return answer
@@ -92,7 +90,7 @@ class Touches:
         answer = self._ask(
             f"Jog {ball} out of {cup} and the arm to a place high above the cups{_near(self._home)}, and press "
             "confirm.",
-            None,
+            WORDS_ALONE,
         )
         self._sits = None
         if answer is Answer.CONFIRM and self._rig.hands is not None:
@@ -104,7 +102,7 @@ class Touches:
         return np.zeros(len(self._cell.robot.limits_deg)) if home is None else np.array(home)
 
     def _of_model(self, joints_deg: Array) -> list[float]:
-        """As a simulator counts, deg."""
+        """Joint angles as a simulator counts them, deg."""
         return (self._cell.robot.model_angles(joints_deg[None])[0] / DEG).tolist()
 
     def _refuse_elsewhere(self, ball: str, cup: str, reached: JointReading) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from acquisition import export_events
 from acquisition.errors import StorageError
-from acquisition.record import FILE as RECORD
+from acquisition.record import sha256_of
 from service.http.access.audit import Audit
 from service.http.wire.problems import Problem
 from service.plain import utc_text
@@ -55,7 +55,7 @@ class Deletions:
         if events:
             export_events(folder, self._record / kept)
         more = {"kept": kept} if events else {}
-        return self.note("run", document, by, reason, sha256=hash_of(folder / RECORD), **more)
+        return self.note("run", document, by, reason, sha256=sha256_of(folder), **more)
 
     def all(self) -> list[dict[str, Any]]:
         """Every line, oldest first; one that was cut off by the end of the program is left out."""
@@ -88,7 +88,7 @@ def take_away(place: Path) -> None:
 
 
 def hash_of(file: Path) -> str:
-    """SHA-256 of a file in hexadecimal; empty where it cannot be read."""
+    """SHA-256 of a file in hexadecimal; empty where it cannot be read. For a record: `sha256_of`."""
     try:
         with file.open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
