@@ -60,7 +60,7 @@ class Visit:
 
     @property
     def counted(self) -> bool:
-        """Its readings are what the campaign is for; nests only place the instrument."""
+        """Whether the readings of the visit are what the campaign is for; nests only place the instrument."""
         return self.kind == "pose" or self.between_balls
 
     @property

@@ -12,7 +12,7 @@ from drivers.interfaces import InstrumentStatus
 
 
 def _details(device: CTrack, status: InstrumentStatus) -> Details:
-    """Its battery and the bodies that it knows (MODELS)."""
+    """The battery of the C-Track and the bodies that it knows (MODELS)."""
     reply = device.session.ask("MODELS", {})
     names, totals = (reply.fields.get(key, "").split(",") for key in ("names", "totals"))
     bodies = {name: int(total) for name, total in zip(names, totals, strict=False) if total.isdecimal()}

@@ -15,7 +15,7 @@ _LONGEST_BAR_MM = 5000.0
 
 
 def _details(device: Qc20w, status: InstrumentStatus) -> Details:
-    """Its battery and the calibrated length of the bar (CAL)."""
+    """The battery of the ballbar and the calibrated length of the bar (CAL)."""
     reply = device.session.ask("CAL", {})
     with device.session.understood():
         length = mbp.number(reply, "L0", 1.0, _LONGEST_BAR_MM)

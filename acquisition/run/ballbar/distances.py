@@ -48,7 +48,7 @@ class BallbarChecks:
 
     @property
     def path(self) -> Path:
-        """Where the model of stage 1 is kept."""
+        """The file in which the model of stage 1 is kept."""
         return self._store.database.path.parent / STAGE_1
 
     def expected(self, planned: Planned) -> tuple[float, float] | None:

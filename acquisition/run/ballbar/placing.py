@@ -158,7 +158,7 @@ class Placing:
     def _visits(
         self, there: Cell, number: int, recipe: Hexapod | Sphere, groups: Sequence[Sequence[Planned]]
     ) -> list[BlockVisit | None]:
-        """For each visit the pose with the same legs in the same branch, from where the cups are."""
+        """The visits planned anew: for each the pose with the same legs in the same branch, from where the cups are."""
         site = site_of(there, self._campaign, number)
         try:
             if isinstance(recipe, Hexapod):

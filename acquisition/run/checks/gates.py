@@ -99,7 +99,7 @@ class Gates:
             self._points.append(world_mm)
 
     def _zero_is_old(self, planned: Planned) -> bool:
-        """Also in every new execution: nobody knows how long the bar lay about."""
+        """Whether the zero is read again. In every new execution it is: nobody knows how long the bar lay about."""
         if self._since_zero is None or self._since_zero >= self._campaign.zero_every:
             return True
         return planned.visit.kind == "pose" and self._block not in (None, planned.visit.block)
