@@ -1,4 +1,9 @@
-"""Settings for every test: one thread for BLAS, and Hypothesis draws the same examples in every run and has no clock.
+"""Settings for every test: one thread for BLAS, folders in memory, and Hypothesis draws the same examples in every run
+and has no clock.
+
+A record waits for the disk at every commit, and a campaign of a test commits thousands of times: 9 ms each on a busy
+disk, most of a test's time. No power is cut here but on paper (`tests/acquisition/platter.py`), so `tmp_path` is in
+memory where there is room for it.
 
 The machines that run these tests are shared, so a deadline would only measure the neighbours. A failing example
 is printed with the line that reproduces it. The profile `fuzz` draws 100,000 new ones for each test (`make fuzz`),
@@ -10,6 +15,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy; processes that tests start inherit it
 
@@ -17,6 +23,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
+
+MEMORY, ROOM = Path("/dev/shm"), 2e9  # bytes; a whole run of the suite leaves 0.2e9
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))  # pytest's own name for where `tmp_path` is
 
 settings.register_profile(
     "truepose",
@@ -45,6 +55,6 @@ providers._get_local_constants = Constants
 def pytest_configure(config: pytest.Config) -> None:
     """A process beside others has a folder of its own for locks: their simulated robots may bear one serial number."""
     if hasattr(config, "workerinput"):
-        folder = tempfile.mkdtemp(prefix="truepose-tests-")
+        folder = tempfile.mkdtemp(prefix="truepose-tests-", dir=os.environ.get("PYTEST_DEBUG_TEMPROOT"))
         tempfile.tempdir = os.environ["TMPDIR"] = folder  # programs that tests start inherit it
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))

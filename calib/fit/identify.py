@@ -300,7 +300,7 @@ def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
             key="set",
         )
     last = f"theta{model.robot.joints}"
-    tool = [p for e in model.effects if e.label.startswith("tool") for p in e.parameters]
+    tool = [p for e in model.effects if "target" in e.places for p in e.parameters]
     if last in model.index and not any(p.size is None for p in tool) and last_joint_unseen(dataset):
         raise DataError(
             "all readings were taken with tool targets on the axis of the last joint, whose turning they cannot see.",

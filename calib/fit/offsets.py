@@ -79,9 +79,9 @@ def offsets_of(found: Identification) -> tuple[Offset, ...]:
     model = found.model
     of_target: dict[tuple[str, str], list[int]] = {}
     for effect in model.effects:
-        if effect.group != "base model" or not effect.label.startswith(("tool", "base_targets")):
+        if effect.group != "base model" or not effect.places <= {"target", "anchor"}:
             continue
-        kind = "base target" if effect.label == "base_targets" else "tool target"
+        kind = "base target" if "anchor" in effect.places else "tool target"
         for p in effect.parameters:
             i = model.index[p.name]
             if model.measured[i] and found.covariance[i, i] > 0.0:

@@ -34,7 +34,7 @@ from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
 from calib.text.toml_table import Vector
 
-_OF_PLACE = ("base", "tool", "base_targets", "length_zero")
+_OF_PLACE = {"base", "target", "anchor", "length"}  # what the maker's drawing of the robot does not say
 
 
 def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> RobotModel:
@@ -243,7 +243,8 @@ def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...
 
 def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Array]:
     """The nominal robot in its place: base (and tool, where freed) fitted, nothing else. Returns model and estimate."""
-    placed = replace(model, effects=tuple(e for e in model.effects if e.label.partition("[")[0] in _OF_PLACE))
+    of_place = (e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
+    placed = replace(model, effects=tuple(of_place))
     start = np.zeros(len(placed.parameters))
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
     at = Linearisation(Design(placed, readings.conditions), readings.observed.alone, start)

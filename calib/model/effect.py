@@ -82,6 +82,11 @@ class Effect:
     shape: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def places(self) -> frozenset[str]:
+        """The parts of the chain on which the effect acts: `theta3`, `base`, `tool`, `target`, `anchor`, `length`."""
+        return frozenset(term.slot.partition(".")[0] for term in self.terms)
+
+    @property
     def wave(self) -> tuple[int, frozenset[str]] | None:
         """The joint whose angle drives a harmonic, and the slots on which it acts; None for other effects."""
         joints = {t.regressor.joint for t in self.terms if isinstance(t.regressor, Cosine | Sine)}

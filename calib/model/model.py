@@ -71,7 +71,7 @@ class RobotModel:
     @cached_property
     def of_base(self) -> list[int]:
         """Positions of the parameters that say where the base of each series is."""
-        own = [e for e in self.effects if e.group == "base model" and e.label.partition("[")[0] == "base"]
+        own = [e for e in self.effects if e.group == "base model" and e.places == {"base"}]
         return [position for effect in own for position in self.positions(effect)]
 
     def owned(self, owners: Iterable[Owner]) -> Array:

@@ -28,10 +28,7 @@ FEWEST = 3
 
 def frees_tool(model: RobotModel) -> bool:
     """Whether the tool targets were unknown to a model, as a whole or in part."""
-    return any(
-        effect.label.startswith(("tool", "target_offset")) and effect.owner == "mounting"
-        for effect in model.effects
-    )
+    return any(effect.places & {"tool", "target"} for effect in model.effects)
 
 
 def of_the_robot(model: RobotModel, estimate: Array) -> tuple[RobotModel, Array]:

@@ -45,6 +45,9 @@ OFF_DEG = (
 )  # the legs are then off by 0.8 mm on the average, by 2.5 mm at most
 
 
+TWO_STAGES = {"kind": "hexapod", "set": "calibration", "count": 24}  # a fit determines the robot by these
+
+
 class Bar:
     """A ballbar campaign on fakes."""
 
@@ -215,7 +218,7 @@ def test_a_wrong_extension_bar_is_told_to_the_operator(bars: Any) -> None:
 
 
 def test_what_is_out_of_stroke_comes_again_at_corrected_joints(bars: Any) -> None:
-    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod", "set": "calibration"}])
+    bar = bars(off_deg=OFF_DEG, block=[TWO_STAGES])
     assert bar.execute() == "succeeded"
     (stage,) = bar.events_of("second_stage")
     put_off = bar.events_of("deferred")
@@ -256,7 +259,7 @@ def test_too_few_readings_for_a_second_stage_are_told(
 
 
 def test_a_second_stage_survives_the_end_of_the_program(bars: Any) -> None:
-    bar = bars(off_deg=OFF_DEG, block=[{"kind": "hexapod"}])
+    bar = bars(off_deg=OFF_DEG, block=[TWO_STAGES])
 
     def crash(event: Event) -> None:
         bar.events.append(event)

@@ -29,7 +29,7 @@ from drivers.errors import ConfigError
 from drivers.interfaces import Answer, LengthReading, Prompt
 from tests.acquisition.fakes import BALLBAR as FIXTURE
 from tests.acquisition.fakes import HEXAPOD, Crash, JumpingClock, a_campaign, a_cell, devices_of
-from tests.acquisition.test_ballbar import OFF_DEG, Bar
+from tests.acquisition.test_ballbar import OFF_DEG, TWO_STAGES, Bar
 
 # Base balls as far apart as the bar of 300 mm.
 BALLBAR = FIXTURE | {
@@ -174,7 +174,7 @@ def test_nothing_is_said_of_cups_that_stand(bars: Any) -> None:
 
 
 def two_stages(bars: Any, *answers: Answer) -> Bar:
-    bar: Bar = bars(*answers, off_deg=OFF_DEG, block=[{"kind": "hexapod", "set": "calibration"}])
+    bar: Bar = bars(*answers, off_deg=OFF_DEG, block=[TWO_STAGES])
     return bar
 
 

@@ -107,12 +107,13 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, after: int) -> None:
 
 
 def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
+    """As many as it takes to have some of either kind; `make conformance` asks 400 for every fault."""
     name, rig = named_rig
     faults = [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
-    rig.proxy.spoil(*faults, times=None, rate=0.03)
+    rig.proxy.spoil(*faults, times=None, rate=0.06)
     good = bad = 0
     for i in range(120):
         try:
@@ -124,7 +125,9 @@ def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
             rig.be_patient()
             rig.restart()
             rig.hurry()
-            rig.proxy.spoil(*faults, times=None, rate=0.03)
+            rig.proxy.spoil(*faults, times=None, rate=0.06)
+        if good > 20 and bad > 2:
+            break
     assert good > 20
     assert bad > 2
 

@@ -18,7 +18,7 @@ from tests.conformance.rig import Rig
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
 from tests.conformance.test_faults import BRIDGED
 
-QUESTIONS = 20
+QUESTIONS = 20  # at the most: three spoiled requests do, and `make conformance` asks 400 for every fault
 FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a question
 STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
 NO_SUM = {
@@ -49,6 +49,8 @@ def test_no_wrong_reading_and_no_motion_that_nobody_asked_for(named_rig: tuple[s
         except AcquisitionError as error:
             failures.append(error)
             spoiling = False
+        if rig.proxy.spoiled >= spoiled + 3 and right >= 3:
+            break
     assert rig.proxy.spoiled > spoiled
     assert right > 0
     assert all(error.device.startswith(rig.driver.name) and error.what_to_do for error in failures)
