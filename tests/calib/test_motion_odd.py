@@ -14,6 +14,8 @@ import pytest
 from calib.arm.robot import load_robot
 from calib.errors import DataError
 from calib.motion import JointStream, PointStream, align, read_joints, read_points
+from calib.motion.arm import Arm
+from calib.motion.solve import Solve
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker
 
 ROBOT = load_robot("ur5")
@@ -41,6 +43,20 @@ def test_a_point_that_freezes_for_20_s_is_left_out(moving: Moving) -> None:
     assert abs(found.clocks.offset - moving.offset) < 0.1e-3
     assert np.mean(found.weight[frozen] == 0.0) > 0.8
     assert np.mean(found.weight[~frozen] > 0.0) > 0.98
+
+
+def test_stretches_without_a_move_say_nothing_of_the_clocks() -> None:
+    """The robot rests most of the time; that its joints tremble in their last digit is no motion."""
+    moving = simulate(6, legs=9, duration=240.0, rest=25.0, robot_hz=50.0)
+    tremble = np.random.default_rng(1).integers(-1, 2, moving.joints.shape) * 1e-9
+    joints = JointStream(moving.robot_time, moving.joints + tremble)
+    found = align(ROBOT, joints, tracker(moving), TOOL)
+    assert np.isinf(found.clocks.step_at)
+    assert abs(found.clocks.offset - moving.offset) < 4.0 * found.u_offset < 1e-3
+    arm = Arm(ROBOT, np.eye(4), np.array(TOOL), tool_known=False)
+    solve = Solve(arm, joints, moving.points, moving.tracker_time)
+    begins, _ = solve.offsets(found.clocks, np.zeros(len(arm.terms)))
+    assert 5 < len(begins) < 30  # of sixty
 
 
 @pytest.mark.parametrize(
