@@ -59,11 +59,20 @@ class Forecast:
         """Seconds from the start to the last reading."""
         return float(self._done_s[-1])
 
-    def seconds_left(self, done: int, done_at_start: int = 0, elapsed_s: float = 0.0) -> float:
-        """Seconds left after `done` readings, of which some were done when this execution began `elapsed_s` ago."""
+    def seconds_left(
+        self, done: int, done_at_start: int = 0, elapsed_s: float = 0.0, share: float = 0.0
+    ) -> float:
+        """Seconds left after `done` readings, of which some were done when this execution began `elapsed_s` ago.
+
+        share: of the reading in hand that is over, where that shows: a path says it at every waypoint, also one that is
+        driven again.
+        """
         last = len(self._done_s) - 1
         done, begun = min(done, last), min(done_at_start, last)
-        left = self.total_s - float(self._done_s[done])
+        in_hand = float(self._done_s[min(done + 1, last)] - self._done_s[done])
+        left = self.total_s - float(self._done_s[done]) - share * in_hand
+        if done <= begun and share > 0.0:
+            return left
         if done <= begun:
             return max(0.0, left + self._before_s - elapsed_s)
         expected = self._before_s + float(self._done_s[done] - self._done_s[begun])

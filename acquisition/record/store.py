@@ -25,6 +25,7 @@ from acquisition.errors import RecordTaken, damaged
 from acquisition.record import seal
 from acquisition.record.database import Database
 from acquisition.record.event import Event, Moment
+from acquisition.record.path_progress import streams_kept
 from acquisition.record.states import State, check_transition
 
 Point = tuple[float, ...]
@@ -242,7 +243,8 @@ class Store:
                 "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
             ).fetchall():
                 self.seals.close(db, row["id"], status="died")
-                self.note(db, "attempt_died", attempt=row["id"], act=row["kind"], pose=row["pose"])
+                died = {"attempt": row["id"], "act": row["kind"], "pose": row["pose"]}
+                self.note(db, "attempt_died", **died, **streams_kept(db, row["id"]))
             db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
             if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
                 self.change_state(db, State.PAUSED, "The program ended in mid-campaign; nothing moves.")

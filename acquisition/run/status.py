@@ -10,6 +10,7 @@ from typing import Any
 from acquisition.campaign.forecast import Forecast
 from acquisition.record.attempts import Attempts
 from acquisition.record.drift import drift_of
+from acquisition.record.path_progress import share_of_path
 from acquisition.record.seal import unprotected
 from acquisition.record.states import State
 from acquisition.record.store import Store
@@ -55,12 +56,13 @@ class Pace:
         self._clock, self._done, self._forecast = clock, done, forecast
         self._since = clock.now()
 
-    def seconds_left(self, done: int) -> float | None:
-        """Seconds on the wall; None until there is a forecast, or where none could be made."""
+    def seconds_left(self, done: int, share: float) -> float | None:
+        """Seconds on the wall, `share` of the reading in hand being over; None until there is a forecast, or where none
+        could be made."""
         if not self._forecast.done() or self._forecast.exception() is not None:
             return None
         elapsed = self._clock.now() - self._since
-        return self._forecast.result().seconds_left(done, self._done, elapsed) / self._clock.time_scale
+        return self._forecast.result().seconds_left(done, self._done, elapsed, share) / self._clock.time_scale
 
 
 def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
@@ -69,6 +71,7 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
     state = State.PAUSED if trouble else State(row["state"])
     skipped = counts.get("skipped", 0)
     done, total = counts.get("measured", 0) + skipped, sum(counts.values())
+    path = store.last_waypoint()
     return RunStatus(
         id=row["id"],
         name=row["name"],
@@ -82,10 +85,10 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
         prompt=Attempts(store).open_prompt() if state is State.WAITING else None,
         last_reading=store.last_reading(),
         drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
-        seconds_left=None if pace is None else pace.seconds_left(done),
+        seconds_left=None if pace is None else pace.seconds_left(done, share_of_path(store.database, path)),
         simulated=bool(row["simulated"]),
         unprotected=unprotected(store.database) if row["unsealed_attempts"] else 0,
-        path=store.last_waypoint(),
+        path=path,
     )
 
 

@@ -4,6 +4,8 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.data.header import LEAST, Header, header_of, read_header
+from calib.data.hypotheses import FEWEST as FEWEST_MEANT
+from calib.data.hypotheses import Hypothesis, Meaning, explained, of_joints, of_points, of_robot
 from calib.data.noise import Noise
 from calib.data.plausible import assumed_in_words
 from calib.data.read import dataset_of, read_dataset
@@ -11,6 +13,7 @@ from calib.data.spans import OTHER, Span
 
 __all__ = [
     "DEFAULT_GROUPS",
+    "FEWEST_MEANT",
     "GROUPS",
     "LEAST",
     "LEVELS",
@@ -18,11 +21,17 @@ __all__ = [
     "Conditions",
     "Dataset",
     "Header",
+    "Hypothesis",
+    "Meaning",
     "Noise",
     "Span",
     "assumed_in_words",
     "dataset_of",
+    "explained",
     "header_of",
+    "of_joints",
+    "of_points",
+    "of_robot",
     "read_dataset",
     "read_header",
 ]

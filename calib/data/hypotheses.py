@@ -201,7 +201,8 @@ def _of_table(meaning: Meaning, robot: Robot, what: str, do: str) -> Hypothesis:
 
 
 def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
-    """A joint turns in the other direction, has its zero a quarter turn off, or is in its neighbour's column."""
+    """A joint turns in the other direction, has its zero a quarter turn off, is in radians, or is in its neighbour's
+    column."""
     angles, last = meaning.angles, meaning.angles.shape[1]
     for k in range(last):
         name = f"j{k + 1}_deg"
@@ -225,6 +226,15 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
                 name,
                 replace(meaning, angles=other),
             )
+        other = angles.copy()
+        other[:, k] /= DEG
+        yield Hypothesis(
+            f"joint {k + 1} is given in radians",
+            f"Write the column {name} in degrees.",
+            "data",
+            name,
+            replace(meaning, angles=other),
+        )
         if k + 1 < last:
             other = angles.copy()
             other[:, [k, k + 1]] = angles[:, [k + 1, k]]

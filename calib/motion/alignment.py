@@ -7,6 +7,7 @@ start. Its residuals say whether a clock was set while both were running.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -19,17 +20,21 @@ from calib.arm.start import base_and_tool
 from calib.array import Array
 from calib.errors import DataError
 from calib.motion.arm import Arm
-from calib.motion.clocks import Clocks, common_grain, correlated, speeds_of
+from calib.motion.clocks import Clocks, common_grain, correlated, no_faster, speeds_of
 from calib.motion.jump import step_in
+from calib.motion.meant import refuse_misread
 from calib.motion.solve import Solve, weights
 from calib.motion.streams import JointStream, PointStream
 
 _FEWEST = 50
 _MOST_FITTED = 6000  # samples that take part in the fit; all are judged by it
 _LEAST_STEP_S, _SIGMA = 0.003, 6.0
-# Miss of the nominal arm in its best place, as a share of the extent, that is no error of an arm
-_FOREIGN = 0.05
+_STEP_OF_ROUNDING = 1.5  # times the resolution of the times: a smaller step may be their rounding
+# Miss of the nominal arm in its best place, as a share of the extent, that is hardly one of an arm, and that is none
+_ODD, _FOREIGN = 0.01, 0.05
+_ODD_TOOL_MM = 20.0
 _FAST_CLOCK = 1e-3
+_WILD = 3.0  # times the robot's highest speed: a beam that was broken and found again, no motion
 _SAME_OFFSET_S = 2.0  # that of windows and that of the whole may differ so far
 _ASTRAY_MM = 0.1  # a fit that misses by so much more than its start has not found its end
 
@@ -99,15 +104,24 @@ def align(
     pose, _ = _placed(robot, joints[fitted], np.array([tool]), tracked.points[fitted])
     arm = Arm(robot, pose, np.array(tool), tool_known=tool_known)
     solve = Solve(arm, moved, tracked.points[fitted], tracked.time[fitted])
-    clocks, estimate, other_jump = _solved(solve, start, progress)
+    coarse = max(moved.resolution, tracked.resolution)
+    least_step = max(_LEAST_STEP_S, _STEP_OF_ROUNDING * coarse)
+    clocks, estimate, other_jump = _solved(solve, start, least_step, progress)
     placed = solve.placed_only(clocks)
     everything = Solve(arm, moved, tracked.points, tracked.time)
     samples, nominal = everything.at(clocks, estimate), everything.at(clocks, placed)
     moving = everything.at(clocks, arm.without_play(estimate))
     known = samples.known
-    _refuse_foreign(nominal.error[known], tracked, moved)
+    miss = float(np.median(np.linalg.norm(nominal.error[known], axis=1)))
+    if miss > _ODD * _extent(tracked):
+        refuse_misread(robot, moved, tracked, np.array(tool), start)
+    _refuse_foreign(miss, tracked, moved)
     _refuse_lost(samples.error[known], nominal.error[known], tracked, moved)
     u_offset, u_rate, u_step = solve.uncertainty(clocks, estimate)
+    u_offset, u_rate = (
+        math.hypot(u, *(stream.rounding[k] for stream in (moved, tracked)))
+        for k, u in enumerate((u_offset, u_rate))
+    )
     return Aligned(
         clocks=clocks,
         u_offset=u_offset,
@@ -124,7 +138,11 @@ def align(
         nominal=nominal.error[known],
         weight=weights(samples.error[known]),
         tool=arm.tool(estimate),
-        warnings=tuple(_warnings(clocks, other_jump, rival)),
+        warnings=(
+            *_warnings(clocks, other_jump, rival),
+            *_rounded(moved, tracked),
+            *_odd_arm(miss, _extent(tracked), arm.tool(estimate), np.array(tool)),
+        ),
     )
 
 
@@ -138,7 +156,7 @@ def _start(
     places = flange[:, :3, :3] @ tool + flange[:, :3, 3]
     one = speeds_of(moved.time[::every], places, every * moved.period, grain, moved.name)
     other = speeds_of(tracked.time, tracked.points, tracked.period, grain, tracked.name)
-    return correlated(one, other, moved.name, tracked.name)
+    return correlated(one, no_faster(other, _WILD * float(one.speed.max())), moved.name, tracked.name)
 
 
 def _placed(robot: Robot, joints: Array, tool: Array, points: Array) -> tuple[Array, float]:
@@ -169,34 +187,34 @@ def _by_place(
 
 
 def _solved(
-    solve: Solve, start: Clocks, progress: Callable[[str], None]
+    solve: Solve, start: Clocks, least_step: float, progress: Callable[[str], None]
 ) -> tuple[Clocks, Array, Clocks | None]:
     """The fit; where a clock was set meanwhile, with that step, and then the clocks with the step that is left, if any.
 
     What looked like a step but comes out too small to be one is none.
     """
-    if np.isfinite(start.step_at) and (found := _with_step(solve, start)) is not None:
-        return *found, _jump(solve, *found)
+    if np.isfinite(start.step_at) and (found := _with_step(solve, start, least_step)) is not None:
+        return *found, _jump(solve, *found, least_step)
     clocks, estimate = solve.run(replace(start, step=0.0, step_at=np.inf))
-    if (jump := _jump(solve, clocks, estimate)) is None:
+    if (jump := _jump(solve, clocks, estimate, least_step)) is None:
         return clocks, estimate, None
     progress(f"one clock seems to jump near {jump.step_at:.0f} s; fitting once more with the jump")
-    if (found := _with_step(solve, jump)) is None:
+    if (found := _with_step(solve, jump, least_step)) is None:
         return clocks, estimate, None
-    return *found, _jump(solve, *found)
+    return *found, _jump(solve, *found, least_step)
 
 
-def _with_step(solve: Solve, start: Clocks) -> tuple[Clocks, Array] | None:
+def _with_step(solve: Solve, start: Clocks, least: float) -> tuple[Clocks, Array] | None:
     """The fit with a step of the clocks; None where it comes out too small to be one."""
     clocks, estimate = solve.run(solve.step_placed(*solve.run(start)))
-    sure = max(_LEAST_STEP_S, _SIGMA * solve.uncertainty(clocks, estimate)[2])
+    sure = max(least, _SIGMA * solve.uncertainty(clocks, estimate)[2])
     return (clocks, estimate) if abs(clocks.step) > sure else None
 
 
-def _jump(solve: Solve, clocks: Clocks, estimate: Array) -> Clocks | None:
+def _jump(solve: Solve, clocks: Clocks, estimate: Array, least: float) -> Clocks | None:
     """The clocks with a step that they do not have yet, or with another one than they have; None where none is seen."""
     begins, offsets = solve.offsets(clocks, estimate)
-    if (step := step_in(offsets, _LEAST_STEP_S)) is None:
+    if (step := step_in(offsets, least)) is None:
         return None
     at = float(begins[step.cut])
     return replace(clocks, offset=clocks.offset + step.level, step=step.size, step_at=at)
@@ -208,14 +226,13 @@ def _extent(tracked: PointStream) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def _refuse_foreign(nominal: Array, tracked: PointStream, moved: JointStream) -> None:
-    extent, miss = _extent(tracked), float(np.median(np.linalg.norm(nominal, axis=1)))
-    if miss > _FOREIGN * extent:
+def _refuse_foreign(miss: float, tracked: PointStream, moved: JointStream) -> None:
+    if miss > _FOREIGN * _extent(tracked):
         raise DataError(
             f"is not the motion of the {moved.name}: at its best place the nominal robot misses half of the points by "
-            f"more than {miss:.0f} mm, and all of them lie within {extent:.0f} mm.",
-            do="Check robot, tool, order, signs and unit of the joints, and that both streams are of one recording and "
-            "overlap in time.",
+            f"more than {miss:.0f} mm, and all of them lie within {_extent(tracked):.0f} mm.",
+            do="Check robot, tool, order, signs and unit of the joints, unit and axes of the points, and that both "
+            "streams are of one recording and overlap in time.",
             file=tracked.name,
         )
 
@@ -230,6 +247,31 @@ def _refuse_lost(error: Array, nominal: Array, tracked: PointStream, moved: Join
             "faster moves between them.",
             file=tracked.name,
         )
+
+
+def _odd_arm(miss: float, extent: float, found: Array, tool: Array) -> list[str]:
+    out = []
+    if miss > _ODD * extent:
+        out.append(
+            f"At its best place the nominal robot misses half of the points by more than {miss:.0f} mm: more than an "
+            "arm errs. Check robot, signs and order of the joints."
+        )
+    if (off := float(np.linalg.norm(found - tool))) > _ODD_TOOL_MM:
+        x, y, z = found
+        out.append(
+            f"The measured point is {off:.0f} mm from where --tool has it, near {x:.0f}, {y:.0f}, {z:.0f} mm in the "
+            "flange frame, as far as these moves show it."
+        )
+    return out
+
+
+def _rounded(*streams: JointStream | PointStream) -> list[str]:
+    return [
+        f"The times of the {stream.name} are rounded to {1e3 * stream.resolution:g} ms: a jump of a clock below "
+        f"{1e3 * _STEP_OF_ROUNDING * stream.resolution:g} ms is not looked for."
+        for stream in streams
+        if _STEP_OF_ROUNDING * stream.resolution > _LEAST_STEP_S
+    ]
 
 
 def _warnings(clocks: Clocks, jump: Clocks | None, rival: float | None) -> list[str]:

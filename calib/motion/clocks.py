@@ -8,7 +8,7 @@ were running; `calib.motion.alignment` does the rest.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,7 +71,8 @@ def speeds_of(time: Array, places: Array, period: float, grain: Grain, name: str
     if extent < _LEAST_EXTENT_MM:
         raise DataError(
             f"nothing moves in it: all of it lies within {extent:.2g} mm.",
-            do="Record while the robot drives its path; streams of a robot at rest cannot be aligned.",
+            do="Record while the robot drives its path; streams of a robot at rest cannot be aligned. Where it did "
+            "move, the numbers are in another unit than they are given in.",
             file=name,
         )
     grid, over = np.arange(time[0], time[-1], grain.step), grain.over
@@ -82,6 +83,12 @@ def speeds_of(time: Array, places: Array, period: float, grain: Grain, name: str
     return Speeds(
         float(time[0]), grain.step, np.linalg.norm(ends[1] - ends[0], axis=1) / (2.0 * over) * seen, seen
     )
+
+
+def no_faster(speeds: Speeds, highest: float) -> Speeds:
+    """The series without the instants at which it is faster than `highest`, mm/s: a few would outweigh all others."""
+    seen = speeds.seen & (speeds.speed <= highest)
+    return replace(speeds, speed=speeds.speed * seen, seen=seen)
 
 
 def correlated(

@@ -8,9 +8,11 @@ Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a reco
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arm.robot import Robot
 from calib.array import Array
@@ -18,12 +20,13 @@ from calib.errors import DataError
 from calib.motion.column_map import DATE, LENGTHS, Column, parse_map
 from calib.motion.dates import seconds_of
 from calib.motion.point_export import read_export
-from calib.motion.streams import JointStream, PointStream
+from calib.motion.streams import MEND_TIMES, JointStream, PointStream
 from calib.text.columns import Columns
 from calib.units import DEG
 
 _MOST_RAD = 4.0 * np.pi + 1e-3  # joints of all robots turn less than twice about to either side
 _LARGE_DEG = 2.0 * np.pi + 1e-3
+_WRAPS = 1.5 * np.pi  # from one sample to the next: no joint turns so fast
 _LARGEST = 1e10  # s, mm or rad: some 300 years of seconds
 _EXPORT = re.compile(r"\s*spatial-analyzer\s*\[\s*(\w+)\s*\]\s*")
 _NAME_THEM = "Name the columns of a foreign file by a map: time=Timestamp[ms], ..."
@@ -53,9 +56,22 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
             )
     time = _times(table, of["time"])
     joints = np.column_stack([_numbers(table, of[name]) for name in names])
-    _refuse_other_unit(joints, of["j1"], path)
+    _refuse_other_unit(joints, [of[name] for name in names], path)
+    once, remarks = _in_order(table, time, joints, of["time"])
+    time, given = time[once], joints[once]
+    joints = np.unwrap(given, discont=_WRAPS, axis=0)
+    remarks += [
+        f"Column '{of[name].name}' wraps at half a turn; the joint was followed across."
+        for name, wraps in zip(names, (joints != given).any(axis=0), strict=True)
+        if wraps
+    ]
     return JointStream(
-        time - time[0], robot.model_angles(joints, coupling), f"robot stream {path.name}", float(time[0])
+        time - time[0],
+        robot.model_angles(joints, coupling),
+        f"robot stream {path.name}",
+        float(time[0]),
+        coupling,
+        tuple(remarks),
     )
 
 
@@ -80,7 +96,9 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
     seen = np.isin(status, ("", "ok")) & np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
     if not seen.any():
         raise DataError("has no point that was measured.", do="Check columns and status.", file=path)
-    return _points(time[seen], points[seen], path)
+    time, points = time[seen], points[seen]
+    once, remarks = _in_order(table.where(seen), time, points, of["time"])
+    return _points(time[once], points[once], path, remarks)
 
 
 def _exported(path: Path, unit: str) -> PointStream:
@@ -93,11 +111,33 @@ def _exported(path: Path, unit: str) -> PointStream:
             do="Export the points again with their time stamps.",
             file=path,
         )
-    return _points(export.time, export.points, path)
+    return _points(export.time, export.points, path, [])
 
 
-def _points(time: Array, points: Array, path: Path) -> PointStream:
-    return PointStream(time - time[0], points, f"tracker stream {path.name}", float(time[0]))
+def _points(time: Array, points: Array, path: Path, remarks: list[str]) -> PointStream:
+    return PointStream(time - time[0], points, f"tracker stream {path.name}", float(time[0]), tuple(remarks))
+
+
+def _in_order(
+    table: Columns, time: Array, values: Array, column: Column
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """Rows (n,) to keep, and a remark on those left out: times (n,) and values (n, c) that repeat the row before.
+
+    Raises DataError naming the line at which another time does not increase.
+    """
+    same = np.append(False, (np.diff(time) == 0.0) & (np.diff(values, axis=0) == 0.0).all(axis=1))
+    kept = np.flatnonzero(~same)
+    for at in kept[1:][np.diff(time[kept]) <= 0.0][:1]:
+        before = time[kept[np.searchsorted(kept, at) - 1]]
+        what = "is given twice, with other values" if time[at] == before else f"comes after {before:.6f} s"
+        raise table.refuse(
+            int(at),
+            column.name,
+            f"is the time {time[at]:.6f} s, which {what}; times must increase",
+            MEND_TIMES[:-1],
+        )
+    count = int(same.sum())
+    return ~same, [f"{count} samples were written twice; each counts once."] if count else []
 
 
 def _times(table: Columns, column: Column) -> Array:
@@ -123,19 +163,20 @@ def _numbers(table: Columns, column: Column, *, empty: bool = False) -> Array:
     return numbers * column.factor
 
 
-def _refuse_other_unit(joints: Array, column: Column, path: Path) -> None:
-    largest = float(np.max(np.abs(joints)))
-    if column.unit == "rad" and largest > _MOST_RAD:
+def _refuse_other_unit(joints: Array, columns: Sequence[Column], path: Path) -> None:
+    for column, largest in zip(columns, np.max(np.abs(joints), axis=0), strict=True):
+        if column.unit == "rad" and largest > _MOST_RAD:
+            raise DataError(
+                f"holds angles up to {largest:.0f} where rad are declared: these can only be degrees.",
+                do="Declare [deg] in the map.",
+                file=path,
+                key=column.name,
+            )
+    largest = float(np.max(np.abs(joints))) / DEG
+    if all(column.unit == "deg" for column in columns) and largest <= _LARGE_DEG:
         raise DataError(
-            f"holds angles up to {largest:.0f} where rad are declared: these can only be degrees.",
-            do="Declare [deg] in the map.",
-            file=path,
-            key=column.name,
-        )
-    if column.unit == "deg" and largest / DEG <= _LARGE_DEG:
-        raise DataError(
-            f"no joint angle exceeds {largest / DEG:.3f}: these can only be radians.",
+            f"no joint angle exceeds {largest:.3f}: these can only be radians.",
             do="Declare [rad] in a map, or convert them to degrees.",
             file=path,
-            key=column.name,
+            key=columns[0].name,
         )

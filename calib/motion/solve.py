@@ -25,7 +25,8 @@ _ROUNDS = 12
 _PLACING_ROUNDS = 4
 _SETTLED_S = 1e-7
 _BLOCKS = 60
-_MOVING = 0.1  # of the usual motion of a block: one with less says nothing of the clocks
+_MOVING = 0.1  # of the mean motion of a block: one with less says nothing of the clocks
+_SLIGHT = 1e-6  # the same, of what weights leave of it
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,8 @@ class Solve:
         samples = self.at(clocks, estimate)
         parts = blocks(len(self._time))
         moving = np.array([float(np.sum(samples.velocity[part] ** 2)) for part in parts])
-        parts = [part for part, much in zip(parts, moving, strict=True) if much > _MOVING * np.median(moving)]
-        if not parts:
-            return np.empty(0), np.empty(0)
+        # by the mean: where the robot rests most of the time, the median is the rounding of its joints
+        parts = [part for part, much in zip(parts, moving, strict=True) if much > _MOVING * moving.mean()]
         weight = weights(samples.error)
         of_arm = self._of_arm(samples)
         normal, right = _normal(of_arm, samples.error, weight, self.arm.prior)
@@ -91,8 +91,11 @@ class Solve:
         heavy = samples.velocity * weight[:, None]
         own = np.array([float(np.sum(heavy[part] * samples.velocity[part])) for part in parts])
         # The fit may have followed one side of a step: of the other, only slow samples count, which is enough.
-        parts = [part for part, much in zip(parts, own, strict=True) if much > 0.0]
-        own = own[own > 0.0]
+        slight = _SLIGHT * float(moving.mean())
+        parts = [part for part, much in zip(parts, own, strict=True) if much > slight]
+        own = own[own > slight]
+        if not parts:
+            return np.empty(0), np.empty(0)
         cross = np.array([np.einsum("nx,nxs->s", heavy[part], of_arm[part]) for part in parts])
         score = np.array([float(np.sum(heavy[part] * samples.error[part])) for part in parts])
         shared = solved(normal - cross.T @ (cross / own[:, None]), right - cross.T @ (score / own))

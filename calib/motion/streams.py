@@ -6,6 +6,7 @@ Samples that were lost leave a gap; nothing is interpolated across one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,13 @@ from calib.units import DEG
 GAP_PERIODS = 3.5
 """Samples farther apart than so many periods of their stream have a gap between them."""
 FEWEST = 20
+MEND_TIMES = (
+    "Write the times with all their digits and in order; where the clock was set back, cut the recording and align the "
+    "parts."
+)
+_LATE = 0.5  # periods by which a sample may be late
+_MOST_DECIMALS = 3  # finer times are as good as exact
+_ROUNDING_S = 2e-6  # of seconds since 1970
 _LONGEST_S = 48.0 * 3600.0
 _SHORTEST_PERIOD_S = 1e-4
 _STEP = 0.005 * DEG  # of a joint that has turned to one side; less may be noise
@@ -45,6 +53,37 @@ class _Clocked:
         _refuse_times(self.time, self.name)
 
     @cached_property
+    def lost(self) -> int:
+        """Number of samples that are missing between those that came, in gaps or one by one. A late one is not."""
+        excess = np.diff(self.time) / self.period - 1.0
+        beside = np.minimum(np.pad(excess, 1), 0.0)
+        excess = np.where(excess > _LATE, excess + beside[:-2] + beside[2:], 0.0)
+        return int(np.round(np.maximum(excess, 0.0)).sum())
+
+    @cached_property
+    def resolution(self) -> float:
+        """What the times are rounded to, s, where that shows: multiples of 1 s to 1 ms, unevenly spaced. Else 0."""
+        for decimals in range(_MOST_DECIMALS + 1):
+            if np.abs(self.time - np.round(self.time, decimals)).max() < _ROUNDING_S:
+                unit = 10.0**-decimals
+                return unit if (self._uneven > 0.5 * unit).any() else 0.0
+        return 0.0
+
+    @cached_property
+    def _uneven(self) -> Array:
+        """(n - 1,) by how much every step differs from whole periods, s."""
+        step = np.diff(self.time)
+        return np.abs(step - self.period * np.maximum(np.round(step / self.period), 1.0))
+
+    @cached_property
+    def rounding(self) -> tuple[float, float]:
+        """1 sigma, s and 1, by which rounded times shift the whole clock and its rate: less, the more often the
+        roundings change."""
+        changes = int((self._uneven > 0.5 * self.resolution).sum())
+        one = self.resolution / math.sqrt(1.0 + changes)
+        return one / math.sqrt(12.0), one / float(self.time[-1] - self.time[0])
+
+    @cached_property
     def period(self) -> float:
         """Median time between two samples, s."""
         return float(np.median(np.diff(self.time)))
@@ -63,13 +102,16 @@ class _Clocked:
 class JointStream(_Clocked):
     """n samples of the robot: time (n,) s by its own clock, increasing; joints (n, N) model angles, rad.
 
-    zero: what the clock of the file showed at time 0, s.
+    zero: what the clock of the file showed at time 0, s; coupling: how the controller counts its joints; remarks: what
+    was done to what was recorded.
     """
 
     time: Array
     joints: Array
     name: str = "robot stream"
     zero: float = 0.0
+    coupling: str = "none"
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def _curve(self) -> CubicHermiteSpline:
@@ -105,13 +147,14 @@ class JointStream(_Clocked):
 class PointStream(_Clocked):
     """n samples of the instrument: time (n,) s by its own clock, increasing; points (n, 3) mm in its frame.
 
-    zero: what the clock of the file showed at time 0, s.
+    zero: what the clock of the file showed at time 0, s; remarks: what was done to what was recorded.
     """
 
     time: Array
     points: Array
     name: str = "tracker stream"
     zero: float = 0.0
+    remarks: tuple[str, ...] = ()
 
 
 def _last(values: Array) -> Array:
@@ -136,7 +179,7 @@ def _refuse_times(time: Array, name: str) -> None:
         same = "is given twice" if step[at] == 0.0 else f"is followed by {time[at + 1]:.6g} s"
         raise DataError(
             f"sample {at + 2}: the time {time[at]:.6g} s {same}; times must increase.",
-            do="Remove samples written twice; where the clock was set back, cut the recording and align the parts.",
+            do=MEND_TIMES,
             file=name,
         )
     span, period = float(time[-1] - time[0]), float(np.median(step))

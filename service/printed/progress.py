@@ -34,7 +34,7 @@ class Progress:
     def __init__(self, run: Run, terminal: Terminal) -> None:
         self._run, self._terminal = run, terminal
         self._step_shown = -1
-        self._pictured = False
+        self._pictured = self._on_path = False
         self.prompt: str | None = None
 
     def __call__(self, event: Event) -> None:
@@ -62,10 +62,12 @@ class Progress:
         elif event.kind == "nest_doubted":
             self._terminal.note(event.data["text"])
         elif event.kind == "command" and event.data["verb"] == "pause":
-            self._terminal.note("Pausing after the reading in hand. Ctrl-C once more stops the robot now.")
+            after = "move in hand; the path begins anew then" if self._on_path else "reading in hand"
+            self._terminal.note(f"Pausing after the {after}. Ctrl-C once more stops the robot now.")
         elif event.kind == "reading" and event.data["set"] == "nest":
             self._terminal.say(f"nest {event.data['target']} measured")
         elif event.kind == "waypoint":
+            self._on_path = event.data["waypoint"] < event.data["of"]
             self._show_path(event.data)
         elif event.kind in ("reading", "skipped"):
             self._show(self._run.status())

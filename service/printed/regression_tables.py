@@ -12,6 +12,7 @@ from rich.text import Text
 from calib.comparison import Comparison, mae, rmse
 from service.results.regression_document import UM, waypoints
 
+_NO_DECIMALS = 1000.0  # um
 COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")
 
 
@@ -20,7 +21,11 @@ def rows(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
     for scored in comparison.scored:
         for kind, errors in (("in sample", scored.in_sample), ("by waypoint", scored.by_waypoint)):
             figures = [*mae(errors), *rmse(errors)]
-            yield scored.predictor.name, kind, [f"{UM * value:.1f}" for value in figures]
+            yield scored.predictor.name, kind, [_um(UM * value) for value in figures]
+
+
+def _um(value: float) -> str:
+    return f"{value:.1f}" if value < _NO_DECIMALS else f"{value:,.0f}"
 
 
 def shown(comparison: Comparison, findings: list[str]) -> Iterator[RenderableType]:

@@ -192,7 +192,7 @@ def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> st
         kind="Regression",
         verdict="Compared",
         verdict_key="identified",
-        sentence=" ".join(document["findings"]),
+        sentence=" ".join(regression.foremost(document["findings"], asked.name)),
         joints=joints,
         regression=regression.section_of(comparison, document["findings"]),
     )

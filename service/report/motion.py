@@ -90,7 +90,7 @@ def _described(result: Result) -> str:
         for e in (result.aligned.nominal, result.aligned.moving)
     ]
     return (
-        f"Speeds of robot and tracker before and after the alignment of their clocks, {1e3 * result.offset:.2f} ms "
+        f"Speeds of robot and tracker before and after the alignment of their clocks, {result.offset:.5f} s "
         f"apart; errors of the moving robot along and across its path by speed, RMS {miss[0]:.3f} mm nominal, of which "
         f"its static part leaves {miss[1]:.3f} mm."
     )

@@ -15,6 +15,8 @@ from service.printed.regression_tables import COLUMNS, rows
 from service.report import drawing
 from service.results.regression_document import UM, waypoints
 
+_WIDE = 1000.0  # ratio of the ends of an axis, from which on 2 and 5 between the powers of ten run into each other
+
 
 def section_of(comparison: Comparison, findings: list[str]) -> dict[str, Any]:
     """What the template shows: rows of (name, kind, figures), the picture, and the findings."""
@@ -28,6 +30,11 @@ def section_of(comparison: Comparison, findings: list[str]) -> dict[str, Any]:
         "features": comparison.plan.wanted.features,
         "kernel": comparison.plan.wanted.kernel,
     }
+
+
+def foremost(findings: list[str], asked: str) -> list[str]:
+    """The findings for the head of the report: the first, and what is said of the predictor that was asked for."""
+    return list(dict.fromkeys([findings[0], *(each for each in findings if each.startswith(f"{asked}:"))]))
 
 
 def picture(comparison: Comparison) -> str:
@@ -47,7 +54,8 @@ def picture(comparison: Comparison) -> str:
     axes.set_yticks(range(len(comparison.scored)), [s.predictor.name for s in comparison.scored])
     axes.invert_yaxis()
     drawing.plain_ratio_axis(axes)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > _WIDE * low else (1.0, 2.0, 5.0)))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("RMS distance at a waypoint, um")

@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from calib.arm import Robot, load_robot
 from calib.convert import Table
 from calib.errors import DataError
@@ -31,6 +33,7 @@ FORMAT = "truepose-alignment/1"
 HOLDOUT, SEED = 0.2, 1
 FARTHEST_TOOL_MM = 1e4
 _GAPS = 3  # that are named one by one
+_STRETCH_S = 1.0  # of wild points: no single outliers
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,28 @@ class Result:
                 out.append(
                     f"{len(rest)} shorter gaps in the {who}'s stream, {sum(g.lost for g in rest)} samples lost."
                 )
-        if gross := int((self.aligned.weight == 0.0).sum()):
-            out.append(f"{gross} points are far from the path that all others agree on; they were left out.")
-        return out
+            if (single := stream.lost - sum(gap.lost for gap in gaps)) > 0:
+                out.append(
+                    f"{single} samples more are missing in the {who}'s stream, too few in one place to be a gap."
+                )
+            out += [f"The {who}'s stream: {remark}" for remark in stream.remarks]
+        return [*out, *self._gross()]
+
+    def _gross(self) -> list[str]:
+        wild = self.aligned.weight == 0.0
+        if not wild.any():
+            return []
+        what = f"{int(wild.sum())} points are far from the path that all others agree on; they were left out."
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], wild, [False]]).astype(int)))
+        begins, ends = edges[::2], edges[1::2] - 1
+        longest = int(np.argmax(ends - begins))
+        begin, end = (float(self.tracked.time[self.aligned.used][at[longest]]) for at in (begins, ends))
+        if end - begin >= _STRETCH_S:
+            what += (
+                f" The longest stretch of them lasts from {self.tracker_time(begin):.2f} to "
+                f"{self.tracker_time(end):.2f} s of the tracker's clock, as where a target was lost."
+            )
+        return [what]
 
     def _jump(self) -> str | None:
         clocks, u_step = self.aligned.clocks, self.aligned.u_step
@@ -193,7 +215,7 @@ def _stream(stream: JointStream | PointStream, used: int) -> dict[str, Any]:
         "period_s": stream.period,
         "begin_s": stream.zero,
         "end_s": stream.zero + float(stream.time[-1]),
-        "lost": sum(gap.lost for gap in stream.gaps),
+        "lost": stream.lost,
         "gaps": [
             {"begin_s": gap.begin + stream.zero, "end_s": gap.end + stream.zero, "lost": gap.lost}
             for gap in stream.gaps

@@ -20,6 +20,7 @@ REGRESSION_FORMAT = "truepose-regression/1"
 UM = 1e3
 _AXES = ("x", "y", "z", "mean")
 _WORSE = 1.02
+_MANY = 50.0  # times, from which on a share in per cent says nothing
 
 
 def of_regression(comparison: Comparison, turned: tuple[Away, ...]) -> dict[str, Any]:
@@ -150,4 +151,6 @@ def _mae(errors: Array) -> float:
 
 def _change(value: float, than: float) -> str:
     change = value / than - 1.0
+    if value * _MANY < than:
+        return f"{than / value:,.0f} times less"
     return f"{abs(change):.0%} {'more' if change > 0.0 else 'less'}"

@@ -69,3 +69,12 @@ def test_what_is_left_scales_with_how_it_came_on(
     else:
         waited = forecast.seconds_left(done, begun, before + 1.0)
         assert waited == pytest.approx(max(0.0, sum(readings[done:]) - 1.0), abs=1e-6)
+
+
+def test_a_path_that_is_driven_again_has_its_own_time_left() -> None:
+    """What an attempt that failed took is not taken off what the next one needs."""
+    forecast = Forecast(0.0, np.array([600.0, 10.0]))
+    assert forecast.seconds_left(0, 0, 900.0, 0.25) == pytest.approx(460.0)
+    assert forecast.seconds_left(0, 0, 100.0) == pytest.approx(510.0)
+    # once a reading is done, at the pace of what was done
+    assert forecast.seconds_left(1, 0, 1200.0, 0.5) == pytest.approx(10.0)

@@ -128,6 +128,13 @@ def test_a_killed_program_loses_less_than_a_second(simulated: SimulatedDevices, 
         assert after[: len(before)] == before
         ((status,),) = rows(record, "SELECT status FROM attempt WHERE id IN (SELECT attempt FROM chunk)")
         assert status == "died"
+        # the record says how much of each stream it has
+        (died,) = rows(record, "SELECT data FROM event WHERE kind = 'attempt_died'")
+        ends = rows(record, "SELECT role, sum(samples), max(until_t_s) FROM chunk GROUP BY role")
+        kept = json.loads(died[0])["streams"]
+        assert {role: (end["samples"], end["until_t_s"]) for role, end in kept.items()} == {
+            role: (samples, until_t_s) for role, samples, until_t_s in ends
+        }
         # The controller's watchdog ends the motion, and a person would look before going on.
         until(lambda: not moving(simulated, run))
         run.resume(by="anna")
