@@ -15,7 +15,9 @@ from scipy.spatial.transform import Rotation
 from calib.arm.kinematics import forward
 from calib.arm.robot import load_robot
 from calib.arm.start import base_and_tool
+from calib.data.read import read_dataset
 from calib.errors import DataError
+from calib.fit.identify import identify
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
 from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal
 from tests.calib.cells import NOISE, POSE, Cell
@@ -49,6 +51,17 @@ def test_another_robot_of_the_library_is_named(tmp_path: Path) -> None:
     rows, header, table = GOOD["abb-irb120"]
     text = refusal(tmp_path, (rows, header | {"robot": "ur5"}, table), own=False)
     assert 'Set robot = "abb-irb120".' in text
+
+
+def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path) -> None:
+    """Two axes the other way: no single change of the files explains it, no parameter mends it."""
+    rows, header, table = copy.deepcopy(GOOD["abb-irb120"])
+    table["link"][3]["alpha_deg"], table["link"][4]["alpha_deg"] = 35.0, 10.0
+    assert refusal(tmp_path, (rows, header, table), own=True) == ""
+    with pytest.raises(
+        DataError, match="does not fit these readings: with all its parameters fitted it still"
+    ):
+        identify(read_dataset(tmp_path / "data.csv"))
 
 
 def test_a_joint_far_beyond_its_limit_is_refused_unless_the_header_allows_it(tmp_path: Path) -> None:
