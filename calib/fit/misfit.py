@@ -10,6 +10,7 @@ from calib.fit.identification import Identification
 
 _FAR = 0.05  # share of the extent of the measured points that a fitted robot may miss them by
 _LEAST_MM = 10.0
+_NOISE = 10.0  # ratio of what is left to the declared noise below which the fit is no such matter
 
 
 def refuse_misfit(dataset: Dataset, found: Identification) -> None:
@@ -18,6 +19,8 @@ def refuse_misfit(dataset: Dataset, found: Identification) -> None:
     What one change of the files explains was refused before (`calib.data.plausible`); a zero that is 30 deg off, which
     nothing there explains, is fitted and passes.
     """
+    if found.noise_scale < _NOISE:
+        return
     points = dataset.points[found.readings.rows]
     pointed = np.isfinite(points[:, 0])
     if not pointed.any():
