@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, Diagnosis, Found, Patch, Structure
+from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure
 from calib.fit import ErrorStatistics
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
@@ -132,6 +132,13 @@ def structure_in_words(left: Structure) -> str:
     return f"Structure is left: {left.where} explains {share} of what is left {sure}."
 
 
+_OF_TWO = (
+    "overturning moment",
+    "direction of the tool",
+    "direction of view",
+)  # places beside pairs of angles
+
+
 def structure_caption(left: Structure) -> str:
     """What the picture of a place of structure shows."""
     if left.acts_on == ACTS_ON:
@@ -141,8 +148,16 @@ def structure_caption(left: Structure) -> str:
         return (
             "What is left in the workspace: means of neighbouring readings as arrows, many times their size."
         )
-    if left.where.endswith(" angles"):
-        return f"What is left over {left.where}: means of its three parts in the world, in squares of both angles."
+    if left.where == TOGETHER:
+        of_what = (
+            f"the error of {left.acts_on}" if left.acts_on.startswith("joint ") else "its parts in the world"
+        )
+        return (
+            f"What is left over {left.where}: means of {of_what} over the three angles that tell most of it, in "
+            "squares of two, one map for each third of the readings by the other."
+        )
+    if left.where.endswith(" angles") or left.where in _OF_TWO:
+        return f"What is left over {left.where}: means of its three parts in the world, in squares of both quantities."
     if left.where == EACH_POSE:
         return (
             "What is left at the poses that were visited again, those with the largest errors of their own first: "

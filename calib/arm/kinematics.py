@@ -162,32 +162,25 @@ class Frames:
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
 
     def _go(self, motions: Sequence[Motion], values: Mapping[str, Array | float]) -> None:
-        """Move along a row of motions; those at zero that nobody wants recorded are passed over."""
-        for motion in motions:
-            slot = motion.slot
-            if slot in values or self.record is None or slot in self.record:
-                self._move(motion, values.get(slot, 0.0))
-
-    def _move(self, motion: Motion, value: Array | float) -> None:
+        """Move along a row of motions. Local names, and no call a motion: of few readings most time is Python's."""
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
-        columns = (self.x, self.y, self.z)
-        if self.record is None or motion.slot in self.record:
-            self.axis[motion.slot] = columns[motion.axis]
-            self.origin[motion.slot] = self.p
-            self.turns[motion.slot] = motion.turns
-        one = isinstance(value, float)
-        if one and value == 0.0:
-            return
-        if not motion.turns:
-            self.p = self.p + columns[motion.axis] * value
-            return
-        c, s = (math.cos(value), math.sin(value)) if one else (np.cos(value), np.sin(value))
-        if motion.axis == 0:
-            self.y, self.z = self.y * c + self.z * s, self.z * c - self.y * s
-        elif motion.axis == 1:
-            self.z, self.x = self.z * c + self.x * s, self.x * c - self.z * s
-        else:
-            self.x, self.y = self.x * c + self.y * s, self.y * c - self.x * s
+        columns, p, record = [self.x, self.y, self.z], self.p, self.record
+        for motion in motions:
+            slot, axis = motion.slot, motion.axis
+            if record is None or slot in record:
+                self.axis[slot], self.origin[slot], self.turns[slot] = columns[axis], p, motion.turns
+            value = values.get(slot, 0.0)
+            one = isinstance(value, float)
+            if one and value == 0.0:
+                continue
+            if not motion.turns:
+                p = p + columns[axis] * value
+                continue
+            c, s = (math.cos(value), math.sin(value)) if one else (np.cos(value), np.sin(value))
+            u, v = columns[axis - 2], columns[axis - 1]
+            columns[axis - 2], columns[axis - 1] = u * c + v * s, v * c - u * s
+        self.x, self.y, self.z = columns
+        self.p = p
 
     def _shift(self, vector: Array) -> None:
         self.p = self.p + self.x * vector[0] + self.y * vector[1] + self.z * vector[2]

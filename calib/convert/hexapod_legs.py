@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arm.hexapod import LEGS
 from calib.arm.hexapod_pose import HexapodPoses, solve_pose
@@ -144,24 +145,45 @@ def _frames(dataset: Dataset, visits: tuple[_Visit, ...], poses: HexapodPoses) -
 
 
 def _visits(dataset: Dataset) -> Iterable[_Visit]:
-    """Every visit in which the six legs of one design were measured; of a leg measured twice the last counts."""
+    """Every visit in which the six legs of one design were measured; of a leg measured twice the last counts.
+
+    A pose of which no visit has all six, such as where a leg was taken again later, is one of its legs together.
+    """
     conditions = dataset.conditions
     rows = np.flatnonzero(dataset.usable & dataset.spanned)
-    key = np.column_stack([conditions.pose, conditions.series, dataset.sets == "validation"])[rows]
-    _, which = np.unique(key, axis=0, return_inverse=True)
-    for visit in range(int(which.max(initial=-1)) + 1):
-        legs = {
-            (
-                conditions.anchor_names[conditions.anchor[row]],
-                conditions.target_names[conditions.target[row]],
-            ): int(row)
-            for row in rows[which.reshape(-1) == visit]
-        }
-        design = _design(legs)
-        if design is not None:
-            base, tool = design
-            in_order = tuple(legs[base[b], tool[t]] for b, t in LEGS)
-            yield _Visit(in_order, base, tool, conditions.series_names[conditions.series[in_order[0]]])
+    held = dataset.sets == "validation"
+    whole: set[int] = set()
+    for stay in (conditions.visit, conditions.pose):
+        left = rows[~np.isin(conditions.pose[rows], list(whole))]
+        _, which = np.unique(
+            np.column_stack([conditions.pose, stay, conditions.series, held])[left],
+            axis=0,
+            return_inverse=True,
+        )
+        which = which.reshape(-1)
+        for of in np.split(left[np.argsort(which, kind="stable")], np.cumsum(np.bincount(which))[:-1]):
+            visit = _of_legs(dataset, of)
+            if visit is not None:
+                whole.add(int(conditions.pose[of[0]]))
+                yield visit
+
+
+def _of_legs(dataset: Dataset, rows: NDArray[np.int64]) -> _Visit | None:
+    """The visit that these legs make, the last of each counting; None where they make no design."""
+    conditions = dataset.conditions
+    legs = {
+        (
+            conditions.anchor_names[conditions.anchor[row]],
+            conditions.target_names[conditions.target[row]],
+        ): row
+        for row in rows.tolist()
+    }
+    design = _design(legs)
+    if design is None:
+        return None
+    base, tool = design
+    in_order = tuple(legs[base[b], tool[t]] for b, t in LEGS)
+    return _Visit(in_order, base, tool, conditions.series_names[conditions.series[in_order[0]]])
 
 
 def _design(legs: Iterable[tuple[str, str]]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:

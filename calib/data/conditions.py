@@ -56,12 +56,22 @@ class Conditions:
         places = np.round(self.joints / _SAME_POSE).astype(np.int64)
         places[self.waypoint >= 0] = 0
         keys = np.column_stack([self.waypoint, places])
-        return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        return numbered(keys)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64] | Sequence[int]) -> Conditions:
         """The conditions of some of the readings, by mask or by index."""
         arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if not f.name.endswith("_names")}
         return replace(self, **arrays)
+
+
+def numbered(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) number of each of rows of keys (n, c), the same for the same, in their order: what `numpy.unique` says of
+    rows, several times faster."""
+    order = np.lexsort(keys.T[::-1])
+    in_order = keys[order]
+    number = np.empty(len(keys), dtype=np.int64)
+    number[order] = np.cumsum(np.append(False, (in_order[1:] != in_order[:-1]).any(axis=1))[: len(keys)])
+    return number
 
 
 def row_keys(columns: Array) -> list[bytes]:

@@ -125,6 +125,9 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
     Raises DataError naming the key and what to do.
     """
     table = TomlTable(values, path)
+    if "format" in values:
+        table.text("format", allowed=(FORMAT,))
+    unknown = _unknown(table)  # before anything is missed: a mistyped key is why
     table.text("format", allowed=(FORMAT,))
     try:
         robot = load_robot(table.text("robot"), path.parent)
@@ -161,7 +164,7 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
         devices=_devices(table),
         unprotected=table.text("unprotected", ""),
         occasion=occasion_of(table),
-        unknown_keys=_unknown(table),
+        unknown_keys=unknown,
         text=text,
     )
 

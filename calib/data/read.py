@@ -18,6 +18,7 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import SETS, Dataset
 from calib.data.expected import expected_points
 from calib.data.header import Header, read_header
+from calib.data.misspelt import refuse_misspelt
 from calib.data.plausible import refuse_implausible
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
@@ -41,6 +42,7 @@ def read_dataset(path: Path | str) -> Dataset:
 def dataset_of(table: Columns, header: Header) -> Dataset:
     """The data set of a table and its header. Raises DataError (file, line or key, what to do)."""
     _refuse_without_units(table)
+    refuse_misspelt(table, header.robot.joints)
     _refuse_without_ids(table)
     spans, table = take_spans(table, header)
     if not len(table):

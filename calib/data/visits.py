@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data.arrivals import STILL
-from calib.data.conditions import Conditions
+from calib.data.conditions import Conditions, numbered
 
 
 def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
@@ -29,7 +29,7 @@ def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
     in_time = np.argsort(conditions.order, kind="stable")
     stay[in_time] = np.cumsum(_goes_elsewhere(conditions, in_time))
     name = np.unique(named, return_inverse=True)[1].reshape(-1)
-    return replace(conditions, visit=_numbered(np.column_stack([stay, name, np.where(unnamed, visit, -1)])))
+    return replace(conditions, visit=numbered(np.column_stack([stay, name, np.where(unnamed, visit, -1)])))
 
 
 def visits_of(conditions: Conditions) -> NDArray[np.int64]:
@@ -47,7 +47,7 @@ def visits_of(conditions: Conditions) -> NDArray[np.int64]:
         [stop, still.astype(np.int64), conditions.target[in_time], conditions.anchor[in_time]]
     )
     visit = np.empty(len(stop), dtype=np.int64)
-    visit[in_time] = _numbered(np.column_stack([stop, np.where(still, 0, _times_before(what))]))
+    visit[in_time] = numbered(np.column_stack([stop, np.where(still, 0, _times_before(what))]))
     return visit
 
 
@@ -64,14 +64,9 @@ def _farthest(moves: Array) -> Array:
 
 def _times_before(keys: NDArray[np.int64]) -> NDArray[np.int64]:
     """(n,) how many rows before each of keys (n, c) are the same."""
-    which = _numbered(keys)
+    which = numbered(keys)
     sorted_by = np.argsort(which, kind="stable")
     first = np.searchsorted(which[sorted_by], which[sorted_by])
     times = np.empty(len(which), dtype=np.int64)
     times[sorted_by] = np.arange(len(which)) - first
     return times
-
-
-def _numbered(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) the same number for rows of keys (n, c) that are the same."""
-    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)

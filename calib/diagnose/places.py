@@ -66,7 +66,7 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     if np.all(np.isfinite(conditions.time)) and np.ptp(conditions.time) > 0.0:
         found[TIME] = _lasting(conditions.order, 1, _SLOW_TO, _SLOW)
         found[QUICK] = _lasting(conditions.order, _QUICK_FROM, _QUICK_TO, _QUICK)
-        found |= _named("time since the last move", _powers(np.log1p(_pauses(conditions)), 3))
+        found |= _named("time since the last move", _powers(np.log1p(pauses(conditions)), 3))
     if np.all(np.isfinite(conditions.temperature)):
         found |= _named("temperature", _powers(conditions.temperature, 3))
     # Predicted places: a measured one contains the residual, and would explain it by itself.
@@ -183,7 +183,7 @@ def _region(point: Array) -> Array:
     return np.column_stack([0.4 * _field(place, width) for width in (1.0, 0.6)])
 
 
-def _pauses(conditions: Conditions) -> Array:
+def pauses(conditions: Conditions) -> Array:
     """(n,) s since the reading before, 0 where none was."""
     in_time = np.argsort(conditions.order)
     time = conditions.time[in_time]

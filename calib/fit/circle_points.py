@@ -10,6 +10,7 @@ point analysis; Mooring, Roth and Driels 1991).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +77,7 @@ def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
     series, target = conditions.series[candidates], conditions.target[candidates]
     numbers = np.column_stack([np.round(joints / _STILL).astype(np.int64), series, target])
     # One number a row that distinguishes rows, less the part of one joint; sorting it is all the search there is.
-    factors = np.random.default_rng(0).integers(1, 2**62, numbers.shape[1])
-    parts = numbers * factors
+    parts = numbers * _factors(numbers.shape[1])
     out = []
     others = parts.sum(axis=1)[:, None] - parts[:, : joints.shape[1]]
     ordered = np.sort(others, axis=0)
@@ -91,6 +91,12 @@ def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
                     Sweep(k + 1, int(series[first]), int(target[first]), candidates[of], joints[first])
                 )
     return tuple(out)
+
+
+@cache
+def _factors(count: int) -> NDArray[np.int64]:
+    """(count,) large numbers drawn once: sums of their products distinguish rows."""
+    return np.random.default_rng(0).integers(1, 2**62, count)
 
 
 def fit_axes(points: Array, angles: Array, measured: NDArray[np.bool_]) -> Axes:

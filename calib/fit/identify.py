@@ -31,6 +31,7 @@ from calib.fit.least_squares import (
     solve,
     usual_sizes,
 )
+from calib.fit.misfit import refuse_misfit
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
 from calib.fit.readings import Readings, readings_of
@@ -55,13 +56,15 @@ def identify(
     """Identify the base model of a data set.
 
     groups: which groups to free, default those of the header. Raises DataError when the readings cannot carry
-    the model (too few, or tool targets that cannot show the last joint).
+    the model (too few, or tool targets that cannot show the last joint), and where this cannot be the robot measured.
     """
     model = base_model_of(dataset, groups)
     refuse_too_few(dataset, model)
     start = np.zeros(len(model.parameters))
     readings = readings_of(dataset, dataset.fit_rows, model, start)
-    return fit(dataset, model, readings, start, progress=progress)
+    found = fit(dataset, model, readings, start, progress=progress)
+    refuse_misfit(dataset, found)
+    return found
 
 
 def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:

@@ -178,9 +178,16 @@ class Design:
         """
         place = {slot: i for i, slot in enumerate(self.slots)}
         jacobian = np.zeros((len(self.model.parameters), *slot_columns.shape[1:]))
+        begun: set[int] = set()
         for position, slot, drive in self.terms:
             column = slot_columns[place[slot]]
-            jacobian[position] += column if isinstance(drive, float) and drive == 1.0 else column * drive
+            if not isinstance(drive, float) or drive != 1.0:
+                column = column * drive
+            if position in begun:
+                jacobian[position] += column
+            else:
+                jacobian[position] = column
+                begun.add(position)
         return jacobian.reshape(len(jacobian), -1).T
 
     def point_columns(self, frames: Frames) -> Array:

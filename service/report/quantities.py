@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm import gravity_at_flange, gravity_torques
+from calib.arm import forward, gravity_at_flange, gravity_torques
 from calib.array import Array
 from calib.data import Conditions, Header
-from calib.diagnose import QUICK
+from calib.diagnose import QUICK, TOGETHER, pauses
 from calib.units import DEG
 
 _N_M = 1000.0  # N.mm
+_PAUSE = "time since the last move"
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Values (n, q) of one, two or three quantities, what to call them, and (n,) groups of readings that differ."""
+    """Values (n, q) of one quantity or several, what to call them, and (n,) groups of readings that differ."""
 
     values: Array
     labels: tuple[str, ...]
@@ -27,14 +29,15 @@ class Quantity:
 
 
 def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity | None:
-    """What a place of structure is drawn over; None where it has more than three quantities, or no name we know."""
+    """What a place of structure is drawn over; None where it has no name we know."""
+    if where == TOGETHER:
+        moving = [k for k in range(conditions.joints.shape[1]) if np.ptp(conditions.joints[:, k]) > 0.0]
+        return Quantity(conditions.joints[:, moving] / DEG, tuple(f"θ{k + 1}, deg" for k in moving))
     if where.startswith("joint ") and where.endswith((" angle", " angles")):
         joints = [int(word) for word in where.split() if word.isdigit()]
-        if not joints:  # all of them together
-            return None
         values: Array = np.column_stack([conditions.joints[:, k - 1] for k in joints]) / DEG
         return Quantity(values, tuple(f"θ{k}, deg" for k in joints))
-    if where in ("time", QUICK, "temperature"):
+    if where in ("time", _PAUSE, QUICK, "temperature"):
         return _in_time(where, conditions)
     if "down" in where:
         down = gravity_at_flange(header.robot, conditions.joints, header.gravity)
@@ -42,6 +45,8 @@ def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity 
         if not where.startswith("tool target"):
             return Quantity(down, labels)
         return Quantity(down, labels, conditions.target, conditions.target_names)
+    if where in _VECTORS:
+        return _VECTORS[where](conditions, header)
     if where.split()[-2:-1] == ["joint"] and where[-1].isdigit():
         return _of_joint(where, conditions, header)
     return None
@@ -50,6 +55,8 @@ def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity 
 def _in_time(where: str, conditions: Conditions) -> Quantity:
     if where == "time":
         return Quantity(conditions.time[:, None] / 3600.0, ("time, h",))
+    if where == _PAUSE:
+        return Quantity(pauses(conditions)[:, None], ("time since the reading before, s",))
     if where == "temperature":
         return Quantity(conditions.temperature[:, None], ("air temperature, °C",))
     return Quantity(conditions.order[:, None] + 1.0, ("reading, in order of time",))
@@ -79,3 +86,39 @@ def _of_joint(where: str, conditions: Conditions, header: Header) -> Quantity | 
             ("arrived from above", "arrived from below"),
         )
     return None
+
+
+def _of_tool(conditions: Conditions, header: Header) -> Quantity:
+    axis = forward(header.robot, conditions.joints)[:, :3, 2]
+    return _widest(axis, [f"flange's z along the base's {name}" for name in "xyz"])
+
+
+def _of_view(conditions: Conditions, header: Header) -> Quantity:
+    x, y, z = (conditions.point - np.array(header.noise.station_mm)).T
+    middle = np.arctan2(y.mean(), x.mean())  # the seam lies behind the instrument
+    azimuth = middle + np.angle(np.exp(1j * (np.arctan2(y, x) - middle)))
+    both = np.column_stack([azimuth, np.arctan2(z, np.hypot(x, y))]) / DEG
+    return Quantity(both, ("azimuth from the instrument, deg", "elevation, deg"))
+
+
+def _of_overturning(conditions: Conditions, _: Header) -> Quantity:
+    labels = [f"moment about the base's {name}, N.m" for name in "xyz"]
+    return _widest(conditions.overturning / _N_M, labels)
+
+
+def _in_space(conditions: Conditions, _: Header) -> Quantity:
+    return Quantity(conditions.point, ("x, mm", "y, mm", "z, mm"))
+
+
+def _widest(vectors: Array, labels: list[str]) -> Quantity:
+    """The two components of vectors (n, 3) that vary most."""
+    two = np.sort(np.argsort(-np.std(vectors, axis=0), kind="stable")[:2])
+    return Quantity(vectors[:, two], tuple(labels[k] for k in two.tolist()))
+
+
+_VECTORS: Mapping[str, Callable[[Conditions, Header], Quantity]] = {
+    "direction of the tool": _of_tool,
+    "direction of view": _of_view,
+    "overturning moment": _of_overturning,
+    "region of the workspace": _in_space,
+}

@@ -1,4 +1,4 @@
-"""Pictures of what is left: over one quantity or two, by group, as arrows in the workspace, and what was left out."""
+"""Pictures of what is left: over one quantity, by group, as arrows in the workspace, and what was left out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from service.report.scatter import MOST_DOTS, thinned
 _AXES = "xyz"
 _BINS = 24
 _CELLS = 9  # of the longer side of the workspace
-_SQUARES = 12  # of either of two quantities
 _FEWEST = 3  # readings a cell
 _GROUPS = (drawing.FITTED, drawing.AFTER, drawing.BEFORE, drawing.NOMINAL)
 
@@ -51,29 +50,6 @@ def over(quantity: Quantity, left: Array, held: NDArray[np.bool_], name: str, wh
     axes_of = "along the axes of the tool" if own else "in the world"
     return drawing.as_svg(
         drawn, name, f"What is left over {where}, its three parts {axes_of}, one dot a reading"
-    )
-
-
-def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
-    """Means of three parts (n, 3) of what is left, mm, in squares of two quantities."""
-    drawn, places = drawing.figure(10.2, 2.9, 1, 3)
-    x, y = quantity.values.T
-    edges = [np.linspace(v.min(), v.max() + 1e-9, _SQUARES + 1) for v in (x, y)]
-    count, *_ = np.histogram2d(x, y, edges)
-    means = []
-    for part in left.T:
-        total, *_ = np.histogram2d(x, y, edges, weights=part)
-        means.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-    largest = float(np.nanmax(np.abs(means))) or 1.0
-    for k, axes in enumerate(places):
-        axes.pcolormesh(*edges, means[k].T, cmap="PuOr", vmin=-largest, vmax=largest, rasterized=True)
-        axes.set_xlabel(quantity.labels[0])
-        axes.set_ylabel(quantity.labels[1])
-        axes.set_title(f"left in {_AXES[k]}, mm", fontsize=9.0, loc="left")
-        axes.grid(visible=False)
-    drawn.colorbar(places[0].collections[0], ax=places, shrink=0.9, label="mean, mm")
-    return drawing.as_svg(
-        drawn, name, f"Means of what is left over {where}, its three parts in the world, in squares of both"
     )
 
 

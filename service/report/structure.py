@@ -1,5 +1,5 @@
-"""Structure that no effect explains, drawn where it lives: over an angle, two of them, a load, time, the side of the
-tool that is down, in the workspace, by target or by pose.
+"""Structure that no effect explains, drawn where it lives: over an angle, two or three of them, a load, a direction,
+time, the side of the tool that is down, in the workspace, by target or by pose.
 
 What is left of every reading is a vector; its three parts in the world are drawn over what drives it, with the weighted
 means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters evenly about zero and its
@@ -8,23 +8,27 @@ arrows point anywhere. Where the readings that the fit left out lie together, th
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, Structure
+from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Structure
 from calib.fit import all_readings
 from calib.model import Design
+from service.report import maps
 from service.report import residual_pictures as pictures
 from service.report.quantities import Quantity, quantity_of
-from service.report.residuals import Sample
+from service.report.residuals import MDEG, Sample
 
 _MOST_POSES = 40
+_IN_CELL, _MOST_CELLS = 5, 4  # readings in a cell of three angles; cells along each
 
 
 def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> str | None:
-    """The picture of one place as SVG; None where no points were measured, or the place is not one we can draw."""
+    """The picture of one place as SVG; None where no points were measured, or the place has no name we know."""
     name = f"left{number}"
     if left.acts_on == ACTS_ON:
         return _of_left_out(left.where, name, dataset, sample)
@@ -49,9 +53,63 @@ def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -
     if "down" in left.where:
         rest = _in_tool(sample, rest)
     quantity = _taken(quantity, pointed)
+    if left.where == TOGETHER:
+        return _over_three(left, quantity, rest, pointed, sample, name)
     if quantity.values.shape[1] == 2:
-        return pictures.over_two(quantity, rest[pointed], name, left.where)
+        return maps.over_two(quantity, rest[pointed], name, left.where)
     return pictures.over(quantity, rest[pointed], sample.held[pointed], name, left.where)
+
+
+def _over_three(
+    left: Structure,
+    angles: Quantity,
+    rest: Array,
+    pointed: NDArray[np.bool_],
+    sample: Sample,
+    name: str,
+) -> str | None:
+    """Maps over the three angles that tell most of what is left: of its parts, or of the joint on which it acts."""
+    values, weight, labels = rest[pointed], np.ones(int(pointed.sum())), tuple(f"{k}, mm" for k in "xyz")
+    if left.acts_on.startswith("joint "):
+        joint = int(left.acts_on.split()[-1])
+        seen = sample.of_joint(joint, ())
+        values, weight = seen.y[pointed, None] / MDEG, 1.0 / seen.sd[pointed] ** 2
+        labels = (f"joint {joint}, mdeg",)
+    three = most_telling(angles.values, values, weight)
+    if three is None:
+        return None
+    return maps.over_three(_columns(angles, three), values, weight, labels, name, left.where)
+
+
+def _columns(quantity: Quantity, which: list[int]) -> Quantity:
+    return Quantity(quantity.values[:, which], tuple(quantity.labels[k] for k in which))
+
+
+def most_telling(angles: Array, values: Array, weight: Array) -> list[int] | None:
+    """The three of angles (n, q) over whose cells the means of values (n, p) explain most, their number allowed for;
+    the one that tells least by itself last. None where fewer than three vary."""
+    n, q = angles.shape
+    cells = int(np.clip((n / _IN_CELL) ** (1.0 / 3.0), 2, _MOST_CELLS))
+    place = np.stack([_ranked(angle, cells) for angle in angles.T], axis=1)
+
+    def told(of: tuple[int, ...]) -> float:
+        _, cell = np.unique(place[:, of], axis=0, return_inverse=True)
+        cell = cell.reshape(-1)
+        total = np.bincount(cell, weight)
+        sums = np.array([np.bincount(cell, weight * column) for column in values.T])
+        gain = float(np.sum(sums**2 / total))
+        most = float(np.sum(weight[:, None] * values**2))
+        return 1.0 - (1.0 - gain / most) * n / max(n - len(total), 1)
+
+    if q < 3:
+        return None
+    best = max(combinations(range(q), 3), key=told)
+    return sorted(best, key=lambda k: -told((k,)))
+
+
+def _ranked(angle: Array, cells: int) -> NDArray[np.int64]:
+    """(n,) which of so many cells, each with as many readings, an angle lies in."""
+    return np.argsort(np.argsort(angle, kind="stable"), kind="stable") * cells // len(angle)
 
 
 def _joined(parts: list[Quantity]) -> Quantity:
@@ -101,6 +159,13 @@ def _of_left_out(where: str, name: str, dataset: Dataset, sample: Sample) -> str
     error = np.linalg.norm(dataset.points[readings.rows] - predicted, axis=1)
     seen = np.isfinite(error)
     quantity = quantity_of(where, readings.conditions, dataset.header)
-    if quantity is None or not seen.any():
+    if quantity is None or not out[seen].any():
         return None
-    return pictures.left_out(_taken(quantity, seen), error[seen], out[seen], name, where)
+    quantity = _taken(quantity, seen)
+    if where == TOGETHER:
+        lies: Array = out[seen, None].astype(np.float64) - float(np.mean(out[seen]))
+        three = most_telling(quantity.values, lies, np.ones(len(lies)))
+        if three is None:
+            return None
+        quantity = _columns(quantity, three[:2])
+    return pictures.left_out(quantity, error[seen], out[seen], name, where)

@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 
 from calib.data.dataset import Dataset
+from calib.data.header import header_of
+from calib.data.read import read_dataset
 from calib.errors import DataError
 from calib.fit.identify import identify
+from mocks.campaign import make_campaign, write_campaign
 from tests.calib.cells import NOISE, Cell
 from tests.calib.test_kinds_of_reading import miss
 
@@ -118,3 +121,38 @@ class TestHeader:
         assert "d6" not in [drop.name for drop in result.dropped]
         position = result.model.index["T2.z"]
         assert result.standard_errors[position] == pytest.approx(0.01, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("given", "typed"), [("approach2", "aproach2"), ("status", "staus"), ("tool_target", "Tool_Target")]
+)
+def test_a_misspelt_column_is_refused(given: str, typed: str, tmp_path: Path) -> None:
+    """Else a rejected row enters the fit, or a side of approach is guessed."""
+    path = _written(tmp_path, given, typed)
+    with pytest.raises(DataError, match=f"line 1: column '{typed}' is not known. Did you mean '{given}'"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize("typed", ["prev7_deg", "t_base_c", "j3_read_deg", "remark", "visits_planned"])
+def test_other_columns_are_kept(typed: str, tmp_path: Path) -> None:
+    path = _written(tmp_path, "status", f"status,{typed}")
+    assert read_dataset(path)
+
+
+def _written(folder: Path, given: str, typed: str) -> Path:
+    """A campaign whose column `given` is headed `typed`; where it names another column too, that one is empty."""
+    path = Path(write_campaign(make_campaign(seed=3, n=60, n_validation=0, effects=[]), folder)["csv"])
+    head, *rows = path.read_text().splitlines()
+    more = typed.count(",") * ","
+    path.write_text("\n".join([head.replace(given, typed), *(row + more for row in rows)]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(("given", "typed"), [("sigma_mm", "sigma"), ("kind", "kid"), ("robot", "robt")])
+def test_a_misspelt_key_that_must_be_there_is_named(given: str, typed: str, tmp_path: Path) -> None:
+    """Not told as missing, with the typed one unseen beside it."""
+    header = {"format": "truepose-dataset/1", "robot": "ur5", "noise": {"kind": "isotropic", "sigma_mm": 0.1}}
+    noise = {typed if key == given else key: value for key, value in header["noise"].items()}
+    table = {typed if key == given else key: value for key, value in (header | {"noise": noise}).items()}
+    with pytest.raises(DataError, match=f"{typed}': is not known. Did you mean '{given}'"):
+        header_of(table, tmp_path / "data.toml", "")

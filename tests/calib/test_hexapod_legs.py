@@ -95,6 +95,32 @@ def test_five_legs_are_no_standing(tmp_path: Path) -> None:
         solved_poses(dataset(tmp_path, SPANS, legs))
 
 
+def test_legs_of_two_visits_of_a_pose_are_two_poses(tmp_path: Path) -> None:
+    """The arm comes to rest elsewhere: legs of one arrival mixed with those of another make a pose that never was."""
+    again = [row | {"visit": "1", "reading_id": f"{row['reading_id']}-again"} for row in LEGS[:6]]
+    again = [row | {"length_mm": float(row["length_mm"]) + 0.02} for row in again]
+    once = [row | {"visit": f"{k // 6 + 2}"} for k, row in enumerate(LEGS)]
+    solved, plain = (
+        solved_poses(dataset(tmp_path / name, SPANS, legs))
+        for name, legs in (("twice", [*once, *again]), ("once", once))
+    )
+    assert len(solved.visits) == len(plain.visits) + 1
+    ends = [sorted(visit.rows)[0] for visit in solved.visits]
+    first, second = solved.points[ends.index(0)], solved.points[ends.index(len(LEGS))]
+    np.testing.assert_allclose(first, plain.points[[min(v.rows) for v in plain.visits].index(0)])
+    assert np.abs(second - first).max() > 0.01
+    # a visit that lacks a leg is no pose of its own: its other legs do not take the place of the first visit's
+    mixed = solved_poses(dataset(tmp_path / "mixed", SPANS, [*once, *again[1:]]))
+    np.testing.assert_allclose(mixed.points, plain.points)
+
+
+def test_a_leg_taken_again_later_completes_its_pose(tmp_path: Path) -> None:
+    visits = [row | {"visit": f"{k // 6 + 2}"} for k, row in enumerate(LEGS)]
+    late = visits[3] | {"visit": "late"}
+    solved = solved_poses(dataset(tmp_path, SPANS, [*visits[:3], *visits[4:], late]))
+    assert len(solved.visits) == len(LEGS) // 6
+
+
 def test_a_cup_without_a_position(tmp_path: Path) -> None:
     header = header_of(_CELL, {k: v for k, v in _CELL.nests.items() if k != "B3"}, _CELL.tool.targets)
     header["base_targets"]["B3"] = "free"

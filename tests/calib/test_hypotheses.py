@@ -15,7 +15,9 @@ from scipy.spatial.transform import Rotation
 from calib.arm.kinematics import forward
 from calib.arm.robot import load_robot
 from calib.arm.start import base_and_tool
+from calib.data.read import read_dataset
 from calib.errors import DataError
+from calib.fit.identify import identify
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
 from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal
 from tests.calib.cells import NOISE, POSE, Cell
@@ -49,6 +51,19 @@ def test_another_robot_of_the_library_is_named(tmp_path: Path) -> None:
     rows, header, table = GOOD["abb-irb120"]
     text = refusal(tmp_path, (rows, header | {"robot": "ur5"}, table), own=False)
     assert 'Set robot = "abb-irb120".' in text
+
+
+def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path) -> None:
+    """Points that were sorted apart from their joints: no single change explains it, no parameter mends it."""
+    rows, header, table = copy.deepcopy(GOOD["abb-irb120"])
+    points = sorted((row["x_mm"], row["y_mm"], row["z_mm"]) for row in rows)
+    for row, (x, y, z) in zip(rows, points, strict=True):
+        row |= {"x_mm": x, "y_mm": y, "z_mm": z}
+    assert refusal(tmp_path, (rows, header, table), own=False) == ""
+    with pytest.raises(
+        DataError, match="does not fit these readings: with all its parameters fitted it still"
+    ):
+        identify(read_dataset(tmp_path / "data.csv"))
 
 
 def test_a_joint_far_beyond_its_limit_is_refused_unless_the_header_allows_it(tmp_path: Path) -> None:

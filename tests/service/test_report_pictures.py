@@ -15,6 +15,7 @@ import pytest
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, Structure
+from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
 from calib.diagnose.without import error_without
 from calib.effects import Survey, offers
@@ -25,10 +26,12 @@ from calib.fit.statistics import statistics_of
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Side
 from calib.scan import Candidate, Harmonics, Shapes
+from calib.scan.space import Space
 from calib.units import DEG
 from service.report import structure
 from service.report.drawing import FITTED
 from service.report.panels import Panel, of_effect, of_joint
+from service.report.quantities import quantity_of
 from service.report.residuals import Sample
 from service.report.scatter import effect_figure
 from service.wording import structure_caption
@@ -195,6 +198,11 @@ PLACES = {
     "tool target and the side that is down": "T2",
     "tool target": "T2",
     "region of the workspace": "from above; longest arrow",
+    "time since the last move": "time since the reading before, s",
+    "direction of the tool": "flange's z along the base's",
+    "direction of view": "azimuth from the instrument, deg",
+    "overturning moment": "moment about the base's",
+    "joint angles together": "highest third of θ",
 }
 
 
@@ -215,9 +223,29 @@ def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Sa
     assert where in structure_caption(Structure(where, 1e-9, 0.5)) or where == "region of the workspace"
 
 
-def test_a_place_of_many_quantities_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
-    for where in ("joint angles together", "somewhere"):
-        assert structure.picture_of(Structure(where, 1e-9, 0.5), 1, *sample) is None
+def test_a_place_without_a_name_we_know_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
+    assert structure.picture_of(Structure("somewhere", 1e-9, 0.5), 1, *sample) is None
+
+
+def test_every_driver_of_structure_has_quantities_to_be_drawn_over(sample: tuple[Dataset, Sample]) -> None:
+    dataset, drawn = sample
+    for where in drivers(Space.of(drawn.fitted)):
+        quantity = quantity_of(where, drawn.parts[0].conditions, dataset.header)
+        if where == "tool target":  # a group, no quantity
+            continue
+        assert quantity is not None, where
+        assert quantity.values.shape == (len(drawn.parts[0].rows), len(quantity.labels))
+
+
+def test_of_all_angles_those_are_drawn_that_tell_most() -> None:
+    """An error that only the product of three angles shows: none of them alone, and no pair."""
+    rng = np.random.default_rng(3)
+    angles = rng.uniform(-1.0, 1.0, (600, 6))
+    error = np.sign(angles[:, [0, 3, 4]]).prod(axis=1) + 0.3 * rng.normal(size=600)
+    found = structure.most_telling(angles, error[:, None], np.ones(600))
+    assert found is not None
+    assert set(found) == {0, 3, 4}
+    assert structure.most_telling(angles[:, :2], error[:, None], np.ones(600)) is None
 
 
 def test_errors_of_poses_are_drawn_where_poses_were_visited_again(sample: tuple[Dataset, Sample]) -> None:

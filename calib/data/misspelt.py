@@ -1,0 +1,61 @@
+"""Columns whose name is hardly other than that of one which is missing: a mistyped `status` lets rejected rows in."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+
+from calib.errors import DataError
+from calib.text.columns import Columns
+
+_NEAR = 0.88  # likeness, of 1: one letter too many, too few or swapped in a name of eight
+_ONCE = (
+    *(
+        "reading_id",
+        "series",
+        "set",
+        "t_s",
+        "tool_target",
+        "base_target",
+        "other_target",
+        "x_mm",
+        "y_mm",
+        "z_mm",
+    ),
+    *(
+        "rot_w",
+        "rot_x",
+        "rot_y",
+        "rot_z",
+        "length_mm",
+        "u_x_mm",
+        "u_y_mm",
+        "u_z_mm",
+        "u_length_mm",
+        "u_rot_mrad",
+    ),
+    *("t_air_c", "waypoint", "visit", "status"),
+)
+_OF_JOINT = ("j{}_deg", "approach{}", "prev{}_deg")
+_FOR_PEOPLE = re.compile(r"j\d+_read_deg|t_.+_c")
+_DIGITS = re.compile(r"\d+")
+
+
+def refuse_misspelt(table: Columns, joints: int) -> None:
+    """Raise DataError for a column that nobody reads and that must be a known one, mistyped.
+
+    joints: number of the robot's. One that differs in its number alone is meant as it stands: a seventh axis.
+    """
+    known = [*_ONCE, *(name.format(k) for name in _OF_JOINT for k in range(1, joints + 1))]
+    absent = [name for name in known if name not in table]
+    for name in table.names:
+        if name in known or _FOR_PEOPLE.fullmatch(name):
+            continue
+        near = get_close_matches(name.strip().lower(), absent, n=1, cutoff=_NEAR)
+        if near and _DIGITS.sub("", near[0]) != _DIGITS.sub("", name):
+            raise DataError(
+                f"column '{name}' is not known.",
+                do=f"Did you mean '{near[0]}'? Correct it, or give it a name less like it.",
+                file=table.path,
+                line=1,
+            )
