@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
@@ -98,7 +99,12 @@ def dots(
 def plain_ratio_axis(axes: Axes) -> None:
     """A logarithmic abscissa with plain numbers."""
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain(axes.xaxis)
+
+
+def plain(axis: Axis) -> None:
+    """Plain numbers at the decades of a logarithmic axis, no powers of ten."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:

@@ -12,7 +12,7 @@ from calib.data import Dataset
 from calib.diagnose import Found, Structure, Visible, error_without
 from calib.effects import check_of
 from calib.units import to_display
-from service import wording
+from service import effect_names, wording
 from service.report import panels, scatter, structure
 from service.report.residuals import Sample
 
@@ -51,6 +51,7 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
         picture = Markup(scatter.effect_figure(panels.of_effect(sample, found.effect), f"effect{number + 1}"))
     return {
         "label": found.effect.label,
+        "members": effect_names.members_of(found),
         "sentence": wording.sentence_of(found),
         "amplitude": value,
         "uncertainty": uncertainty,

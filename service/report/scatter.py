@@ -32,7 +32,7 @@ def joints_figure(panels: Sequence[Panel]) -> str:
     """Small panels, one a joint, as SVG."""
     columns = 3
     rows = -(-len(panels) // columns)
-    drawn, places = drawing.figure(10.2, 2.35 * rows, rows, columns)
+    drawn, places = drawing.figure(8.6, 2.1 * rows, rows, columns)
     for axes, panel in zip(places, panels, strict=False):
         _draw(axes, panel, large=False)
         if float(np.median(panel.sd)) > _UNSEEN_MDEG:
