@@ -254,6 +254,7 @@ def _render(
         warnings=wording.grouped(found.warnings),
         closing=wording.CLOSING,
         drawn=DRAWN,
+        most_dots=scatter.MOST_DOTS,
         acceptance_names=NAMES,
         acceptance_rule=RULE,
         document=_embedded(document),

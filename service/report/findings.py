@@ -18,10 +18,11 @@ from service.report.residuals import Sample
 
 _LISTED = 12  # parameters of an effect
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
+_PLACES_DRAWN = 6  # places where structure is left, most certain first; all are listed
 
 
 def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
-    picture = structure.picture_of(left, number + 1, dataset, sample) if number < DRAWN else None
+    picture = structure.picture_of(left, number + 1, dataset, sample) if number < _PLACES_DRAWN else None
     return {
         "where": left.where,
         "acts_on": left.acts_on,

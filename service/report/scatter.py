@@ -11,7 +11,7 @@ from service.report import drawing
 from service.report.panels import Panel
 from service.report.residuals import binned
 
-MOST_DOTS = 1200  # a panel: enough to see the cloud, few enough for a file that opens at once
+MOST_DOTS = 500  # a panel: enough to see the cloud, few enough for a file that opens at once
 _SIDE_ROOM = 0.02  # of the width: dots at the edge are seen whole
 _UNSEEN_MDEG = 500.0  # standard error of one reading
 _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
@@ -37,7 +37,7 @@ def joints_figure(panels: Sequence[Panel]) -> str:
         _draw(axes, panel, large=False)
         if float(np.median(panel.sd)) > _UNSEEN_MDEG:
             axes.text(
-                0.5, 0.93, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
+                0.5, 0.84, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
             )
         axes.set_title(panel.title, fontsize=9.0, loc="left", color=drawing.INK)
         axes.set_xlabel(panel.x_label)
