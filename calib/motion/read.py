@@ -8,6 +8,7 @@ Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a reco
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,11 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
     joints = np.column_stack([_numbers(table, of[name]) for name in names])
     _refuse_other_unit(joints, of["j1"], path)
     return JointStream(
-        time - time[0], robot.model_angles(joints, coupling), f"robot stream {path.name}", float(time[0])
+        time - time[0],
+        robot.model_angles(joints, coupling),
+        f"robot stream {path.name}",
+        float(time[0]),
+        _simulated(table),
     )
 
 
@@ -80,7 +85,7 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
     seen = np.isin(status, ("", "ok")) & np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
     if not seen.any():
         raise DataError("has no point that was measured.", do="Check columns and status.", file=path)
-    return _points(time[seen], points[seen], path)
+    return replace(_points(time[seen], points[seen], path), simulated=_simulated(table))
 
 
 def _exported(path: Path, unit: str) -> PointStream:
@@ -98,6 +103,11 @@ def _exported(path: Path, unit: str) -> PointStream:
 
 def _points(time: Array, points: Array, path: Path) -> PointStream:
     return PointStream(time - time[0], points, f"tracker stream {path.name}", float(time[0]))
+
+
+def _simulated(table: Columns) -> bool:
+    """Whether a stream says that simulators sent it: any row of its column `simulated` is not 0."""
+    return bool(np.any(~np.isin(table.text("simulated"), ("", "0"))))
 
 
 def _times(table: Columns, column: Column) -> Array:

@@ -63,13 +63,14 @@ class _Clocked:
 class JointStream(_Clocked):
     """n samples of the robot: time (n,) s by its own clock, increasing; joints (n, N) model angles, rad.
 
-    zero: what the clock of the file showed at time 0, s.
+    zero: what the clock of the file showed at time 0, s. simulated: no real robot sent it.
     """
 
     time: Array
     joints: Array
     name: str = "robot stream"
     zero: float = 0.0
+    simulated: bool = False
 
     @cached_property
     def _curve(self) -> CubicHermiteSpline:
@@ -105,13 +106,14 @@ class JointStream(_Clocked):
 class PointStream(_Clocked):
     """n samples of the instrument: time (n,) s by its own clock, increasing; points (n, 3) mm in its frame.
 
-    zero: what the clock of the file showed at time 0, s.
+    zero: what the clock of the file showed at time 0, s. simulated: no real instrument sent it.
     """
 
     time: Array
     points: Array
     name: str = "tracker stream"
     zero: float = 0.0
+    simulated: bool = False
 
 
 def _last(values: Array) -> Array:

@@ -42,6 +42,7 @@ _STYLE: dict[Any, Any] = {
     "xtick.color": QUIET,
     "ytick.color": QUIET,
     "text.color": INK,
+    "text.parse_math": False,  # names of people and files may hold $
 }
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
@@ -66,17 +67,18 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     """The legend of some axes above them, where it hides nothing."""
-    drawn.legend(
-        *axes.get_legend_handles_labels(),
-        loc="outside upper left",
-        ncols=columns,
-        frameon=False,
-        fontsize=8.5,
-        handlelength=1.6,
-        handletextpad=0.5,
-        columnspacing=1.6,
-        borderpad=0.2,
-    )
+    with matplotlib.rc_context(_STYLE):
+        drawn.legend(
+            *axes.get_legend_handles_labels(),
+            loc="outside upper left",
+            ncols=columns,
+            frameon=False,
+            fontsize=8.5,
+            handlelength=1.6,
+            handletextpad=0.5,
+            columnspacing=1.6,
+            borderpad=0.2,
+        )
 
 
 def dots(
@@ -103,8 +105,15 @@ def plain_ratio_axis(axes: Axes) -> None:
 
 
 def plain(axis: Axis) -> None:
-    """Plain numbers at the decades of a logarithmic axis, no powers of ten."""
+    """Plain numbers on a logarithmic axis, no powers of ten; between decades at 2 and 5, where few decades are seen."""
+
+    def between(value: float, _: object) -> str:
+        low, high = axis.get_view_interval()
+        shown = f"{value:g}"
+        return shown if high < 20.0 * low and shown.strip("0.")[:1] in ("2", "5") else ""
+
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(FuncFormatter(between))
 
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:
