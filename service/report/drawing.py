@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
 from calib.array import Array
@@ -42,7 +43,7 @@ _STYLE: dict[Any, Any] = {
     "xtick.color": QUIET,
     "ytick.color": QUIET,
     "text.color": INK,
-    "text.parse_math": False,  # names of people and files may hold $
+    "text.parse_math": False,  # names may hold a dollar sign
 }
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
@@ -67,18 +68,17 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tupl
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     """The legend of some axes above them, where it hides nothing."""
-    with matplotlib.rc_context(_STYLE):
-        drawn.legend(
-            *axes.get_legend_handles_labels(),
-            loc="outside upper left",
-            ncols=columns,
-            frameon=False,
-            fontsize=8.5,
-            handlelength=1.6,
-            handletextpad=0.5,
-            columnspacing=1.6,
-            borderpad=0.2,
-        )
+    drawn.legend(
+        *axes.get_legend_handles_labels(),
+        loc="outside upper left",
+        ncols=columns,
+        frameon=False,
+        fontsize=8.5,
+        handlelength=1.6,
+        handletextpad=0.5,
+        columnspacing=1.6,
+        borderpad=0.2,
+    )
 
 
 def dots(
@@ -118,6 +118,8 @@ def plain(axis: Axis) -> None:
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:
     """The figure as an `<svg>` element. `name` keeps its ids apart; `description` is read to those who cannot see."""
+    for made_before in drawn.findobj(Text):
+        made_before.set_parse_math(False)
     text = io.StringIO()
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)

@@ -23,7 +23,8 @@ from service.results.zones import Zone, read_zones
 from tests.service.campaigns import write_data
 from tests.service.certificates import MEASURED
 
-NOWHERE = Zone("far <b>away</b>", (9e3,) * 3, (9.1e3,) * 3, 9.0, None)
+LOWEST, HIGHEST = (-5e3, -5e3, -5e3), (5e3, 5e3, 5e3)
+NOWHERE = Zone("far <b>away</b>", (9e3, 9e3, 9e3), (9.1e3, 9.1e3, 9.1e3), 9.0, None)
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +42,8 @@ def split(dataset: Dataset, fit: Identification, limit: float) -> tuple[Zone, Zo
     """Two halves of the workspace, divided at the median of x in the base frame."""
     x = targets_in_base(dataset, fit.model, fit.estimate)[dataset.validation_rows, 0]
     middle = float(np.median(x))
-    low = Zone("low", (-5e3,) * 3, (middle, 5e3, 5e3), limit, None)
-    return low, Zone("high", (middle + 1e-6, -5e3, -5e3), (5e3,) * 3, limit, None)
+    low = Zone("low", LOWEST, (middle, 5e3, 5e3), limit, None)
+    return low, Zone("high", (middle + 1e-6, -5e3, -5e3), HIGHEST, limit, None)
 
 
 def test_every_zone_is_judged_by_its_own_readings(found: tuple[Dataset, Identification]) -> None:
