@@ -236,7 +236,7 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     names = [words_of(e.label) for e in mine]
     listed = ", ".join(names[:1]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
     return Panel(
-        title=listed or f"joint {joint}: nothing found",
+        title=listed or f"joint {joint}",
         x_label=f"θ{joint}, deg",
         y_label="error, mdeg",
         x=angle / DEG,
