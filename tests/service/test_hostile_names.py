@@ -188,7 +188,7 @@ def test_names_stay_names(text: str, tmp_path: Path) -> None:
     assert not [cell for cell in cells if cell.startswith(("=", "@"))]
 
 
-@pytest.mark.parametrize("text", TEXTS)
+@pytest.mark.parametrize("text", ["$\\frac{1", "<b>$x^$&"])
 def test_a_picture_draws_a_name_as_it_is(text: str) -> None:
     left = np.random.default_rng(1).normal(size=(40, 3))
     group = np.arange(40) % 2
