@@ -51,7 +51,7 @@ def tell(folder: Path, step: str) -> None:
 
 
 def diagnosis(
-    data: Path, folder: Path, *, cell: str | None = None, limits: dict[str, float | None] | None = None
+    data: Path, folder: Path, *, cell: str | None = None, limits: dict[str, Any] | None = None
 ) -> None:
     """Diagnose, save the model, draw the report. Raises DataError.
 
@@ -72,7 +72,7 @@ def diagnosis(
     from service.results.arrows import arrows_of
 
     dataset = read_dataset(data)
-    held_to = None if limits is None else Limits(**limits)
+    held_to = Limits.kept(limits)
     if held_to is not None:
         held_to.refuse_unjudged(dataset)
     found = diagnose(dataset, progress=lambda step: tell(folder, step))
@@ -93,7 +93,7 @@ def diagnosis(
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(data: Path, folder: Path, *, limits: dict[str, float | None] | None = None) -> None:
+def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = None) -> None:
     """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
     from calib.saved import save_model
     from calib.text import replace_file
@@ -102,7 +102,7 @@ def identification(data: Path, folder: Path, *, limits: dict[str, float | None] 
     from service.results.arrows import arrows_of
     from service.results.identified import Identified
 
-    held_to = None if limits is None else Limits(**limits)
+    held_to = Limits.kept(limits)
     result = Identified.of(data, say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
     if result.found.converged:
@@ -138,7 +138,7 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     if model is None:
         document = validation_document.of_hold_outs(dataset, hold_outs(dataset))
     else:
-        limits = None if order["limits"] is None else Limits(**order["limits"])
+        limits = Limits.kept(order["limits"])
         asked = Question(order["placed"], order["everything"], limits=limits)
         document = Validated.of(dataset, Read(load_model(Path(model)), Path(model)), asked).document()
     replace_file(folder / RESULT, as_json(document))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from calib.data import Dataset
 from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure
 from calib.fit import ErrorStatistics
+from service import effect_names
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
@@ -172,7 +173,7 @@ def structure_caption(left: Structure) -> str:
 def verdict_in_words(diagnosis: Diagnosis) -> str:
     """The verdict as a plain sentence or two, with what it gains."""
     names = [found.effect.label for found in diagnosis.effects]
-    listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    listed = effect_names.listed(diagnosis.effects)
     effects = f"{counted(len(names), 'effect')} that the base model lacks"
     before, after = diagnosis.error_before, diagnosis.error_after
     lost = bool(names) and before is not None and after is not None and after.rms > before.rms
@@ -185,8 +186,8 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         + ". No structure shows where it comes from: the noise is larger"
         + " than declared, or a law outside the library is at work.",
         "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
-        "ambiguous": f"Found {effects}: {listed}. These poses cannot distinguish "
-        "at least one of them from its rivals, which are listed.",
+        "ambiguous": f"Found {effects}: {listed}. These poses cannot say which member of a class it is; "
+        "the weights of all members are listed.",
         "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
         + f"Structure is left that none explains ({where}).",
     }[diagnosis.verdict]

@@ -118,8 +118,9 @@ def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath
                 stem = stem.with_name(f"{stem.name}_{number}")
             robot, tracker = (read_stream(store, row["attempt"], role) for role in ("robot", "instrument"))
             files = [stem.with_name(f"{stem.name}_{what}.csv") for what in ("robot", "tracker")]
-            replace_file(files[0], _robot_text(robot))
-            replace_file(files[1], _tracker_text(tracker))
+            simulated = bool(store.campaign["simulated"])
+            replace_file(files[0], _robot_text(robot, simulated))
+            replace_file(files[1], _tracker_text(tracker, simulated))
             both = {"robot": robot, "instrument": tracker}
             done.append(
                 ExportedPath(
@@ -134,7 +135,7 @@ def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath
     return cell, done
 
 
-def _robot_text(stream: Stream) -> str:
+def _robot_text(stream: Stream, simulated: bool) -> str:
     names = [f"j{k}_deg" for k in range(1, stream.values.shape[1] + 1)]
     kept = ~stream.doubted
     rows = zip(
@@ -147,10 +148,11 @@ def _robot_text(stream: Stream) -> str:
     return _text(
         ["t_s", *names, "arrived_t_s", "lost_before"],
         ((f"{t:.6f}", *(f"{q:.6f}" for q in joints), f"{at:.4f}", lost) for t, joints, at, lost in rows),
+        simulated,
     )
 
 
-def _tracker_text(stream: Stream) -> str:
+def _tracker_text(stream: Stream, simulated: bool) -> str:
     rows = zip(stream.device_t_s, stream.values, stream.doubted, stream.arrived_t_s, stream.lost, strict=True)
     return _text(
         ["t_s", "x_mm", "y_mm", "z_mm", "status", "arrived_t_s", "lost_before"],
@@ -158,12 +160,15 @@ def _tracker_text(stream: Stream) -> str:
             (f"{t:.6f}", *(f"{x:.6f}" for x in point), "doubted" if doubted else "ok", f"{at:.4f}", lost)
             for t, point, doubted, at, lost in rows
         ),
+        simulated,
     )
 
 
-def _text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def _text(names: Sequence[str], rows: Iterable[Sequence[object]], simulated: bool) -> str:
+    """Names and rows as CSV; a column `simulated` of ones where simulators sent them."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
+    label = (1,) if simulated else ()
+    writer.writerow([*names, *(["simulated"] if simulated else [])])
+    writer.writerows([*row, *label] for row in rows)
     return text.getvalue()

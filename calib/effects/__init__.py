@@ -103,4 +103,9 @@ def check_of(label: str) -> str:
     return kind_of(label).check_of(label)
 
 
-__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "entries", "kind_of", "offers"]
+def words_of(label: str) -> str:
+    """What the effect of this label is called before readers. Raises KeyError as `kind_of` does."""
+    return kind_of(label).words_of(label)
+
+
+__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "entries", "kind_of", "offers", "words_of"]

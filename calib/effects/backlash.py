@@ -15,6 +15,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "backlash",
+        words="play of joint {joint}",
         check=(
             "Check the preload of the gear of joint {joint}: with the brakes on, push the arm by hand both "
             "ways and read a dial gauge; compare with the limit in the maker's manual."

@@ -21,6 +21,7 @@ _UNIT = "1e-6 rad/(N.mm)"
 KINDS = (
     Kind(
         "backlash_load",
+        words="play of joint {joint} that grows with its load",
         check=(
             "Load the arm at joint {joint} with a known mass, push it by hand both ways with the brakes on "
             "and read a dial gauge: where the play grows with the mass, look at the gear's housing, its "

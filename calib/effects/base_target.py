@@ -20,6 +20,7 @@ _FEWEST = 6  # distances to a base target, two for each of its coordinates
 KINDS = (
     Kind(
         "base_target_shift",
+        words="seat of base target {name}",
         check=(
             "Check the seat of base target {name} for dirt and looseness, and measure its place in the "
             "world anew."

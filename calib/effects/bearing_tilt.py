@@ -20,6 +20,7 @@ _UNIT = "1e-6 rad/(N.m)"
 KINDS = (
     Kind(
         "bearing_tilt",
+        words="tilting bearing of joint {joint}",
         check=(
             "Check the main bearing of joint {joint} for play across its axis with a dial gauge and a "
             "lever, and its bolts."

@@ -17,6 +17,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "coupling",
+        words="coupling of joints {joint}",
         check=(
             "Compare the coupling ratio of joints {joint} in the controller with the robot's data sheet, "
             "and look for a cable or hose that drags from one joint to the other."

@@ -19,6 +19,7 @@ _UNIT = "1e-15 rad/(N.mm)^3"
 KINDS = (
     Kind(
         "cubic_stiffness",
+        words="gear of joint {joint} yielding to large loads",
         check=(
             "Check the gear of joint {joint} for worn teeth, and that the load is within what it is rated "
             "for."

@@ -21,6 +21,7 @@ _LEAST_CHANGE = 0.2  # of the 2 that a full change of side makes
 KINDS = (
     Kind(
         "dead_zone",
+        words="play of joint {joint} that gravity closes",
         check=(
             "Check gear and brake of joint {joint} for play with the load first on one side of the joint, "
             "then on the other; look at the counterbalance if it has one."

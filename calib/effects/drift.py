@@ -14,6 +14,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "drift_translation",
+        words="instrument shifting with time",
         check=(
             "Check the stand of the instrument: feet, clamp, floor; let it warm up for two hours and "
             "measure the nests between the poses."
@@ -23,6 +24,7 @@ KINDS = (
     ),
     Kind(
         "drift_rotation",
+        words="instrument turning with time",
         check=(
             "Check that the instrument's stand does not creep or turn, keep the sun off it, and measure the "
             "nests between the poses."

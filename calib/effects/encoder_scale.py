@@ -14,6 +14,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "encoder_scale",
+        words="gear ratio of joint {joint}",
         check=(
             "Compare the gear ratio of joint {joint} in the controller with the one on its type plate, and "
             "look for a belt of the wrong pitch."

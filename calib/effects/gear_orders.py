@@ -29,6 +29,7 @@ _MOST = 0.9  # of a curve's mean square
 KINDS = (
     Kind(
         "gear_orders",
+        words="gear of joint {joint}, over a turn",
         check=(
             "Look where the curve of the gear of joint {joint} is steep, and measure it again after a year: "
             "a curve that grows is wear, one that has kept can be corrected for."

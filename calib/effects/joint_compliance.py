@@ -12,6 +12,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "joint_compliance",
+        words="gear of joint {joint} yielding to gravity",
         check=(
             "Check the payload that the controller was told and, on joint {joint}, the bolts of gear and "
             "motor; hang a known mass on the flange and watch a dial gauge."

@@ -14,6 +14,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "joint_offset",
+        words="zero of joint {joint}",
         check=(
             "Bring joint {joint} to its calibration mark and read the counter; master the axis anew if it "
             "is off."

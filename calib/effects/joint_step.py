@@ -18,6 +18,7 @@ from calib.scan.steps import Steps
 KINDS = (
     Kind(
         "joint_step",
+        words="jump in the zero of joint {joint}",
         check=(
             "Bring joint {joint} to its calibration mark and read the counter; look for a belt that jumped, "
             "a clamp that slipped, a collision between the two readings."

@@ -27,19 +27,32 @@ class Kind:
     with {joint} or {name} where the label has one. It is no work order: what must be done to a gear or a bearing is in
     the robot's own manual. apart: procedures, as the end of a sentence, that distinguish the kind from another where
     no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
-    temperature that does not follow the clock distinguishes no two such kinds.
+    temperature that does not follow the clock distinguishes no two such kinds. words: what it is called before readers
+    who do not know labels, a few words without a verb, with {joint}, {name} and {times} ("once", "17 times") where the
+    label has them.
     """
 
     name: str
     check: str
     apart: tuple[str, ...]
     by_clock: bool = False
+    words: str = ""
 
     def check_of(self, label: str) -> str:
         """Advice on what to check for the effect of this label of the kind."""
-        name = label.partition(":")[2].partition(":")[0]
-        joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
-        return self.check.format(joint=joint, name=name)
+        return self.check.format(**_named(label))
+
+    def words_of(self, label: str) -> str:
+        """What the effect of this label of the kind is called before readers; the label where the kind has no words."""
+        return self.words.format(**_named(label)) or label
+
+
+def _named(label: str) -> dict[str, str]:
+    """What a label names, in words: "periodic:j2:n3" joint 2 and 3 times, "coupling:j4-j5" joints 4 and 5."""
+    name, _, order = label.partition(":")[2].partition(":")
+    joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
+    times = order.removeprefix("n")
+    return {"name": name, "joint": joint, "times": {"1": "once", "2": "twice"}.get(times, f"{times} times")}
 
 
 def distinguishing(one: Kind, other: Kind) -> list[str]:

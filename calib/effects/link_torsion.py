@@ -23,6 +23,7 @@ _UNIT = "1e-6 rad/(N.m)"
 KINDS = (
     Kind(
         "link_torsion",
+        words="twisting of link {joint}",
         check="Check the bolts at both ends of link {joint}, and the link for a crack if the value has grown.",
         apart=(OTHER_LOAD,),
     ),

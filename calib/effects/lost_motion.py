@@ -16,6 +16,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "lost_motion",
+        words="lost motion of joint {joint}",
         check=(
             "Check the drive of joint {joint} for friction and for play between motor and gear (belt, "
             "coupling, key): move it to and fro by a tenth of a degree and watch when a dial gauge follows."

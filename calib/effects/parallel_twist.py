@@ -14,6 +14,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "parallel_twist",
+        words="twisted axes at link {joint}",
         check=(
             "Nothing to repair: the axes at link {joint} were machined so; look for a past collision if the "
             "value has changed since the last calibration."

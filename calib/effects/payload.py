@@ -23,11 +23,13 @@ Compliance = Mapping[int, float]
 KINDS = (
     Kind(
         "payload_mass",
+        words="mass of the load",
         check="Weigh the tool with everything that hangs on it, and correct the load data in the controller.",
         apart=(OTHER_LOAD,),
     ),
     Kind(
         "payload_cog",
+        words="centre of mass of the load",
         check=(
             "Work out the centre of mass of tool, hoses and cables anew, and correct the load data in the "
             "controller."

@@ -17,6 +17,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "pedestal",
+        words="leaning pedestal",
         check=(
             "Check the anchor bolts and the grout of the pedestal; put a dial gauge beside the foot and "
             "reach out the arm to each side."

@@ -25,6 +25,7 @@ SPACING = 0.25
 KINDS = (
     Kind(
         "periodic",
+        words="gear of joint {joint}, {times} a turn",
         check=(
             "Look at the gear of joint {joint}: eccentric wheel or bearing at a low order, worn teeth or "
             "wave generator at the order of its ratio; a growing amplitude is wear."

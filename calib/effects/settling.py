@@ -16,6 +16,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "settling",
+        words="slow settling of joint {joint}",
         check=(
             "Let the arm stand longer before each reading and measure a few poses again; if that helps, "
             "look for friction and at the servo settings of joint {joint}."

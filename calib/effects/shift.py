@@ -22,6 +22,7 @@ _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a chan
 KINDS = (
     Kind(
         "base_shift",
+        words="base or instrument moved",
         check=(
             "Look for what moved the robot's foot or the instrument's stand: anchor bolts, tripod feet, "
             "traffic; measure the nests again."
@@ -30,6 +31,7 @@ KINDS = (
     ),
     Kind(
         "tool_shift",
+        words="tool moved on the flange",
         check=(
             "Look for what struck or loosened the tool: clamp, bolts, marks on the targets; the readings "
             "before and after belong to two tools."

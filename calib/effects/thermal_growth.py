@@ -17,6 +17,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "thermal_growth",
+        words="arm growing with the air temperature",
         check=(
             "Steady the air of the cell, or record its temperature and correct for it; keep sun and hot "
             "parts away from the arm."

@@ -13,6 +13,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "thermal_joint",
+        words="zero of joint {joint} moving with the air temperature",
         check=(
             "Look for what warms the housing of joint {joint} (motor, brake, sun), and measure again at a "
             "steady temperature."

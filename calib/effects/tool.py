@@ -19,11 +19,13 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "tool_offset",
+        words="tool beside the axis of the flange",
         check="Check how the tool is centred on the flange: pin, collar, burrs; measure its targets anew.",
         apart=(SECOND_TARGET,),
     ),
     Kind(
         "tool_tilt",
+        words="tool mounted askew",
         check=(
             "Clean the face between flange and tool, tighten its bolts evenly, and measure its targets anew."
         ),
@@ -31,6 +33,7 @@ KINDS = (
     ),
     Kind(
         "target_offset",
+        words="seat of target {name}",
         check=(
             "Check the seat of target {name} for dirt and looseness, and measure its place on the tool anew."
         ),

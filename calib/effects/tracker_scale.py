@@ -16,6 +16,7 @@ from calib.scan.fixed import Candidate
 KINDS = (
     Kind(
         "tracker_scale",
+        words="scale of the instrument",
         check=(
             "Check the weather station of the instrument (air temperature, pressure) and the date of its "
             "certificate; measure a reference length."

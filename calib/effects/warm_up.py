@@ -26,6 +26,7 @@ _MOST = 1500.0  # ppm: aluminium by 60 K; negative where an arm cools down
 KINDS = (
     Kind(
         "warm_up",
+        words="arm warming up",
         check="Let the robot run its warm-up cycle for an hour before it is measured or works.",
         apart=(OTHER_WARMTH,),
     ),

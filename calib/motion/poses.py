@@ -32,7 +32,8 @@ _FEWEST_PAIRS = 20
 
 @dataclass(frozen=True)
 class Origin:
-    """The origin for the header: the robot as a data set names it, its coupling, and the tool point, mm."""
+    """The origin for the header: the robot as a data set names it, its coupling, the tool point, mm, and whether
+    either stream is of a simulator."""
 
     robot_name: str
     coupling: str
@@ -40,6 +41,7 @@ class Origin:
     tool: tuple[float, float, float]
     tool_known: bool
     remark: str
+    simulated: bool = False
 
 
 def scatter(aligned: Aligned, still: Standstills) -> tuple[Array, float]:
@@ -124,6 +126,7 @@ robot = {json.dumps(origin.robot_name, ensure_ascii=False)}
 instrument = {json.dumps(origin.instrument, ensure_ascii=False)}
 world = "free"
 joint_coupling = {json.dumps(origin.coupling)}
+{"simulated = true" if origin.simulated else ""}
 
 [model]
 fit = {json.dumps(groups)}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,7 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
         float(time[0]),
         coupling,
         tuple(remarks),
+        _simulated(table),
     )
 
 
@@ -98,7 +100,7 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
         raise DataError("has no point that was measured.", do="Check columns and status.", file=path)
     time, points = time[seen], points[seen]
     once, remarks = _in_order(table.where(seen), time, points, of["time"])
-    return _points(time[once], points[once], path, remarks)
+    return replace(_points(time[once], points[once], path, remarks), simulated=_simulated(table))
 
 
 def _exported(path: Path, unit: str) -> PointStream:
@@ -138,6 +140,11 @@ def _in_order(
         )
     count = int(same.sum())
     return ~same, [f"{count} samples were written twice; each counts once."] if count else []
+
+
+def _simulated(table: Columns) -> bool:
+    """Whether a stream says that simulators sent it: any row of its column `simulated` is not 0."""
+    return bool(np.any(~np.isin(table.text("simulated"), ("", "0"))))
 
 
 def _times(table: Columns, column: Column) -> Array:

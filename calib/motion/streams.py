@@ -103,7 +103,7 @@ class JointStream(_Clocked):
     """n samples of the robot: time (n,) s by its own clock, increasing; joints (n, N) model angles, rad.
 
     zero: what the clock of the file showed at time 0, s; coupling: how the controller counts its joints; remarks: what
-    was done to what was recorded.
+    was done to what was recorded. simulated: no real robot sent it.
     """
 
     time: Array
@@ -112,6 +112,7 @@ class JointStream(_Clocked):
     zero: float = 0.0
     coupling: str = "none"
     remarks: tuple[str, ...] = ()
+    simulated: bool = False
 
     @cached_property
     def _curve(self) -> CubicHermiteSpline:
@@ -147,7 +148,8 @@ class JointStream(_Clocked):
 class PointStream(_Clocked):
     """n samples of the instrument: time (n,) s by its own clock, increasing; points (n, 3) mm in its frame.
 
-    zero: what the clock of the file showed at time 0, s; remarks: what was done to what was recorded.
+    zero: what the clock of the file showed at time 0, s; remarks: what was done to what was recorded. simulated: no
+    real instrument sent it.
     """
 
     time: Array
@@ -155,6 +157,7 @@ class PointStream(_Clocked):
     name: str = "tracker stream"
     zero: float = 0.0
     remarks: tuple[str, ...] = ()
+    simulated: bool = False
 
 
 def _last(values: Array) -> Array:

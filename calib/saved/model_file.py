@@ -54,6 +54,7 @@ from calib.text.toml_table import FARTHEST_MM, Vector
 from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
+SIMULATED = "SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one."
 _SIDES = ("from below", "from above", "both sides")
 _MOST_GRAVITY, _HOTTEST_C = 10.0, 1000.0
 
@@ -74,6 +75,7 @@ class SavedModel:
     held_out_rms_mm: float | None = None
     notes: tuple[str, ...] = ()  # what whoever uses it must know
     regression: Regression | None = None
+    simulated: bool = False  # whether the readings came from simulators
 
     @property
     def usual(self) -> StatedConditions:
@@ -98,6 +100,8 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         data_sha256=identification.data_sha256,
         holds_for=_scope_of(identification),
         held_out_rms_mm=None if judged is None else judged.rms,
+        notes=(SIMULATED,) if header.simulated else (),
+        simulated=header.simulated,
     )
 
 
@@ -153,6 +157,7 @@ def model_document(
         "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
         "station_mm": list(model.station),
         "data_sha256": identification.data_sha256,
+        "simulated": identification.header.simulated,
         "holds_for": _scope_of(identification),
         "held_out": None
         if judged is None or diagnosis is None
@@ -237,7 +242,7 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
     if saved.regression is not None:
         refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
-    return replace(saved, notes=notes)
+    return replace(saved, notes=(*((SIMULATED,) if saved.simulated else ()), *notes))
 
 
 def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
@@ -284,6 +289,9 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         raise DataError(
             f"is {coupling!r}.", do="Use a joint matrix of the robot.", file=path, key="joint_coupling"
         )
+    simulated = document.get("simulated", False)  # models of older versions do not say
+    if not isinstance(simulated, bool):
+        raise DataError(f"is {simulated!r}.", do="Write the model again.", file=path, key="simulated")
     if not isinstance(data, str):
         raise DataError(f"is {data!r}.", do="Write the model again.", file=path, key="data_sha256")
     return SavedModel(
@@ -297,6 +305,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         holds_for=_holds_for(holds, robot, path),
         held_out_rms_mm=_held_out_rms(document.get("held_out")),
         regression=regression_of(document["regression"], robot, path) if "regression" in document else None,
+        simulated=simulated,
     )
 
 

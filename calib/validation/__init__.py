@@ -7,7 +7,7 @@ from calib.validation.holdout import HeldOut, hold_outs
 from calib.validation.iso9283 import VISITS_OF_THE_STANDARD, DistanceFigures, PoseFigures
 from calib.validation.judge import Judgement, Repeats, judge, judge_repeats, refuse_other_robot
 from calib.validation.pairs import pair_errors
-from calib.validation.place import place
+from calib.validation.place import place, targets_in_base
 from calib.validation.summary import Summary, summarise
 
 __all__ = [
@@ -34,4 +34,5 @@ __all__ = [
     "refuse_other_robot",
     "sphere_tests",
     "summarise",
+    "targets_in_base",
 ]

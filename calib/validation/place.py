@@ -80,6 +80,21 @@ def place(
     return replace(held, targets=targets, placements=placements, turns=turns), values
 
 
+def targets_in_base(dataset: Dataset, model: RobotModel, estimate: Array) -> Array:
+    """(n, 3) where a model expects the target of every reading, mm, in the base frame of the robot.
+
+    Where the base stands and what the instrument does are left out; the tool is as the model has it.
+    """
+    effects = tuple(
+        effect
+        for effect in model.effects
+        if effect.owner != "instrument" and not any(term.slot.startswith("base.") for term in effect.terms)
+    )
+    robot = replace(model, effects=effects, placements={})
+    values = np.array([estimate[model.index[p.name]] for p in robot.parameters])
+    return Design(robot, dataset.conditions).predict(values)
+
+
 def flange_poses(robot: RobotModel, estimate: Array, dataset: Dataset) -> Array:
     """(n, 4, 4) poses of the flange in the base frame, mm, of a robot without base and tool."""
     conditions = dataset.conditions

@@ -21,7 +21,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
 from service.results import documents
-from service.results.acceptance import EFFECTS, Acceptance, Limits, decide
+from service.results.acceptance import EFFECTS, Acceptance, decide
 from service.results.patched import Patched
 from service.results.predictions import predictions_csv
 
@@ -59,6 +59,7 @@ def diagnose_command(
     ] = False,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
+    accept_zones: options.AcceptZones = None,
     dcc: Dcc = None,
     dcc_about: DccAbout = None,
 ) -> None:
@@ -72,9 +73,9 @@ def diagnose_command(
             "--follow-up": follow_up,
             "--dcc": dcc,
         },
-        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about),
+        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones),
     )
-    limits = Limits.of(accept_rms, accept_max)
+    limits = options.limits_of(accept_rms, accept_max, accept_zones)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)

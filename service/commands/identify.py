@@ -18,7 +18,6 @@ from service.commands.certificate import Dcc, DccAbout, read_about, write_certif
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
-from service.results.acceptance import Limits
 from service.results.documents import parameters_of
 from service.results.identified import Identified
 
@@ -45,17 +44,18 @@ def identify_command(
     ] = None,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
+    accept_zones: options.AcceptZones = None,
     dcc: Dcc = None,
     dcc_about: DccAbout = None,
 ) -> None:
     """Identify the robot's parameters, nothing else."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
-        inputs=(*options.files_of(data), dcc_about),
+        inputs=(*options.files_of(data), dcc_about, accept_zones),
     )
     if preliminary is not None and report is None:
         raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
-    limits = Limits.of(accept_rms, accept_max)
+    limits = options.limits_of(accept_rms, accept_max, accept_zones)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         result = Identified.of(data, level, terminal.say, limits)

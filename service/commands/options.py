@@ -16,7 +16,8 @@ from calib.saved import SavedModel, load_model
 from service import exit_codes
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.acceptance import NAMES, Acceptance
+from service.results.acceptance import NAMES, Acceptance, Limits
+from service.results.zones import read_zones
 
 Data = Annotated[
     Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")
@@ -48,6 +49,14 @@ AcceptMax = Annotated[
         help="Largest error on validation rows asked for, judged with its uncertainty; not met: exit code 3.",
     ),
 ]
+AcceptZones = Annotated[
+    Path | None,
+    typer.Option(
+        "--accept-zones",
+        metavar="ZONES.toml",
+        help="Boxes in the base frame with limits of their own, judged one by one; one not met: exit code 3.",
+    ),
+]
 RobotFile = Annotated[
     Path | None,
     typer.Option(
@@ -61,6 +70,11 @@ LargestCorrection = Annotated[
     ),
 ]
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
+
+
+def limits_of(rms: float | None, largest: float | None, zones: Path | None) -> Limits | None:
+    """The limits of --accept-rms, --accept-max and --accept-zones; None without any. Raises DataError."""
+    return Limits.of(rms, largest, () if zones is None else read_zones(zones))
 
 
 def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]) -> SavedModel:

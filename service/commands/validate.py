@@ -18,7 +18,6 @@ from service.printed.tables import acceptance as acceptance_table
 from service.printed.tables import warnings as warnings_table
 from service.printed.terminal import Terminal
 from service.results import validation_document
-from service.results.acceptance import Limits
 from service.results.validated import Question, Read, Validated
 
 
@@ -49,15 +48,16 @@ def validate_command(
     largest_correction: options.LargestCorrection = options.LARGEST,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
+    accept_zones: options.AcceptZones = None,
     json: options.Json = None,
 ) -> None:
     """Judge a saved model, or compare kinds of hold-out."""
     inputs = [path for path in (model, compare) if path is not None]
-    options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs))
-    limits = Limits.of(accept_rms, accept_max)
+    options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs, accept_zones))
+    limits = options.limits_of(accept_rms, accept_max, accept_zones)
     if model is None and (limits or compare is not None or place_it or everything or point is not None):
         raise DataError(
-            "is missing: --compare, --place, --all, --point, --accept-rms and --accept-max go with it.",
+            "is missing: --compare, --place, --all, --point, --accept-rms, --accept-max and --accept-zones go with it.",
             do="Give the model to judge with --model M.json.",
             file="--model",
         )

@@ -106,6 +106,7 @@ def _growth(dataset: Dataset, rows: np.ndarray, above: Array, errors: Mapping[st
         axes.plot(*np.array(each).T, "-", color=colour, linewidth=1.4)
     axes.axvline(NEAR_MM, color=drawing.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_yscale("log")
+    drawing.plain(axes.yaxis)
     axes.set_xlabel("distance of the target from the point above the fixture, mm")
     axes.set_ylabel("error of the distance, mm")
     drawing.legend(drawn, axes, min(len(errors), 3))

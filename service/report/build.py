@@ -26,6 +26,7 @@ from service.report import (
     drawing,
     errors,
     follow_up_section,
+    judged,
     ladder,
     panels,
     paper,
@@ -46,7 +47,7 @@ from service.results.patched import Patched
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit")),
-    **dict.fromkeys(("verification", "regression", "acceptance", "repeats")),
+    **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged")),
     "ballbar": None,
 }
 """What the template shows only where a report gives it; a name that it does not know is refused."""
@@ -71,9 +72,11 @@ def diagnosis_report(
     found = tuple(f.effect for f in diagnosis.effects)
     sample = Sample.of(dataset, final)
     models = {
+        "nominal robot": (diagnosis.nominal, diagnosis.nominal_estimate, drawing.NOMINAL),
         "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
-        "with the effects found": (final.model, final.estimate, drawing.AFTER),
     }
+    if found:  # else the last model is the base model again
+        models["with the effects found"] = (final.model, final.estimate, drawing.AFTER)
     measured = _held_out(dataset, models)
     tables = []
     if carried is not None:
@@ -109,6 +112,7 @@ def diagnosis_report(
         ),
         error_tables=[table for table in tables if table["rows"]],
         figures=_error_figures(measured),
+        judged=judged.section_of(dataset, models, measured),
         joints=joints,
         effects=effects,
         error_after=diagnosis.error_after,
@@ -144,7 +148,7 @@ def identification_report(
     preliminary: a model of stage 1, for the section of the ballbar.
     """
     models = {
-        "nominal robot": (nominal, placed, drawing.BEFORE),
+        "nominal robot": (nominal, placed, drawing.NOMINAL),
         "identified": (found.model, found.estimate, drawing.AFTER),
     }
     measured = _held_out(dataset, models)
@@ -164,6 +168,7 @@ def identification_report(
         acceptance=acceptance,
         repeats=repeats.section_of(dataset, found.model, found.estimate),
         figures=_error_figures(measured),
+        judged=judged.section_of(dataset, models, measured),
         joints=joints,
         ballbar=ballbar.section_of(dataset, _with(preliminary, models)),
     )
@@ -226,7 +231,7 @@ def _render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"mm": wording.millimetres, "chance": wording.chance}
+    environment.filters |= {"mm": wording.millimetres, "chance": wording.chance, "capitalize_first": _begun}
     return environment.get_template("report.html.j2").render(
         dataset=dataset,
         robot=found.model.robot,
@@ -249,6 +254,7 @@ def _render(
         warnings=wording.grouped(found.warnings),
         closing=wording.CLOSING,
         drawn=DRAWN,
+        most_dots=scatter.MOST_DOTS,
         acceptance_names=NAMES,
         acceptance_rule=RULE,
         document=_embedded(document),
@@ -291,6 +297,11 @@ def _patch(patched: Patched) -> dict[str, Any]:
         {"With the effects found": patched.without, "The same with the patch": patched.with_it},
     )
     return {"words": wording.patch_in_words(patched.patch), "table": table if table["rows"] else None}
+
+
+def _begun(text: str) -> str:
+    """A text with a capital letter in front; names inside it stay as they are."""
+    return text[:1].upper() + text[1:]
 
 
 def _parameter(row: Row) -> dict[str, Any]:

@@ -151,8 +151,19 @@ def _statements(parent: ElementTree.Element, certified: Certified) -> None:
         verdict = _add(statements, "statement")
         _text(verdict, "name", "Acceptance")
         _add(verdict, "convention", "guard bands as in ISO 14253-1")
-        _text(verdict, "declaration", RULE)
+        _text(verdict, "declaration", RULE, *map(_judged, acceptance["criteria"]))
         _add(verdict, "conformity", CONFORMITY[acceptance["verdict"]])
+
+
+def _judged(criterion: Mapping[str, Any]) -> str:
+    """One figure with its limit and verdict, as text."""
+    where = "" if criterion["zone"] is None else f" in zone {criterion['zone']}"
+    figure, u = (
+        "none" if criterion[key] is None else f"{criterion[key]:.4g} mm"
+        for key in ("figure_mm", "expanded_uncertainty_mm")
+    )
+    verdict = criterion["verdict"].replace("_", " ")
+    return f"{_FIGURES[criterion['quantity']]}{where}: {figure}, U {u}, limit {criterion['limit_mm']:g} mm: {verdict}."
 
 
 def _results(parent: ElementTree.Element, certified: Certified) -> None:
@@ -215,7 +226,11 @@ def _uncertainty(document: Mapping[str, Any], key: str) -> Mapping[str, float]:
     acceptance = document.get("acceptance")
     if key != last or acceptance is None:
         return {}
-    found = {each["quantity"]: each["expanded_uncertainty_mm"] for each in acceptance["criteria"]}
+    found = {
+        each["quantity"]: each["expanded_uncertainty_mm"]
+        for each in acceptance["criteria"]
+        if each["zone"] is None
+    }
     return {name: u for name, u in found.items() if u is not None}
 
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
 from calib.array import Array
@@ -41,6 +43,7 @@ _STYLE: dict[Any, Any] = {
     "xtick.color": QUIET,
     "ytick.color": QUIET,
     "text.color": INK,
+    "text.parse_math": False,  # names may hold a dollar sign
 }
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
@@ -98,11 +101,25 @@ def dots(
 def plain_ratio_axis(axes: Axes) -> None:
     """A logarithmic abscissa with plain numbers."""
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain(axes.xaxis)
+
+
+def plain(axis: Axis) -> None:
+    """Plain numbers on a logarithmic axis, no powers of ten; between decades at 2 and 5, where few decades are seen."""
+
+    def between(value: float, _: object) -> str:
+        low, high = axis.get_view_interval()
+        shown = f"{value:g}"
+        return shown if high < 20.0 * low and shown.strip("0.")[:1] in ("2", "5") else ""
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(FuncFormatter(between))
 
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:
     """The figure as an `<svg>` element. `name` keeps its ids apart; `description` is read to those who cannot see."""
+    for made_before in drawn.findobj(Text):
+        made_before.set_parse_math(False)
     text = io.StringIO()
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)

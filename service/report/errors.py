@@ -39,15 +39,17 @@ def common_bins(sets: Sequence[Errors]) -> tuple[Array, bool]:
 def histogram(sets: Sequence[Errors]) -> str:
     """Histogram of all sets on the same bins, as SVG."""
     edges, ratio = common_bins(sets)
-    drawn, (axes,) = drawing.figure(5.0, 3.1)
+    drawn, (axes,) = drawing.figure(4.3, 2.9)
     for i, s in enumerate(sets):
         e = statistics_of(s.distances)
         assert e is not None
         label = (
-            f"{s.name}\nmean {millimetres(e.mean)}, 95 % {millimetres(e.p95)},\nmax {millimetres(e.max)} mm"
+            f"{s.name}\nmean {millimetres(e.mean)}\n95 % {millimetres(e.p95)}\nmax {millimetres(e.max)} mm"
         )
         counts, _ = np.histogram(np.clip(s.distances, edges[0], edges[-1]), edges)
-        axes.stairs(counts, edges, fill=True, color=s.colour, alpha=0.45 if i == 0 else 0.6, label=label)
+        axes.stairs(
+            counts, edges, fill=True, color=s.colour, alpha=0.3 + 0.3 * i / max(len(sets) - 1, 1), label=label
+        )
         axes.stairs(counts, edges, color=s.colour, linewidth=1.2)
         axes.axvline(e.mean, color=s.colour, linewidth=1.2, linestyle=(0, (4, 2)))
     if ratio:
@@ -58,14 +60,14 @@ def histogram(sets: Sequence[Errors]) -> str:
     axes.set_xlabel("error, mm")
     axes.set_ylabel(f"readings of {len(sets[0].distances)}")
     axes.margins(y=0.04)
-    drawing.legend(drawn, axes, 2)
+    drawing.legend(drawn, axes, len(sets))
     names = " and ".join(s.name for s in sets)
     return drawing.as_svg(drawn, "histogram", f"Histogram of the position error, same bins: {names}")
 
 
 def cumulative(sets: Sequence[Errors]) -> str:
     """Share of the readings below an error, as SVG."""
-    drawn, (axes,) = drawing.figure(5.0, 3.1)
+    drawn, (axes,) = drawing.figure(4.3, 2.9)
     _, ratio = common_bins(sets)
     for s in sets:
         x = np.sort(s.distances)
@@ -83,5 +85,5 @@ def cumulative(sets: Sequence[Errors]) -> str:
     axes.set_ylim(0.0, 101.0)
     axes.set_xlabel("error, mm")
     axes.set_ylabel("share of the readings, %")
-    drawing.legend(drawn, axes, 2)
+    drawing.legend(drawn, axes, len(sets))
     return drawing.as_svg(drawn, "cumulative", "Cumulative curve of the position error of each model")

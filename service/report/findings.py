@@ -12,16 +12,17 @@ from calib.data import Dataset
 from calib.diagnose import Found, Structure, Visible, error_without
 from calib.effects import check_of
 from calib.units import to_display
-from service import wording
+from service import effect_names, wording
 from service.report import panels, scatter, structure
 from service.report.residuals import Sample
 
 _LISTED = 12  # parameters of an effect
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
+_PLACES_DRAWN = 6  # places where structure is left, most certain first; all are listed
 
 
 def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
-    picture = structure.picture_of(left, number + 1, dataset, sample) if number < DRAWN else None
+    picture = structure.picture_of(left, number + 1, dataset, sample) if number < _PLACES_DRAWN else None
     return {
         "where": left.where,
         "acts_on": left.acts_on,
@@ -51,6 +52,7 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
         picture = Markup(scatter.effect_figure(panels.of_effect(sample, found.effect), f"effect{number + 1}"))
     return {
         "label": found.effect.label,
+        "members": effect_names.members_of(found),
         "sentence": wording.sentence_of(found),
         "amplitude": value,
         "uncertainty": uncertainty,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data import Conditions
+from calib.effects import words_of
 from calib.model import Axis, Drawn, Effect, Regressor
 from calib.units import DEG
 from service.report.residuals import MDEG, Sample, Seen
@@ -232,10 +233,10 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     seen = sample.of_joint(joint, mine)
     angle = sample.angle(joint)
     sided = _gap(sample, mine) > 0.25 * float(np.max(np.abs(seen.law)))
-    names = [e.label.partition(f":j{joint}:")[2] or e.label for e in mine]
-    listed = ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
+    names = [words_of(e.label) for e in mine]
+    listed = ", ".join(names[:1]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
     return Panel(
-        title=f"Joint {joint}: {listed or 'nothing found'}",
+        title=listed or f"joint {joint}",
         x_label=f"θ{joint}, deg",
         y_label="error, mdeg",
         x=angle / DEG,

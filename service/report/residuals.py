@@ -130,8 +130,11 @@ class Sample:
 
     def left(self, dataset: Dataset) -> Array:
         """(n, 3) measured less predicted point of every reading, mm; NaN where no point was measured."""
-        predicted = np.concatenate([design.predict(self.fitted.estimate) for design in self.designs])
-        return dataset.points[np.concatenate([part.rows for part in self.parts])] - predicted
+        return dataset.points[np.concatenate([part.rows for part in self.parts])] - self._predicted
+
+    @cached_property
+    def _predicted(self) -> Array:
+        return np.concatenate([design.predict(self.fitted.estimate) for design in self.designs])
 
     def _estimate(self, parameter: str) -> float:
         return float(self.fitted.estimate[self.fitted.model.index[parameter]])

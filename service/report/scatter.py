@@ -11,7 +11,7 @@ from service.report import drawing
 from service.report.panels import Panel
 from service.report.residuals import binned
 
-MOST_DOTS = 1200  # a panel: enough to see the cloud, few enough for a file that opens at once
+MOST_DOTS = 500  # a panel: enough to see the cloud, few enough for a file that opens at once
 _SIDE_ROOM = 0.02  # of the width: dots at the edge are seen whole
 _UNSEEN_MDEG = 500.0  # standard error of one reading
 _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
@@ -32,12 +32,12 @@ def joints_figure(panels: Sequence[Panel]) -> str:
     """Small panels, one a joint, as SVG."""
     columns = 3
     rows = -(-len(panels) // columns)
-    drawn, places = drawing.figure(10.2, 2.35 * rows, rows, columns)
+    drawn, places = drawing.figure(8.6, 2.1 * rows, rows, columns)
     for axes, panel in zip(places, panels, strict=False):
         _draw(axes, panel, large=False)
         if float(np.median(panel.sd)) > _UNSEEN_MDEG:
             axes.text(
-                0.5, 0.93, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
+                0.5, 0.84, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
             )
         axes.set_title(panel.title, fontsize=9.0, loc="left", color=drawing.INK)
         axes.set_xlabel(panel.x_label)

@@ -7,6 +7,7 @@ what is beyond it by more than that is rejected, and between the two nothing is 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -19,8 +20,11 @@ from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import errors_on
 from calib.model import RobotModel
+from calib.validation import targets_in_base
 from service import wording
+from service.results.zones import Zone
 
+Quantity = Literal["rms", "max"]
 Verdict = Literal["accepted", "rejected", "not_decided"]
 NAMES: dict[Verdict, str] = {"accepted": "Accepted", "rejected": "Rejected", "not_decided": "Not decided"}
 RULE = (
@@ -33,24 +37,35 @@ _RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the sam
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest errors asked for, mm; None where a figure has no limit."""
+    """The largest errors asked for, mm; None where a figure has no limit. zones: parts with limits of their own."""
 
     rms: float | None
     largest: float | None
+    zones: Sequence[Zone] = ()
 
     @classmethod
-    def of(cls, rms: float | None, largest: float | None) -> Limits | None:
-        """The limits of --accept-rms and --accept-max, None where neither was given. Raises DataError."""
+    def of(cls, rms: float | None, largest: float | None, zones: Sequence[Zone] = ()) -> Limits | None:
+        """The limits of --accept-rms, --accept-max and --accept-zones, None where none was given. Raises DataError."""
         for option, value in (("--accept-rms", rms), ("--accept-max", largest)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise DataError(f"is {value:g}.", do="Give an error above 0 mm.", file=option)
-        return None if rms is None and largest is None else cls(rms, largest)
+        return None if rms is None and largest is None and not zones else cls(rms, largest, zones)
+
+    @classmethod
+    def kept(cls, table: Mapping[str, Any] | None) -> Limits | None:
+        """The limits of which `asdict` made a table."""
+        if table is None:
+            return None
+        zones = [
+            Zone(**{**z, "low": tuple(z["low"]), "high": tuple(z["high"])}) for z in table.get("zones", ())
+        ]
+        return cls(table["rms"], table["largest"], tuple(zones))
 
     def refuse_unjudged(self, dataset: Dataset) -> None:
         """Raise DataError for a data set in which no reading can judge."""
         if not dataset.validation_rows.any():
             raise DataError(
-                "has no measured validation rows, so --accept-rms and --accept-max cannot be judged.",
+                "has no measured validation rows, so --accept-rms, --accept-max and --accept-zones cannot be judged.",
                 do="Mark some rows set = validation, or leave the options out.",
                 file=dataset.path,
                 key="set",
@@ -59,13 +74,18 @@ class Limits:
 
 @dataclass(frozen=True)
 class Criterion:
-    """One figure against its limit. figure, limit, uncertainty (expanded, 95 %; infinite where unknown): mm."""
+    """One figure against its limit. figure, limit, uncertainty (expanded, 95 %; infinite where unknown): mm.
 
-    quantity: Literal["rms", "max"]
+    zone: the part of the workspace that it is of, None for all of it. Where no reading lies in the zone the figure is
+    NaN, and nothing is decided.
+    """
+
+    quantity: Quantity
     figure: float
     limit: float
     uncertainty: float
     basis: str  # of the uncertainty
+    zone: Zone | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -76,12 +96,15 @@ class Criterion:
 
     @property
     def name(self) -> str:
-        """The figure in words."""
-        return "RMS error" if self.quantity == "rms" else "Largest error"
+        """The figure in words, with its zone."""
+        what = "RMS error" if self.quantity == "rms" else "Largest error"
+        return what if self.zone is None else f"{what} in zone {self.zone.name}"
 
     @property
     def shown(self) -> tuple[str, str]:
         """Figure and uncertainty as text, mm."""
+        if not math.isfinite(self.figure):
+            return "none", "unknown"
         if not math.isfinite(self.uncertainty):
             return f"{self.figure:.4f}", "unknown"
         return f"{self.figure:.4f}", f"{self.uncertainty:.4f}"
@@ -109,8 +132,15 @@ class Acceptance:
         return [
             f"{each.name} {each.shown[0]} mm, U {each.shown[1]} mm, limit {each.limit:g} mm: "
             f"{NAMES[each.verdict].lower()}."
+            if math.isfinite(each.figure)
+            else f"{each.name}, limit {each.limit:g} mm: {NAMES[each.verdict].lower()}, {each.basis}."
             for each in self.criteria
         ]
+
+    @property
+    def zones(self) -> list[Zone]:
+        """The zones that have limits, each once, in their order."""
+        return list(dict.fromkeys(each.zone for each in self.criteria if each.zone is not None))
 
     def document(self) -> dict[str, Any]:
         """As JSON has it; an uncertainty that is unknown is null."""
@@ -122,7 +152,8 @@ class Acceptance:
             "criteria": [
                 {
                     "quantity": each.quantity,
-                    "figure_mm": each.figure,
+                    "zone": None if each.zone is None else each.zone.name,
+                    "figure_mm": each.figure if math.isfinite(each.figure) else None,
                     "expanded_uncertainty_mm": each.uncertainty if math.isfinite(each.uncertainty) else None,
                     "uncertainty_basis": each.basis,
                     "limit_mm": each.limit,
@@ -137,19 +168,40 @@ def decide(
     limits: Limits, dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array, name: str
 ) -> Acceptance:
     """Hold a model to limits on the measured rows of a mask (n,), of which there must be one."""
-    errors = errors_on(dataset, rows, model, estimate)
-    criteria = []
-    if limits.rms is not None:
-        poses = np.unique(dataset.conditions.pose[rows], return_inverse=True)[
-            1
-        ]  # visits of one pose err together
-        rms = float(np.sqrt(np.mean(errors**2)))
-        criteria.append(Criterion("rms", rms, limits.rms, *_of_rms(errors, poses)))
-    if limits.largest is not None:
-        criteria.append(
-            Criterion("max", float(errors.max()), limits.largest, *_of_largest(dataset, rows, len(errors)))
-        )
-    return Acceptance(name, len(errors), tuple(criteria))
+    errors = np.full(len(dataset), np.nan)
+    errors[rows] = errors_on(dataset, rows, model, estimate)
+    criteria = _held(dataset, rows, errors, limits.rms, limits.largest)
+    if limits.zones:
+        places = targets_in_base(dataset, model, estimate)
+        for zone in limits.zones:
+            criteria += _held(dataset, rows & zone.holds(places), errors, zone.rms, zone.largest, zone)
+    return Acceptance(name, int(rows.sum()), tuple(criteria))
+
+
+def _held(
+    dataset: Dataset,
+    rows: NDArray[np.bool_],
+    errors: Array,
+    rms: float | None,
+    largest: float | None,
+    zone: Zone | None = None,
+) -> list[Criterion]:
+    """The figures of the rows (n,) that have a limit; errors (n,), mm."""
+    judged, criteria = errors[rows], []
+    if not len(judged):
+        none = (math.inf, "no held-out reading lies in it")
+        asked: tuple[tuple[Quantity, float | None], ...] = (("rms", rms), ("max", largest))
+        return [Criterion(q, math.nan, limit, *none, zone) for q, limit in asked if limit is not None]
+    if rms is not None:
+        _, poses = np.unique(
+            dataset.conditions.pose[rows], return_inverse=True
+        )  # visits of one pose err together
+        figure = float(np.sqrt(np.mean(judged**2)))
+        criteria.append(Criterion("rms", figure, rms, *_of_rms(judged, poses), zone))
+    if largest is not None:
+        figure = float(judged.max())
+        criteria.append(Criterion("max", figure, largest, *_of_largest(dataset, rows, len(judged)), zone))
+    return criteria
 
 
 def _of_rms(errors: Array, pose: NDArray[np.int64]) -> tuple[float, str]:

@@ -160,6 +160,7 @@ def aligned_of(
         tool=order.tool,
         tool_known=order.tool_known,
         remark=f"standstills of a moving robot, slower than {order.slower_than:g} mm/s; t_s by the robot's clock",
+        simulated=moved.simulated or tracked.simulated,
     )
     table = data_set(robot, aligned, still, origin, every_sample=order.every_sample)
     if order.holdout > 0.0:
@@ -180,6 +181,7 @@ def document(result: Result) -> dict[str, Any]:
         }
     return {
         "format": FORMAT,
+        "simulated": result.moved.simulated or result.tracked.simulated,
         "robot": result.robot.name,
         "tool_mm": list(result.order.tool),
         "tool_found_mm": [float(x) for x in aligned.tool],

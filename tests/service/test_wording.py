@@ -68,7 +68,8 @@ def errors(rms: float) -> ErrorStatistics:
 
 @pytest.mark.parametrize("verdict", ["attributed", "ambiguous", "unexplained"])
 def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
-    found = SimpleNamespace(effect=SimpleNamespace(label="backlash:j4"))
+    evidence = SimpleNamespace(certain=True, candidates={"backlash:j4": 1.0})
+    found = SimpleNamespace(effect=SimpleNamespace(label="backlash:j4"), evidence=evidence)
     diagnosis: Any = SimpleNamespace(
         verdict=verdict,
         effects=(found,),

@@ -78,6 +78,7 @@ class AlignmentResult(Answered):
     dataset_id: Annotated[
         str, told("The id of the data set that it made.", "20261121-170459-3f9a1c07b2e")
     ] = ""
+    simulated: Annotated[bool, told("Whether either stream came from a simulator.", True)] = False
     robot: Annotated[str, told("The robot file's name.", "ur5")]
     tool_mm: Annotated[list[float], told("The target on the flange as stated, mm.", [0.0, 0.0, 100.0])]
     tool_found_mm: Annotated[list[float], told("The target on the flange as found, mm.", [0.1, 0.0, 100.2])]

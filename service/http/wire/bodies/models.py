@@ -78,6 +78,7 @@ class ModelShown(Answered):
     ]
     station_mm: Annotated[list[float], told("Where the instrument stood, mm.", [2400.0, -900.0, 350.0])]
     data_sha256: Annotated[str, told("Hash of the readings.", "a93c6fe109b1ae11")]
+    simulated: Annotated[bool, told("Whether the readings came from simulators.", True)] = False
     holds_for: Annotated[HoldsFor, told("At which conditions it was identified.", {"temperature_c": 22.1})]
     held_out: Annotated[HeldOut | None, told("Its error on readings held out.", None)]
     noise_scale: Annotated[float, told("Number of times the declared noise that is left.", 0.99)]

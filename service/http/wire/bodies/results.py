@@ -112,7 +112,8 @@ class Criterion(Answered):
     """One figure against its limit."""
 
     quantity: Annotated[Literal["rms", "max"], told("Which error.", "rms")]
-    figure_mm: Annotated[float, told("The figure, mm.", 0.041)]
+    zone: Annotated[str | None, told("Of which zone; null: of all readings held out.", None)] = None
+    figure_mm: Annotated[float | None, told("The figure, mm; null: no reading lies in the zone.", 0.041)]
     expanded_uncertainty_mm: Annotated[float | None, told("Its expanded uncertainty U (95 %), mm.", 0.004)]
     uncertainty_basis: Annotated[str, told("What that is based on.", "bootstrap over 40 whole poses")]
     limit_mm: Annotated[float, told("The limit, mm.", 0.05)]
