@@ -30,8 +30,8 @@ def conformance_command(
 ) -> None:
     """Try a driver of your own package on its simulator.
 
-    When it moves, how it stops, what it believes, and every fault of a wire. No device is needed and none is touched. Exit code 1 where a promise does not hold. What a package has to bring is
-    on the page 'truepose docs extending'.
+    When it moves, how it stops, what it believes, and every fault of a wire. No device is needed and none is touched.
+    Exit code 1 where a promise does not hold. The page 'truepose docs extending' says what a package has to bring.
     """
     options.check_outputs({"--json": json})
     found: list[Finding] = []

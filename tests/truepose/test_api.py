@@ -190,6 +190,7 @@ def test_progress_is_told(csv: Path) -> None:
 def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
     assert "backlash" in found.report(folder / "r.html").read_text("utf-8")
     found.model.plot_residuals().savefig(folder / "a.png")
+    assert found.model.plot_residuals()._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
     found.plot_residuals().savefig(folder / "b.png")
     assert (folder / "b.png").stat().st_size > 5000
 
