@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check docs notebooks counterparts fuzz conformance sabotage steady long bench clean
+.PHONY: demo test check docs notebooks counterparts fuzz conformance sabotage mutants steady long bench clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -58,13 +58,17 @@ conformance: $(VENV)/.installed
 sabotage: $(VENV)/.installed
 	$(BIN)/python -m tests.sabotage
 
+# Small changes that nobody chose, forty of a file: docs/trust.md. About an hour.
+mutants: $(VENV)/.installed
+	$(BIN)/python -m tests.sabotage.mutants --sample 40
+
 # Every test with a thread, a socket, a process or a device, again and again beside busy processes: hours, in as many
 # sessions as one likes. What is through stands in .steady.jsonl; remove it to begin anew.
 steady: $(VENV)/.installed
 	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4 --log .steady.jsonl
 
 # What is run before an issue is closed, beside `make test`; half a night.
-long: notebooks conformance sabotage steady
+long: notebooks conformance sabotage mutants steady
 	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
 
 # The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).

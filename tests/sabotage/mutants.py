@@ -60,6 +60,7 @@ TARGETS = (
         (
             "tests/calib/test_ending_of_fit.py",
             "tests/calib/test_visits.py",
+            "tests/calib/test_identify.py",
             "tests/calib/test_identify_estimate.py",
             "tests/calib/test_certified.py",
         ),
@@ -72,6 +73,7 @@ TARGETS = (
         "acquisition/record/store.py",
         (
             "tests/acquisition/test_store.py",
+            "tests/acquisition/test_store_edges.py",
             "tests/acquisition/test_seal.py",
             "tests/acquisition/test_recorder.py",
             "tests/acquisition/test_record_opened.py",
