@@ -247,7 +247,8 @@ def test_a_driver_that_takes_its_process_with_it(
 ) -> None:
     installed(tmp_path, name, bench=DYING.format(does=does, name=name))
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(suite, "LIMIT_S", 3.0)
+    if name == "hanging":  # the others end by themselves, on a busy machine too
+        monkeypatch.setattr(suite, "LIMIT_S", 3.0)
     findings = suite.tried(name)
     first: Finding = next(findings)
     findings.close()  # type: ignore[attr-defined]
