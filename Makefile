@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check docs counterparts fuzz conformance sabotage steady long bench clean
+.PHONY: demo test check docs notebooks counterparts fuzz conformance sabotage mutants steady long bench clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -32,6 +32,11 @@ check: $(VENV)/.installed
 docs: $(VENV)/.installed
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/build
 
+# The notebooks of docs/notebooks run anew and kept with what they print and draw; half a minute, and one more for the
+# measured UR10, where TRUEPOSE_UR10 names the folder of its readings.
+notebooks: $(VENV)/.installed
+	$(BIN)/python -m tests.notebooks
+
 # Programs that nobody here wrote, for the tests to talk to; where one cannot be installed its tests skip.
 counterparts: $(VENV)/.installed
 	$(BIN)/python -m tests.counterparts
@@ -53,13 +58,18 @@ conformance: $(VENV)/.installed
 sabotage: $(VENV)/.installed
 	$(BIN)/python -m tests.sabotage
 
+# Small changes that nobody chose, forty of a file. About an hour. It tells; it does not end `make long`, for least squares
+# misses its nine in ten: docs/trust.md.
+mutants: $(VENV)/.installed
+	-$(BIN)/python -m tests.sabotage.mutants --sample 40
+
 # Every test with a thread, a socket, a process or a device, again and again beside busy processes: hours, in as many
 # sessions as one likes. What is through stands in .steady.jsonl; remove it to begin anew.
 steady: $(VENV)/.installed
 	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4 --log .steady.jsonl
 
 # What is run before an issue is closed, beside `make test`; half a night.
-long: conformance sabotage steady
+long: notebooks conformance sabotage mutants steady
 	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
 
 # The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).

@@ -21,16 +21,19 @@ project = "TruePose"
 copyright = "the authors of TruePose, MIT licence"
 version = release = metadata.version("truepose")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc"]
 exclude_patterns = ["build", "site_parts"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # they hold what they printed: make notebooks
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 
 html_theme = "furo"
+html_static_path = ["site_parts/static"]
+html_css_files = ["notebooks.css"]
 html_title = f"TruePose {release}"
 html_copy_source = False
 html_show_sourcelink = False

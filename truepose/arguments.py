@@ -1,4 +1,4 @@
-"""Arguments checked: arrays of joint angles in degrees."""
+"""Arguments checked: arrays of joint angles in degrees, single numbers, and what is no model."""
 
 from __future__ import annotations
 
@@ -30,7 +30,12 @@ def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
                 f"column '{missing[0]}' is missing.", do=f"Give {', '.join(names)}.", key="joints_deg"
             )
         joints_deg = joints_deg[names].to_numpy()
-    angles = np.asarray(joints_deg, dtype=np.float64)
+    try:
+        angles = np.asarray(joints_deg, dtype=np.float64)
+    except (TypeError, ValueError) as error:  # words, or rows of different lengths
+        raise DataError(
+            f"is no array of numbers: {error}.", do=f"Give (n, {robot.joints}) angles.", key="joints_deg"
+        ) from error
     if angles.ndim == 1:
         angles = angles[None]
     if angles.ndim != 2 or angles.shape[1] != robot.joints:
@@ -42,6 +47,25 @@ def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
     if len(angles) >= _MANY and np.any(angles) and np.max(np.abs(angles)) <= math.pi:
         warnings.warn("joints_deg: all angles lie within 3.15 deg; radians?", stacklevel=3)
     return robot.model_angles(angles * DEG, saved.coupling)
+
+
+def number_of(value: float | None, usual: float, low: float, high: float, key: str) -> float:
+    """The value given, or the usual one where it is None. Raises DataError unless it lies between low and high."""
+    if value is None:
+        return usual
+    if not low <= value <= high:
+        raise DataError(f"is {value:g}.", do=f"Give a number from {low:g} to {high:g}.", key=key)
+    return float(value)
+
+
+def refuse_no_model(model: object, wanted: type) -> None:
+    """Raise DataError for anything but a model: the name of its file, for one."""
+    if not isinstance(model, wanted):
+        raise DataError(
+            f"is {type(model).__name__}, not a model.",
+            do="Give truepose.load(file) or identify(data).",
+            key="model",
+        )
 
 
 def angles_of(joints: Array, saved: SavedModel) -> Array:

@@ -13,7 +13,7 @@ from calib.compensate import Correction, correct, model_sides, nominal_of
 from calib.errors import DataError
 from calib.model import FLANGE
 from calib.units import DEG
-from truepose.arguments import angles_of, joints_of
+from truepose.arguments import angles_of, joints_of, refuse_no_model
 from truepose.frames import frame
 from truepose.model import Model
 
@@ -68,6 +68,7 @@ def compensate(
     start of the campaign, for effects that need them. limits_deg: (N, 2), default the robot's. inverse: from targets
     that were taught on the real robot to the nominal one. Raises DataError.
     """
+    refuse_no_model(model, Model)
     saved = model.saved
     joints = joints_of(joints_deg, saved)
     count = saved.model.robot.joints

@@ -78,6 +78,10 @@ def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str 
                 key="header",
             )
         return Data(read_dataset(source))
+    if not hasattr(source, "to_csv"):
+        raise DataError(
+            f"is {type(source).__name__}.", do="Give the name of a .csv file, or a DataFrame.", key="source"
+        )
     if header is None:
         raise DataError(
             "a DataFrame needs a header.", do="Give header=, a table or a .toml file.", key="header"

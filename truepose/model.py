@@ -19,7 +19,7 @@ from calib.fit import identify as fit
 from calib.model import FLANGE, Design, StatedConditions, conditions_at, series_of
 from calib.saved import SavedModel, as_saved, load_model, save_model
 from calib.units import to_display
-from truepose.arguments import joints_of
+from truepose.arguments import joints_of, number_of
 from truepose.data import Data, data_of
 from truepose.frames import frame
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[str], None]
+COLD_TO_HOT_C = (-50.0, 100.0)  # of the air about a robot; beyond it another unit is meant
+LONG_S = 1e9  # thirty years
 
 
 @dataclass(frozen=True)
@@ -159,8 +161,8 @@ class Model:
         return replace(
             usual,
             side=side,
-            temperature_c=usual.temperature_c if temperature_c is None else temperature_c,
-            time_s=math.nan if time_s is None else time_s,
+            temperature_c=number_of(temperature_c, usual.temperature_c, *COLD_TO_HOT_C, "temperature_c"),
+            time_s=number_of(time_s, math.nan, -LONG_S, LONG_S, "time_s"),
             series=series,
             approach=usual.approach if approach_rad is None else approach_rad,
         )

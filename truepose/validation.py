@@ -11,6 +11,7 @@ import numpy as np
 from calib.fit import base_model_of, place_nominal
 from calib.units import DEG
 from calib.validation import Judgement, judge, place, refuse_other_robot
+from truepose.arguments import refuse_no_model
 from truepose.data import Data, data_of
 from truepose.frames import frame_of_rows
 from truepose.model import Model
@@ -56,6 +57,7 @@ def validate(
     place_it: fit base, and tool where the model frees it, to the calibration rows first, for readings in another
     frame. Raises DataError.
     """
+    refuse_no_model(model, Model)
     dataset = data_of(data).dataset
     refuse_other_robot(model.saved, dataset, Path("the model"))
     rows = dataset.usable if everything else dataset.validation_rows

@@ -11,6 +11,7 @@ from service.commands import (
     align,
     campaign,
     compensate,
+    conformance,
     convert,
     demo,
     diagnose,
@@ -69,6 +70,7 @@ app.command("doctor")(doctor.doctor_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
 app.command("mock")(mock.mock)
 app.command("serve")(serve.serve)
+app.command("conformance")(conformance.conformance_command)
 app.command("docs")(docs.docs_command)
 
 __all__ = ["app"]

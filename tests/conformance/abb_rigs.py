@@ -12,7 +12,8 @@ from drivers import AbbArm, AbbDeadlines, AbbSimpleArm, AbbSimpleDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig, sent_elsewhere
+from service.conformance import Rig
+from tests.conformance.truth import SCALE, sent_elsewhere
 
 PATIENT_ABB = AbbDeadlines(
     move_margin_s=30.0, ping_s=30.0, reply_s=30.0, stop_s=30.0, quiet_s=0.05, settle_s=30.0, gap_s=0.01
@@ -57,7 +58,7 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
 
     tolerance, longest_s = 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
-    return Rig(arm, proxy, cell, ask, tolerance, longest_s, PATIENT_ABB, HASTY_ABB, elsewhere)
+    return Rig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT_ABB, HASTY_ABB, elsewhere)
 
 
 def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
@@ -78,7 +79,7 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
         2 * HASTY_SIMPLE.reply_s + HASTY_SIMPLE.settle_s + 4 * HASTY_SIMPLE.stop_s + HASTY_SIMPLE.takeover_s
     )
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
-    return Rig(arm, proxy, cell, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
+    return Rig(arm, proxy, cell.do, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
 
 
 ABB_RIGS: dict[str, Callable[[ExitStack], Rig]] = {

@@ -12,7 +12,8 @@ from drivers import FanucArm, FanucDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig, sent_elsewhere
+from service.conformance import Rig
+from tests.conformance.truth import SCALE, sent_elsewhere
 
 CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
 PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=30.0, reply_s=30.0, settle_s=30.0)
@@ -42,7 +43,7 @@ def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool =
     # 0.002 deg: two readings of a standing robot may differ by so much, in any number of joints.
     tolerance, longest_s = 0.002 * math.sqrt(6) + 0.0013, 6 * HASTY.reply_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
-    return Rig(arm, proxy, cell, ask, tolerance, longest_s, PATIENT, HASTY, elsewhere)
+    return Rig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT, HASTY, elsewhere)
 
 
 def fanuc_state_rig(stack: ExitStack) -> Rig:
@@ -67,7 +68,7 @@ def fanuc_state_rig(stack: ExitStack) -> Rig:
         )
         return 0.0 if right else math.inf
 
-    return Rig(arm, proxy, cell, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
+    return Rig(arm, proxy, cell.do, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
 
 
 FANUC_RIGS: dict[str, Callable[[ExitStack], Rig]] = {

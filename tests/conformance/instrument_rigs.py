@@ -14,7 +14,8 @@ from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
 from mocks.world import ArmState
-from tests.conformance.rig import SCALE, Rig
+from service.conformance import Rig
+from tests.conformance.truth import SCALE
 
 NAMES = ("T1", "N1", "T2", "N2", "T3", "N3")
 PATIENT = InstrumentDeadlines()
@@ -44,7 +45,7 @@ def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], devi
         simulated = cell.cell.tracker if device == "faro" else cell.cell.at960
         return math.dist(reading.xyz_mm, simulated.to_tracker(simulated.true_world(name)))
 
-    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return Rig(tracker, proxy, cell.do, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
 def emscon_rig(stack: ExitStack) -> Rig:
@@ -62,7 +63,7 @@ def emscon_rig(stack: ExitStack) -> Rig:
         at = i % len(NAMES)
         return math.dist(tracker.measure(NAMES[at], samples=10, near_mm=places[at]).xyz_mm, places[at])
 
-    return Rig(tracker, proxy, cell, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT, HASTY_EMSCON)
+    return Rig(tracker, proxy, cell.do, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT, HASTY_EMSCON)
 
 
 def ctrack_rig(stack: ExitStack) -> Rig:
@@ -82,7 +83,7 @@ def ctrack_rig(stack: ExitStack) -> Rig:
         along_x = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
         return max(math.dist(reading.xyz_mm, true[:3, 3]), 100.0 * math.dist(along_x, true[:3, 0]))
 
-    return Rig(meter, proxy, cell, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return Rig(meter, proxy, cell.do, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
 def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:
@@ -104,7 +105,7 @@ def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:
         return abs(reading.length_mm - math.dist(place, balls[base]))
 
     # The arm comes to rest within some 0.02 mm, the zero creeps by 0.003 mm.
-    return Rig(meter, proxy, cell, ask, 0.08, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return Rig(meter, proxy, cell.do, ask, 0.08, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
 INSTRUMENT_RIGS: dict[str, Callable[[ExitStack], Rig]] = {

@@ -18,9 +18,10 @@ from multiprocessing import get_context
 
 from drivers import AcquisitionError, LinkTimeout
 from mocks.faultproxy import FAULTS, REQUEST_FAULTS
-from tests.conformance.rig import SLACK_S, Rig
+from service.conformance import SLACK_S, Rig
+from service.conformance.faults import CLASSES
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
-from tests.conformance.test_faults import CLASSES, UNDETECTABLE
+from tests.conformance.test_faults import UNDETECTABLE
 
 COLUMNS = 5
 ALL_FAULTS = (*FAULTS, *REQUEST_FAULTS)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 
+from service.conformance import Rig
 from tests.conformance.abb_rigs import ABB_RIGS
 from tests.conformance.fanuc_rigs import FANUC_RIGS
 from tests.conformance.instrument_rigs import INSTRUMENT_RIGS
-from tests.conformance.rig import Rig
 from tests.conformance.ur_rigs import UR_RIGS
 
 RIGS: dict[str, Callable[[ExitStack], Rig]] = {

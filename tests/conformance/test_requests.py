@@ -12,13 +12,12 @@ from contextlib import ExitStack
 
 import pytest
 
-from drivers import AcquisitionError
 from mocks.faultproxy import REQUEST_FAULTS
-from tests.conformance.rig import Rig
+from service.conformance import Rig
+from service.conformance.faults import damaged_requests
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
 from tests.conformance.test_faults import BRIDGED
 
-QUESTIONS = 20  # at the most: three spoiled requests do, and `make conformance` asks 400 for every fault
 FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a question
 STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
 NO_SUM = {
@@ -35,24 +34,6 @@ def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
 @pytest.mark.parametrize("fault", sorted(REQUEST_FAULTS))
 def test_no_wrong_reading_and_no_motion_that_nobody_asked_for(named_rig: tuple[str, Rig], fault: str) -> None:
     name, rig = named_rig
-    spoiled, right, failures = rig.proxy.spoiled, 0, []
-    spoiling = False
-    for i in range(QUESTIONS):
-        if not spoiling:
-            rig.start_again()
-            rig.hurry()
-            rig.proxy.spoil(fault, times=None, rate=0.3 if name in FEW_REQUESTS else 0.1)
-            spoiling = True
-        try:
-            assert rig.ask(i) <= rig.tolerance
-            right += 1
-        except AcquisitionError as error:
-            failures.append(error)
-            spoiling = False
-        if rig.proxy.spoiled >= spoiled + 3 and right >= 3:
-            break
-    assert rig.proxy.spoiled > spoiled
-    assert right > 0
-    assert all(error.device.startswith(rig.driver.name) and error.what_to_do for error in failures)
+    damaged_requests(rig, fault, rate=0.3 if name in FEW_REQUESTS else 0.1)
     if name not in MOVE_AT_ONCE:
         assert rig.elsewhere() == []

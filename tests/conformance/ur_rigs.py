@@ -10,7 +10,8 @@ from drivers import UrArm, UrDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from tests.conformance.rig import SCALE, Rig, sent_elsewhere
+from service.conformance import Rig
+from tests.conformance.truth import SCALE, sent_elsewhere
 
 PATIENT_UR = UrDeadlines(reply_s=30.0, start_s=30.0, stop_s=30.0)
 HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
@@ -46,7 +47,7 @@ def ur_rig(stack: ExitStack, proxied: str, feed: str) -> Rig:
 
     longest_s = 2 * HASTY_UR.reply_s + 2 * HASTY_UR.stop_s + HASTY_UR.start_s + HASTY_UR.move_margin_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
-    return Rig(arm, proxy, cell, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere)
+    return Rig(arm, proxy, cell.do, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere)
 
 
 UR_RIGS: dict[str, Callable[[ExitStack], Rig]] = {

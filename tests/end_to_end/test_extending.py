@@ -15,7 +15,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "extending.md"
-PARTS = ("acquisition", "calib", "drivers", "examples", "mocks", "service", "tests")
+PARTS = ("acquisition", "calib", "drivers", "examples", "mocks", "service", "tests", "truepose")
+OFFLINE = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", "site"]
 
 
 class Block(NamedTuple):
@@ -45,6 +46,15 @@ def added(source: str, change: str) -> str:
     return source.replace(old, new)
 
 
+def arguments(line: str) -> list[str]:
+    """Of the interpreter, for a line of `python` or `truepose`; pip installs beside, without a network."""
+    program, *words = shlex.split(line)
+    assert program in ("python", "truepose")
+    if program == "truepose":
+        return ["-m", "truepose", *words]
+    return ["-m", "pip", "install", *OFFLINE, words[3]] if words[:3] == ["-m", "pip", "install"] else words
+
+
 @pytest.mark.parametrize("name", sections())
 def test_the_page_is_right(name: str, tmp_path: Path) -> None:
     for part in PARTS:
@@ -54,12 +64,10 @@ def test_the_page_is_right(name: str, tmp_path: Path) -> None:
     for block in sections()[name]:
         if block.language == "sh":
             for line in block.text.splitlines():
-                words = shlex.split(line)
-                assert words[0] == "python"
                 done = subprocess.run(
-                    [sys.executable, *words[1:]],
+                    [sys.executable, *arguments(line)],
                     cwd=tmp_path,
-                    env={**os.environ, "PYTHONPATH": str(tmp_path)},
+                    env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{tmp_path / 'site'}"},
                     capture_output=True,
                     text=True,
                     check=False,
@@ -72,6 +80,6 @@ def test_the_page_is_right(name: str, tmp_path: Path) -> None:
         else:
             path = tmp_path / block.file
             assert not path.exists()
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(exist_ok=True, parents=True)
             path.write_text(block.text, "utf-8")
     assert ran

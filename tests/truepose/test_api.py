@@ -190,6 +190,7 @@ def test_progress_is_told(csv: Path) -> None:
 def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
     assert "backlash" in found.report(folder / "r.html").read_text("utf-8")
     found.model.plot_residuals().savefig(folder / "a.png")
+    assert found.model.plot_residuals()._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
     found.plot_residuals().savefig(folder / "b.png")
     assert (folder / "b.png").stat().st_size > 5000
 
@@ -199,6 +200,11 @@ def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
     [
         ({"joints_deg": [[1.0, 2.0]]}, r"joints_deg.*shape \(1, 2\)"),
         ({"joints_deg": [[np.nan] * 6]}, "not finite"),
+        ({"joints_deg": [["ten"] * 6]}, "no array of numbers"),
+        ({"joints_deg": [[1.0] * 6, [1.0] * 5]}, "no array of numbers"),
+        ({"joints_deg": POSES_DEG, "temperature_c": 295.0}, r"temperature_c.*is 295\."),
+        ({"joints_deg": POSES_DEG, "temperature_c": float("nan")}, "temperature_c.*is nan"),
+        ({"joints_deg": POSES_DEG, "time_s": float("inf")}, "time_s.*is inf"),
         ({"joints_deg": POSES_DEG, "side": 2}, "side.*is 2"),
         ({"joints_deg": POSES_DEG, "target": "T99"}, "T99"),
         ({"joints_deg": POSES_DEG, "series": "other"}, "'other' is no series"),
@@ -208,6 +214,25 @@ def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
 def test_arguments_that_cannot_be_meant(found: truepose.Diagnosis, given: dict, says: str) -> None:
     with pytest.raises(truepose.DataError, match=says):
         truepose.compensate(found.model, **given)
+
+
+def test_what_is_neither_a_model_nor_a_data_set(csv: Path) -> None:
+    for act in (
+        lambda: truepose.validate("m.json", csv),  # type: ignore[arg-type]
+        lambda: truepose.compensate("m.json", joints_deg=POSES_DEG),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(truepose.DataError, match="is str, not a model"):
+            act()
+    with pytest.raises(truepose.DataError, match="is list"):
+        truepose.read([1, 2])  # type: ignore[arg-type]
+
+
+def test_results_of_another_version_are_refused(found: truepose.Diagnosis, folder: Path) -> None:
+    document = json.loads(found.model.save(folder / "now.json").read_text("utf-8"))
+    later = folder / "later.json"
+    later.write_text(json.dumps({**document, "format": "truepose-model/99"}), "utf-8")
+    with pytest.raises(truepose.DataError, match="is not a model file"):
+        truepose.load(later)
 
 
 def test_degrees_that_look_like_radians_are_pointed_out(found: truepose.Diagnosis) -> None:

@@ -1,0 +1,35 @@
+"""The conformance suite: what every driver promises, tried on its simulator, with and without faults on the wire.
+
+A package of drivers names its benches under the entry point group `truepose.benches`: a module with `BENCHES`, a tuple
+of `RobotBench` and `InstrumentBench`. `truepose conformance NAME` tries the driver NAME and says what holds.
+"""
+
+from __future__ import annotations
+
+from service.conformance.bench import (
+    InstrumentBench,
+    RobotBench,
+    SimulatedInstrument,
+    SimulatedRobot,
+    StepsClock,
+)
+from service.conformance.broken import Broken
+from service.conformance.rig import SLACK_S, Rig
+from service.conformance.suite import Finding, Promise, bench_of, promises_of, tried, tried_once
+
+__all__ = [
+    "SLACK_S",
+    "Broken",
+    "Finding",
+    "InstrumentBench",
+    "Promise",
+    "Rig",
+    "RobotBench",
+    "SimulatedInstrument",
+    "SimulatedRobot",
+    "StepsClock",
+    "bench_of",
+    "promises_of",
+    "tried",
+    "tried_once",
+]

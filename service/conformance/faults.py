@@ -1,0 +1,174 @@
+"""A rig under faults: never a wrong answer, always an end in time with the right error, and working again after.
+
+Faults of answers are those of `mocks.faultproxy.FAULTS`, faults of requests those of `REQUEST_FAULTS`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from drivers import (
+    AcquisitionError,
+    CommandRefused,
+    LinkError,
+    LinkLost,
+    LinkTimeout,
+    NoisyMeasurement,
+    ProtocolError,
+    Unmeasurable,
+)
+from service.conformance.broken import Broken, hold, refused
+from service.conformance.rig import SLACK_S, Rig
+
+# What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
+CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {
+    "delay": (),
+    "drip": (),
+    "split": (),
+    "glue": (ProtocolError,),
+    "stale": (ProtocolError, LinkTimeout),
+    "reorder": (LinkTimeout, ProtocolError),
+    "duplicate": (ProtocolError,),
+    "duplicate_late": (ProtocolError,),
+    "drop": (LinkTimeout, ProtocolError),
+    "garbage": (ProtocolError,),
+    "flip": (ProtocolError, LinkTimeout, CommandRefused),  # a stock ABB says 1 or 0, with no sum behind it
+    "half": (LinkTimeout, ProtocolError),
+    "half_close": (LinkLost,),
+    "close": (LinkLost,),
+    "reset": (LinkLost,),
+    "black_hole": (LinkTimeout,),
+    "reboot": (LinkLost,),
+    "clock_step": (ProtocolError, NoisyMeasurement),
+}
+LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage", "reboot"}
+MANY = 120
+
+
+def right(rig: Rig, question: int) -> None:
+    """Put one question. Raises Broken for a wrong answer, AcquisitionError where there is none."""
+    miss = rig.ask(question)
+    hold(miss <= rig.tolerance, f"question {question} was answered wrongly, by {miss:.4g}")
+
+
+def well(rig: Rig, question: int) -> None:
+    """The rig without a fault: connect, arm, and one question. Raises Broken."""
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    right(rig, question)
+
+
+def one_fault(rig: Rig, fault: str, after: int, *, quiet: bool = False) -> None:
+    """One message is spoiled, the one behind `after` others. Raises Broken.
+
+    quiet: this fault need not be noticed on this wire. Errors name device and command, and say what to do.
+    """
+    well(rig, after)
+    if LinkTimeout in CLASSES[fault]:  # these cost a deadline; the others must do without one
+        rig.hurry()
+    hit = rig.proxy.spoiled
+    rig.proxy.spoil(fault, times=1, after=after)
+    begin = time.monotonic()
+    failure: AcquisitionError | None = None
+    for i in range(3):  # the second question meets what the first left behind
+        try:
+            right(rig, 10 + i)
+        except CLASSES[fault] as error:
+            failure = error
+            break
+        except AcquisitionError as error:
+            allowed = " or ".join(kind.__name__ for kind in CLASSES[fault]) or "no error"
+            raise Broken(f"{type(error).__name__} ({error.message}), {allowed} is right") from error
+    took_s = time.monotonic() - begin
+    hold(rig.proxy.spoiled == hit + 1, f"three questions took fewer than {after + 1} answers")
+    hold(took_s < 3 * rig.longest_s + SLACK_S, f"ended after {took_s:.1f} s")
+    hold(failure is not None or fault not in LOUD or quiet, "was not noticed")
+    if failure is not None:
+        explained(failure, rig)
+    well(rig, 50)
+
+
+def explained(error: AcquisitionError, rig: Rig) -> None:
+    """An error says whose it is, during what, and what a person does. Raises Broken."""
+    name = type(error).__name__
+    hold(error.device.startswith(rig.driver.name), f"{name} names the device '{error.device}'")
+    hold(bool(error.command), f"{name} does not say during what")
+    hold(bool(error.what_to_do), f"{name} does not say what to do")
+
+
+def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.06) -> tuple[int, int]:
+    """Put up to 120 questions, messages spoiled by any of the faults, until more than 20 were answered and more than 2
+    failed. How many of either. Raises Broken."""
+    rig.proxy.heal()
+    rig.be_patient()
+    rig.restart()
+    rig.proxy.spoil(*faults, times=None, rate=rate)
+    good = bad = 0
+    for i in range(MANY):
+        try:
+            right(rig, i)
+            good += 1
+        except (LinkError, Unmeasurable):
+            bad += 1
+            rig.proxy.heal()
+            rig.be_patient()
+            rig.restart()
+            rig.hurry()
+            rig.proxy.spoil(*faults, times=None, rate=rate)
+        if good > MANY // 6 and bad > 2:
+            break
+    hold(good > MANY // 6, f"only {good} of {MANY} questions were answered")
+    hold(bad > 2, f"only {bad} of {MANY} questions met a fault")
+    return good, bad
+
+
+def booting(rig: Rig) -> None:
+    """A device that accepts and closes is lost, and works at once when it is up. Raises Broken."""
+    rig.be_patient()
+    rig.proxy.refuse()
+    refused(LinkLost, "connecting to a device that boots", rig.driver.connect)
+    begin = time.monotonic()
+    well(rig, 1)
+    took_s = time.monotonic() - begin
+    hold(took_s < SLACK_S, f"works {took_s:.1f} s later")
+
+
+def clock_steps(rig: Rig) -> None:
+    """A clock that jumps costs one reading, and not every one behind it. Raises Broken."""
+    well(rig, 0)
+    for i, by_s in enumerate((-3600.0, 3600.0, 7200.0, -7200.0, -1e6), start=1):
+        rig.do("clock_step", by_s=by_s)
+        try:
+            right(rig, i)
+        except NoisyMeasurement:
+            hold(by_s < 0.0, f"refused a reading after a step forth, by {by_s:g} s")
+            right(rig, i)
+
+
+def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) -> int:
+    """Put questions, requests spoiled on their way, until three were spoiled and three answered: nothing wrong is read,
+    and without a fault the next one is answered. How many failed. Raises Broken."""
+    spoiled, answered, failures = rig.proxy.spoiled, 0, 0
+    spoiling = False
+    for i in range(questions):
+        if not spoiling:
+            rig.start_again()
+            rig.hurry()
+            rig.proxy.spoil(fault, times=None, rate=rate)
+            spoiling = True
+        try:
+            right(rig, i)
+            answered += 1
+        except AcquisitionError as error:
+            failures += 1
+            hold(error.device.startswith(rig.driver.name), f"{type(error).__name__} names '{error.device}'")
+            hold(bool(error.what_to_do), f"{type(error).__name__} does not say what to do")
+            spoiling = False
+        if rig.proxy.spoiled >= spoiled + 3 and answered >= 3:
+            break
+    hold(rig.proxy.spoiled > spoiled, "no request was spoiled")
+    rig.start_again()
+    right(rig, questions)
+    return failures

@@ -1,0 +1,208 @@
+"""What an instrument's driver promises beyond the faults of its wire: when it measures, and which target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from drivers import (
+    InstrumentDriver,
+    LengthMeter,
+    LengthReading,
+    LinkError,
+    NotArmed,
+    PointMeter,
+    Refused,
+    Unmeasurable,
+    instrument_driver,
+    open_instrument,
+)
+from mocks.faultproxy import FaultProxy
+from service.conformance import common
+from service.conformance.bench import InstrumentBench, SimulatedInstrument, StepsClock
+from service.conformance.broken import hold, refused
+from service.conformance.rig import Rig
+
+SAMPLES = 10
+
+
+@dataclass
+class InstrumentTrial:
+    """A driver on its running simulator."""
+
+    bench: InstrumentBench
+    instrument: SimulatedInstrument
+    stack: ExitStack
+
+    @property
+    def declared(self) -> InstrumentDriver:
+        """What the driver says of itself. Raises ConfigError for one that nobody declares."""
+        return instrument_driver(self.bench.driver)
+
+    def url(self, port: int) -> str:
+        """The address of the simulator with this port."""
+        return self.bench.url.format(port=port, device=self.instrument)
+
+    def meter(self, url: str | None = None, **options: Any) -> Any:
+        """The driver, not yet connected. Raises ConfigError."""
+        meter = open_instrument(
+            self.bench.driver, url or self.url(self.instrument.port), **{**self.bench.options, **options}
+        )
+        self.stack.callback(meter.disconnect)
+        return meter
+
+    def ready(self, **options: Any) -> Any:
+        """The driver, connected and armed."""
+        meter = self.meter(**options)
+        meter.connect()
+        meter.arm()
+        return meter
+
+    def miss(self, meter: Any, i: int) -> float:
+        """Measure target i in turn: by how much the reading is off, mm; infinite for one of another target."""
+        at = i % len(self.bench.targets)
+        target, base = (
+            self.bench.targets[at],
+            (self.bench.base_targets[at] if self.bench.base_targets else None),
+        )
+        reading = self.measure(meter, target, base)
+        truth = [float(value) for value in self.instrument.truth_mm(target, base)]
+        if isinstance(reading, LengthReading):
+            named = (reading.target, reading.base_target) == (target, base)
+            return abs(reading.length_mm - truth[0]) if named else math.inf
+        return math.dist(reading.xyz_mm, truth) if reading.target == target else math.inf
+
+    def measure(self, meter: Any, target: str, base: str | None) -> Any:
+        """One reading."""
+        if base is not None:
+            return meter.measure(target, base_target=base, samples=SAMPLES)
+        if self.declared.finds_by_name:
+            return meter.measure(target, samples=SAMPLES)
+        return meter.measure(target, samples=SAMPLES, near_mm=self.instrument.truth_mm(target, None))
+
+
+@contextmanager
+def trial(bench: InstrumentBench) -> Iterator[InstrumentTrial]:
+    """The simulator runs."""
+    with ExitStack() as stack:
+        yield InstrumentTrial(bench, stack.enter_context(bench.simulate()), stack)
+
+
+@contextmanager
+def rig(bench: InstrumentBench) -> Iterator[Rig]:
+    """The driver behind a proxy. Question i: measure one of its targets."""
+    with trial(bench) as on:
+
+        def do(order: str, **values: float) -> object:
+            if order in ("restart", "reboot"):
+                return on.instrument.restart()
+            if order == "clock_step" and isinstance(on.instrument, StepsClock):
+                return on.instrument.step_clock(values["by_s"])
+            return None
+
+        proxy = on.stack.enter_context(FaultProxy(on.instrument.port, boundary=bench.end, device=do))
+        meter = on.meter(on.url(proxy.port))
+        yield Rig(
+            meter,
+            proxy,
+            do,
+            lambda i: on.miss(meter, i),
+            bench.tolerance_mm,
+            bench.longest_s,
+            bench.patient,
+            bench.hasty,
+        )
+
+
+def has_every_verb(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    wanted = LengthMeter if on.declared.measures_lengths else PointMeter
+    meter = on.meter()
+    hold(isinstance(meter, wanted), f"it lacks a verb of drivers.interfaces.{wanted.__name__}")
+    hold(isinstance(meter.unverified_on_hardware, bool), "unverified_on_hardware is neither True nor False")
+
+
+def refuses_what_it_cannot_use(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    common.refuses_wrong_addresses(on.meter)
+
+
+def nobody_there(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    common.nobody_there(on.meter, on.url)
+
+
+def says_who_it_is(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    meter = on.meter()
+    meter.connect()
+    common.says_who_it_is(meter)
+
+
+def measures_only_armed(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    meter = on.meter()
+    meter.connect()
+    refused(NotArmed, "a reading before arm", partial(on.miss, meter, 0))
+    meter.arm()
+    meter.disarm()
+    refused(NotArmed, "a reading after disarm", partial(on.miss, meter, 0))
+    meter.disconnect()
+    refused((NotArmed, LinkError), "a reading after disconnect", partial(on.miss, meter, 0))
+
+
+def reads_the_truth(on: InstrumentTrial) -> None:
+    """Every target, twice. Raises Broken."""
+    meter = on.ready()
+    for i in range(2 * len(on.bench.targets)):
+        miss = on.miss(meter, i)
+        hold(miss <= on.bench.tolerance_mm, f"reading {i} is {miss:.4g} mm off")
+
+
+def refuses_what_is_not_there(on: InstrumentTrial) -> None:
+    """A target that cannot be measured, and the next one is measured all the same. Raises Broken."""
+    meter = on.ready()
+    base = on.bench.base_targets[0] if on.bench.base_targets else None
+    if on.declared.finds_by_name:
+        refused(
+            (Unmeasurable, Refused, LinkError),
+            f"target {on.bench.absent}",
+            partial(on.measure, meter, on.bench.absent, base),
+        )
+        meter.connect()
+        meter.arm()
+    hold(on.miss(meter, 1) <= on.bench.tolerance_mm, "the reading after it is wrong")
+
+
+def stops_at_any_time(on: InstrumentTrial) -> None:
+    """Before a reading, twice, and without a connection: nothing but errors of the drivers."""
+    meter = on.meter()
+    common.only_ours("stop without a connection", meter.stop)
+    meter.connect()
+    meter.arm()
+    common.only_ours("stop before any reading", meter.stop)
+    common.only_ours("stop twice", meter.stop)
+
+
+def puts_bytes_on_record(on: InstrumentTrial) -> None:
+    """Raises Broken."""
+    heard = common.Heard()
+    on.miss(on.ready(wire=heard), 0)
+    common.puts_bytes_on_record(heard)
+
+
+PROMISES: dict[str, Callable[[InstrumentTrial], None]] = {
+    "has every verb of its kind": has_every_verb,
+    "refuses wrong addresses": refuses_what_it_cannot_use,
+    "says when nobody answers": nobody_there,
+    "says who answers; disconnect is final": says_who_it_is,
+    "measures only when armed": measures_only_armed,
+    "reads the truth, of the target asked for": reads_the_truth,
+    "refuses what is not there": refuses_what_is_not_there,
+    "stop at any time": stops_at_any_time,
+    "puts every byte on record": puts_bytes_on_record,
+}

@@ -1,0 +1,53 @@
+"""A rig of the conformance suite: one driver, its simulator, a fault proxy between them, and the truth.
+
+A rig asks questions whose right answers all differ, so that an answer to another question shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: docs/decisions/0059
+
+SLACK_S = 20.0  # what a loaded machine may add to a deadline
+
+
+@dataclass
+class Rig:
+    """A driver behind a proxy. `ask(i)` puts question i and returns by how much it missed the truth.
+
+    `do`: an order to the simulator by its name (`restart`, `clock_step` with `by_s`). `patient` and `hasty`: values of
+    the driver's `deadlines`, the second so short that a lost answer costs little time; None where it has none.
+    `elsewhere`: where the arm was sent though nobody asked for it (deg, model angles).
+    """
+
+    driver: Any
+    proxy: FaultProxy
+    do: Callable[..., object]
+    ask: Callable[[int], float]
+    tolerance: float
+    longest_s: float
+    patient: object
+    hasty: object
+    elsewhere: Callable[[], list[tuple[float, ...]]] = list
+
+    def start_again(self) -> None:
+        """No more faults; somebody has looked at the robot, and its program runs again."""
+        self.proxy.heal()
+        self.be_patient()
+        self.do("restart")
+        self.restart()
+
+    def restart(self) -> None:
+        self.driver.connect()
+        self.driver.arm()
+
+    def hurry(self) -> None:
+        if self.hasty is not None:
+            self.driver.deadlines = self.hasty
+
+    def be_patient(self) -> None:
+        if self.patient is not None:
+            self.driver.deadlines = self.patient

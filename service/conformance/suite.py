@@ -1,0 +1,222 @@
+"""All promises of one driver, tried one after another, each on a simulator that was just started.
+
+They are tried in a process of their own: a driver that waits for ever, or takes its process with it, is a finding.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from multiprocessing.connection import Connection
+
+from drivers import ConfigError
+from mocks.faultproxy import FAULTS, REQUEST_FAULTS
+from service.conformance import faults, instrument, robot
+from service.conformance.bench import InstrumentBench, RobotBench, StepsClock
+from service.conformance.broken import Broken, hold
+from service.conformance.rig import Rig
+
+GROUP = "truepose.benches"
+LIMIT_S = 120.0  # beyond what the deadlines of ten questions allow, for one promise
+POSITIONS = 3
+SLOW_FAULTS = ("delay", "drip")  # they spoil nothing, and cost time
+Bench = RobotBench | InstrumentBench
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A sentence about a driver, and what raises where it does not hold. `binding`: it is held against the driver."""
+
+    text: str
+    act: Callable[[], object]
+    binding: bool = True
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of one promise. holds: None where it does not, and the wire cannot do better. seconds: it took."""
+
+    promise: str
+    holds: bool | None
+    seen: str
+    seconds: float
+
+
+def benches() -> dict[str, Bench]:
+    """The benches of the installed packages by the names of their drivers. Raises ConfigError for a broken package."""
+    return {bench.driver: bench for point in entry_points(group=GROUP) for bench in _benches_of(point)}
+
+
+def bench_of(driver: str) -> Bench:
+    """The bench of one driver. Raises ConfigError where no package names it."""
+    found = benches()
+    if driver not in found:
+        there = f"there are {', '.join(sorted(found))}" if found else "no installed package names any"
+        raise ConfigError(
+            f"driver {driver!r} has no bench; {there}",
+            what_to_do=f"Name its bench under the entry point group {GROUP}: 'truepose docs extending' shows how.",
+        )
+    return found[driver]
+
+
+def promises_of(bench: Bench) -> list[Promise]:
+    """What the suite tries of it, in order."""
+    if isinstance(bench, RobotBench):
+        named = [Promise(text, partial(_on_robot, bench, act)) for text, act in robot.PROMISES.items()]
+        rig = partial(robot.rig, bench)
+    else:
+        named = [
+            Promise(text, partial(_on_instrument, bench, act)) for text, act in instrument.PROMISES.items()
+        ]
+        rig = partial(instrument.rig, bench)
+    answers = [fault for fault in FAULTS if fault != "clock_step" or isinstance(bench, InstrumentBench)]
+    mixed = [fault for fault in answers if fault not in (*bench.unseen, *SLOW_FAULTS)]
+    with_rig: list[tuple[str, Callable[[Rig], object], bool]] = [
+        ("one that boots is lost, then works", faults.booting, True),
+        *((_words(fault), partial(_one, fault), fault not in bench.unseen) for fault in answers),
+        ("many questions, any fault", lambda rig: faults.many_questions(rig, mixed), True),
+        *(
+            (_words(fault), partial(_damaged, bench, fault), fault not in bench.unseen)
+            for fault in REQUEST_FAULTS
+        ),
+    ]
+    if isinstance(bench, InstrumentBench):
+        with_rig.append(("a clock that jumps costs one reading", partial(_clock, bench), True))
+    return named + [Promise(text, partial(_on_rig, rig, act), binding) for text, act, binding in with_rig]
+
+
+def tried(driver: str) -> Iterator[Finding]:
+    """Try every promise of the driver of that name. Raises ConfigError where it has no bench."""
+    bench = bench_of(driver)
+    count, limit_s = len(promises_of(bench)), LIMIT_S + 10.0 * bench.longest_s
+    spawn = multiprocessing.get_context("spawn")
+    done = 0
+    while done < count:
+        ours, theirs = spawn.Pipe(duplex=False)
+        child = spawn.Process(target=_try_all, args=(driver, done, theirs), daemon=True)
+        child.start()
+        theirs.close()
+        try:
+            for finding in _received(ours, promises_of(bench)[done:], limit_s):
+                done += 1
+                yield finding
+        finally:
+            child.kill()
+            child.join()
+            ours.close()
+
+
+def _received(ours: Connection, promises: Iterable[Promise], limit_s: float) -> Iterator[Finding]:
+    """What the child found, up to where it hangs or ends."""
+    for promise in promises:
+        begin = time.monotonic()
+        if not ours.poll(limit_s):
+            yield Finding(promise.text, False, f"did not end within {limit_s:.0f} s", limit_s)
+            return
+        try:
+            yield ours.recv()
+        except EOFError:
+            yield Finding(promise.text, False, "its process ended", time.monotonic() - begin)
+            return
+
+
+def _try_all(driver: str, first: int, out: Connection) -> None:
+    """In the child: try the promises from `first` on and send what came of them."""
+    logging.disable(logging.WARNING)  # every driver warns that it is unverified on hardware
+    for promise in promises_of(bench_of(driver))[first:]:
+        out.send(tried_once(promise))
+
+
+def tried_once(promise: Promise) -> Finding:
+    """One promise. Whatever the driver raises is what was seen: it is code of others, and anything can come."""
+    begin = time.monotonic()
+    with ThreadPoolExecutor(1) as threads:
+        error = threads.submit(promise.act).exception()
+    seconds = time.monotonic() - begin
+    if error is None:
+        return Finding(promise.text, True, "", seconds)
+    seen = str(error) if isinstance(error, Broken) else f"{type(error).__name__}: {error}"
+    return Finding(promise.text, False if promise.binding else None, seen, seconds)
+
+
+def _benches_of(point: EntryPoint) -> Iterable[Bench]:
+    package = point.dist.name if point.dist is not None else point.value
+    try:
+        return point.load().BENCHES
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"benches '{point.name}' of the package {package} cannot be loaded: {error}",
+            what_to_do="Mend or remove the package.",
+        ) from error
+
+
+def _on_robot(bench: RobotBench, act: Callable[[robot.RobotTrial], None]) -> None:
+    with robot.trial(bench) as on:
+        act(on)
+
+
+def _on_instrument(bench: InstrumentBench, act: Callable[[instrument.InstrumentTrial], None]) -> None:
+    with instrument.trial(bench) as on:
+        act(on)
+
+
+def _on_rig(make: Callable[[], AbstractContextManager[Rig]], act: Callable[[Rig], object]) -> None:
+    with make() as rig:
+        act(rig)
+
+
+def _one(fault: str, rig: Rig) -> None:
+    """The fault at the first, the second and the third answer."""
+    for after in range(POSITIONS):
+        faults.one_fault(rig, fault, after)
+
+
+def _damaged(bench: Bench, fault: str, rig: Rig) -> None:
+    """Damaged requests: nothing wrong is read, and the arm goes nowhere else."""
+    faults.damaged_requests(rig, fault, rate=0.1 if isinstance(bench, RobotBench) else 0.3)
+    if isinstance(bench, RobotBench) and not bench.moves_at_once:
+        sent = rig.elsewhere()
+        hold(not sent, f"the arm was sent elsewhere {len(sent)} times")
+
+
+def _clock(bench: InstrumentBench, rig: Rig) -> None:
+    with bench.simulate() as device:
+        steps = isinstance(device, StepsClock)
+    if steps:
+        faults.clock_steps(rig)
+
+
+def _words(fault: str) -> str:
+    """A fault in words."""
+    side, name = ("request", fault.removeprefix("request_")) if fault in REQUEST_FAULTS else ("answer", fault)
+    return f"{side}: {WORDS[name]}"
+
+
+WORDS = {
+    "delay": "late",
+    "drip": "byte by byte",
+    "split": "in two pieces",
+    "glue": "behind the one before, in one piece",
+    "stale": "the one before instead",
+    "reorder": "behind the next one",
+    "duplicate": "twice in one piece",
+    "duplicate_late": "twice",
+    "drop": "lost",
+    "garbage": "behind noise",
+    "flip": "one bit wrong",
+    "digit": "one digit wrong",
+    "half": "its second half lost",
+    "half_close": "half of it, then the connection closed",
+    "close": "none, the connection closed",
+    "reset": "half of it, then the connection reset",
+    "black_hole": "none, the connection open",
+    "reboot": "none, the device starts anew",
+    "clock_step": "behind it the clock jumps",
+}
