@@ -6,7 +6,7 @@ import { button, fill, h, numeric, table } from "./dom.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
 
-const KINDS = { "ur-yaml": "yaml", urdf: "urdf", "dh-csv": "csv", "dh-md": "md", mastering: "csv" }, MOST = 100;
+const KINDS = { urdf: "urdf", "ur-yaml": "yaml", "dh-csv": "csv", "dh-md": "md", mastering: "csv" }, MOST = 100;
 const ENDINGS = ".mod,.modx,.sys,.prg,.ls,.script,.urscript,.csv";
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (each) => each.charCodeAt(0));
 const field = (id, words, props = {}) => [h("input", { id, maxLength: 1000, autocomplete: "off", ...props }), words];
