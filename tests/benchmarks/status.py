@@ -1,8 +1,8 @@
 """200 status requests a second while a campaign measures: is a reading late, and how soon is a request answered.
 
-For the first half of the time nobody asks, for the second everybody does. A reading is late by the time from the arrival
-at its pose to the reading, less the shortest such time of the campaign. Service, simulators and clients are three
-programs.
+For the first half of the time nobody asks, for the second everybody does. A reading is late by the time from the
+arrival at its pose to the reading, less the shortest such time of the campaign. Service, simulators and clients are
+three programs.
 """
 
 from __future__ import annotations
