@@ -95,4 +95,4 @@ def _lags(service: Served, own: str) -> list[tuple[float, float]]:
 
 
 def _seconds(utc: str | float) -> float:
-    return utc if isinstance(utc, float) else datetime.fromisoformat(utc).timestamp()
+    return datetime.fromisoformat(utc).timestamp() if isinstance(utc, str) else utc

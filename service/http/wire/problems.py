@@ -23,7 +23,18 @@ from service import refusals
 from service.refusals import REFUSALS, Refusal
 
 MEDIA_TYPE = "application/problem+json"
-_CODES = {401: 8001, 403: 8002, 404: 8004, 405: 8005, 409: 8009, 411: 8011, 413: 8013, 415: 8015, 422: 8022, 500: 8500}
+_CODES = {
+    401: 8001,
+    403: 8002,
+    404: 8004,
+    405: 8005,
+    409: 8009,
+    411: 8011,
+    413: 8013,
+    415: 8015,
+    422: 8022,
+    500: 8500,
+}
 _STATUS: tuple[tuple[type[Refusal], int], ...] = (
     (DataError, 422),
     (UnsafePlan, 422),
