@@ -41,7 +41,7 @@ def test_a_summary_is_the_first_sentence_of_the_help() -> None:
 WITHOUT = """
 import sys
 {script}
-sys.exit(", ".join(each for each in {names} if each in sys.modules))
+sys.exit(", ".join(each for each in {names} if each in sys.modules) or 0)
 """
 
 
