@@ -9,8 +9,12 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from service import exit_codes
+
+if TYPE_CHECKING:
+    from service.refusals import Refusal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,18 +38,30 @@ def _run(arguments: Sequence[str] | None) -> int:
         # A Windows console that cannot show a letter shows '?', instead of ending the program.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-    from service import refusals
     from service.commands import app
 
     try:
         app(args=None if arguments is None else list(arguments), prog_name="truepose")
     except SystemExit as end:  # how Typer hands over the code of every command, 130 after an interrupt
         return end.code if isinstance(end.code, int) else exit_codes.DONE
-    except refusals.REFUSALS as error:
-        return _complain(refusals.sentence(error), refusals.exit_code(error))
+    except _refusals() as error:
+        return _refused(error)
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}.", exit_codes.FAILED)
     return exit_codes.DONE
+
+
+def _refusals() -> tuple[type[Refusal], ...]:
+    """What a command may refuse with. Imported when a command has failed: `--help` waits for no numerics."""
+    from service.refusals import REFUSALS
+
+    return REFUSALS
+
+
+def _refused(refusal: Refusal) -> int:
+    from service import refusals
+
+    return _complain(refusals.sentence(refusal), refusals.exit_code(refusal))
 
 
 def _complain(message: str, code: int) -> int:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc, stdtr
 
 from calib.array import Array
 from calib.data.dataset import Dataset
@@ -96,7 +96,7 @@ def with_gears(
     posterior = trial.posterior(_ROUNDS)
     gains = trial.normal.left_out(posterior, [trial.columns(curve) for curve in trial.curves.values()])
     error = np.maximum(gains.std(axis=1, ddof=1) / np.sqrt(BLOCKS), 1e-300)
-    chance = stats.t.sf(gains.mean(axis=1) / error, BLOCKS - 1) * len(joints)
+    chance = stdtr(BLOCKS - 1, -gains.mean(axis=1) / error) * len(joints)
     confirmed = (chance < _CHANCE) & (gains.sum(axis=1) > _LEAST_SHARE * np.sum(named.residual**2))
     if not confirmed.any():
         return None
@@ -271,7 +271,7 @@ def _outstanding(carried: Carried) -> list[tuple[int, int]]:
                 continue
             like = alone[i] + 0.5 * np.mean(energy[near]) * np.eye(2)
             ratio = 0.5 * float(y[i] @ np.linalg.solve(like, y[i]))
-            chance = float(stats.f.sf(ratio, 2, 2 * count)) * len(orders) * len(carried.curves)
+            chance = float(fdtrc(2, 2 * count, ratio)) * len(orders) * len(carried.curves)
             if chance < CLAIM:
                 named[i] = True
                 found.append((joint, int(orders[i])))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
 from calib.array import Array
 from calib.diagnose.null import Chance, draws
@@ -69,7 +69,8 @@ def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
     """log of the F test's p for gains (B,) with so many columns (B,), of residual squares (B,)."""
     left = np.maximum(freedom - columns, 1)
     ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
-    return np.where(columns > 0, stats.f.logsf(ratio, np.maximum(columns, 1), left), 0.0)
+    with np.errstate(divide="ignore"):  # beyond what a float holds: -inf
+        return np.where(columns > 0, np.log(fdtrc(np.maximum(columns, 1), left, ratio)), 0.0)
 
 
 def against_own_noise(space: Space, directions: Array, left: Array) -> float:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import stats
-from scipy.special import chndtrinc
+from scipy.special import chndtrinc, fdtri
 
 from calib.array import Array
 from calib.scan.evidence import CLAIM
@@ -59,5 +58,5 @@ def _least(a: Array, raw: Array) -> Array:
 @lru_cache(maxsize=256)
 def _needed(columns: int, freedom: int, tries: int) -> float:
     """lambda at which so many columns are claimed with the power wanted."""
-    limit = columns * float(stats.f.isf(CLAIM / tries, columns, max(freedom - columns, 1)))
+    limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
     return float(chndtrinc(limit, columns, 1.0 - POWER))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import chdtrc, fdtrc
 
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -26,7 +26,7 @@ def p_lack_of_fit(space: Space) -> float:
     """Chance that noise of the declared size leaves this much."""
     freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
     apart = _apart(space, len(space.fitted.readings.rows))
-    return float(stats.chi2.sf(float(np.sum(space.residual**2)) * apart, freedom * apart))
+    return float(chdtrc(freedom * apart, float(np.sum(space.residual**2)) * apart))
 
 
 def p_beyond_repeats(space: Space) -> float | None:
@@ -78,7 +78,7 @@ def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | No
     between = float(np.sum(middle**2 * np.bincount(group)))
     noise = max(within / pure, 1e-300)
     apart = _apart(space, len(first))
-    p_value = float(stats.f.sf(between / left / noise, max(left * apart, 1.0), max(pure * apart, 1.0)))
+    p_value = float(fdtrc(max(left * apart, 1.0), max(pure * apart, 1.0), between / left / noise))
     return p_value, max(between - left * noise, 0.0) / (between + within)
 
 

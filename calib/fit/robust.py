@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import chdtri, gammaincinv
 
 from calib.array import Array
 
@@ -50,7 +50,7 @@ def _chi(freedom: Freedom, quantile: float) -> Array:
 
 @cache
 def _quantile(rows: int, quantile: float) -> float:
-    return float(stats.chi(rows).ppf(quantile)) if rows else 1.0
+    return float(np.sqrt(2.0 * gammaincinv(0.5 * rows, quantile))) if rows else 1.0
 
 
 def huber(residual: Array, freedom: Freedom) -> Array:
@@ -78,7 +78,7 @@ def _limits(freedom: Freedom) -> Array:
 
 @cache
 def _limit(rows: int, chance: float) -> float:
-    return float(np.sqrt(stats.chi2.isf(chance, rows))) if rows else 0.0
+    return float(np.sqrt(chdtri(rows, chance))) if rows else 0.0
 
 
 def outliers(residual: Array, freedom: Freedom) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from scipy import stats
+from scipy.special import fdtrc
 
 CLAIM = 0.002  # chance that a complete data set yields a claim
 CLASS_WIDTH = 6.0  # evidence within which two explanations cannot be distinguished
@@ -30,7 +30,7 @@ def p_value(
     if columns == 0 or left <= 0 or gain <= 0.0:
         return 1.0
     ratio = (counts * gain / columns) / (max(rss - gain, 1e-300) / left)
-    return min(1.0, float(stats.f.sf(ratio, columns, left)) * multiplicity)
+    return min(1.0, float(fdtrc(columns, left, ratio)) * multiplicity)
 
 
 def evidence_of(gain: float, volume: float, rss: float, rows: int, multiplicity: int) -> float:

@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from typer.main import get_command
-
 from calib.effects import LIBRARY, gear_orders
-from service.commands import app
+from service.commands import app, load
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
@@ -39,7 +37,7 @@ def commands() -> Iterator[str]:
 
 def helps() -> Iterator[tuple[tuple[str, ...], str]]:
     """The words and the help of the program and of each of its commands."""
-    yield from _helps(get_command(app), ("truepose",), None)
+    yield from _helps(app, ("truepose",), None)
 
 
 def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -49,7 +47,7 @@ def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[
     )
     yield words, command.get_help(context)
     for name, each in getattr(command, "commands", {}).items():
-        yield from _helps(each, (*words, name), context)
+        yield from _helps(load(name) if parent is None else each, (*words, name), context)
 
 
 def effects() -> Iterator[str]:

@@ -1,34 +1,69 @@
-"""The commands of `truepose`: one file each, gathered here into one Typer app."""
+"""The commands of `truepose`: one file each, imported when it is called, so that none waits for what another computes
+with."""
 
 from __future__ import annotations
 
-from importlib import metadata
-from typing import Annotated
+from importlib import import_module, metadata
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
-from service.commands import (
-    align,
-    campaign,
-    compensate,
-    conformance,
-    convert,
-    demo,
-    diagnose,
-    docs,
-    doctor,
-    export,
-    identify,
-    mock,
-    plan_ballbar,
-    regress,
-    select,
-    serve,
-    sweeps,
-    validate,
-)
+# name -> where it is, and the first sentence of its help (held against it by a test)
+COMMANDS = {
+    "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
+    "convert": ("convert.convert", "Import foreign data."),
+    "align": ("align.align_command", "Align the streams of a moving robot and of a tracker."),
+    "identify": ("identify.identify_command", "Identify the robot's parameters, nothing else."),
+    "diagnose": ("diagnose.diagnose_command", "Identify, find what the model lacks, correct it."),
+    "sweeps": ("sweeps.sweeps_command", "Show what single joints do while they alone turn."),
+    "regress": ("regress.regress_command", "Compare regression with identification."),
+    "select": ("select.select", "Choose calibration poses by observability."),
+    "plan-ballbar": ("plan_ballbar.plan_ballbar", "Find where the base balls should be."),
+    "compensate": ("compensate.compensate_command", "Correct the targets of a program."),
+    "export": ("export.export_command", "Write a model in another program's format."),
+    "validate": ("validate.validate_command", "Judge a saved model, or compare kinds of hold-out."),
+    "doctor": ("doctor.doctor_command", "Examine every device of a cell and say what to do."),
+    "campaign": ("campaign.app", "Measure with a robot and an instrument."),
+    "mock": ("mock.mock", "Simulate devices until SIGTERM or SIGINT."),
+    "serve": ("serve.serve", "Serve HTTP and the operator's page."),
+    "conformance": ("conformance.conformance_command", "Try a driver of your own package on its simulator."),
+    "docs": ("docs.docs_command", "Open the documentation."),
+}
+_SETTINGS: Any = {"pretty_exceptions_enable": False, "rich_markup_mode": None, "add_completion": False}
 
-app = typer.Typer(
+
+class _Commands(TyperGroup):
+    """The group knows its commands by name and summary; the one that is called is imported."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, known, rest = super().resolve_command(ctx, args)
+        return name, load(name) if name in COMMANDS else known, rest
+
+
+def load(name: str) -> Any:
+    """A command or group by its name, imported."""
+    module, _, attribute = COMMANDS[name][0].partition(".")
+    found = getattr(import_module(f"service.commands.{module}"), attribute)
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(**_SETTINGS)
+        alone.command(name)(found)
+        return get_command(alone)
+    whole = typer.Typer(**_SETTINGS)
+    whole.add_typer(found, name=name, no_args_is_help=True)
+    group: Any = get_command(whole)
+    return group.commands[name]
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"truepose {metadata.version('truepose')}")
+        raise typer.Exit
+
+
+_app = typer.Typer(
+    cls=_Commands,
     name="truepose",
     help="Calibrate an industrial robot, name what its model lacks, correct it and prove the gain.",
     no_args_is_help=True,
@@ -38,13 +73,7 @@ app = typer.Typer(
 )
 
 
-def _say_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"truepose {metadata.version('truepose')}")
-        raise typer.Exit
-
-
-@app.callback()
+@_app.callback()
 def truepose(
     version: Annotated[
         bool,
@@ -54,23 +83,8 @@ def truepose(
     """Calibrate an industrial robot, name what its model lacks, correct it and prove the gain."""
 
 
-app.command("demo")(demo.demo)
-app.command("convert")(convert.convert)
-app.command("align")(align.align_command)
-app.command("identify")(identify.identify_command)
-app.command("diagnose")(diagnose.diagnose_command)
-app.command("sweeps")(sweeps.sweeps_command)
-app.command("regress")(regress.regress_command)
-app.command("select")(select.select)
-app.command("plan-ballbar")(plan_ballbar.plan_ballbar)
-app.command("compensate")(compensate.compensate_command)
-app.command("export")(export.export_command)
-app.command("validate")(validate.validate_command)
-app.command("doctor")(doctor.doctor_command)
-app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
-app.command("mock")(mock.mock)
-app.command("serve")(serve.serve)
-app.command("conformance")(conformance.conformance_command)
-app.command("docs")(docs.docs_command)
+app: Any = get_command(_app)
+for _name, (_, _summary) in COMMANDS.items():
+    app.add_command(TyperCommand(_name, help=_summary))
 
-__all__ = ["app"]
+__all__ = ["COMMANDS", "app", "load"]

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import gc
 import ipaddress
 import re
 import sys
+import threading
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquisition import read_cell
 from calib.errors import DataError
 from service import exit_codes
 from service.json_log import json_log
@@ -23,6 +25,7 @@ from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tok
 if TYPE_CHECKING:
     from service.http.access.settings import Settings
 
+_APP = "service.http.app"
 _HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
@@ -65,24 +68,28 @@ def serve(
         raise typer.Exit(exit_codes.REFUSED)
     if simulate and cell is None:
         raise DataError("needs a cell to simulate.", do="Give --cell CELL.toml.", key="--simulate")
-    the_cell = None if cell is None else read_cell(cell)
-    # the service takes long to import, and every other command would have to wait for it
-    from service.http.access.settings import Settings
-    from service.http.app import create_app
-    from service.http.server import run_server
-    from service.simulated_cell import simulated_cell
+    gc.disable()  # until `run_server`: what is imported stays, and looking through it took a quarter of the start
+    from acquisition import read_cell
 
+    the_cell = None if cell is None else read_cell(cell)
     record = record.absolute()
     with ExitStack() as stack:
         stack.enter_context(json_log(log))
+        simulated = None
+        if simulate and the_cell is not None:
+            threading.Thread(target=import_module, args=(_APP,)).start()  # while the simulators start
+            from service.simulated_cell import simulated_cell
+
+            simulated = stack.enter_context(simulated_cell(the_cell))
+        from service.http.access.settings import Settings
+        from service.http.app import create_app
+        from service.http.server import run_server
+
         if token_file is None:
             tokens = stack.enter_context(tokens_until_the_end(record, token))
         else:
             tokens = lasting_tokens(token_file)
         note_if_others_read(record)
-        simulated = None
-        if simulate and the_cell is not None:
-            simulated = stack.enter_context(simulated_cell(the_cell))
         settings = Settings(
             record=record,
             tokens=tokens,

@@ -79,6 +79,7 @@ def run_server(app: FastAPI, settings: Settings, port: int, hello: Callable[[str
         # more, and a stop with it.
         gc.collect()
         gc.freeze()
+        gc.enable()  # `truepose serve` has had it off while it imported
         # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.
         sys.setswitchinterval(0.001)
         server = Server(config, app, hello(url))

@@ -2,6 +2,7 @@
 
 import { ask, key, reckoned, upload } from "./connection.js";
 import { desk, looksOn, moving, order } from "./desk.js";
+import { deleting } from "./deleting.js";
 import { button, fill, h } from "./dom.js";
 import { planPicture } from "./plan.js";
 import { moment } from "./units.js";
@@ -95,6 +96,7 @@ function one(root, id) {
       head.textContent = campaign.name || campaign.id;
       what.textContent = blocks(campaign.campaign);
       file.append(h("summary", {}, t("asSent")), h("pre", { tabIndex: 0 }, JSON.stringify(campaign.campaign, null, 2)));
+      file.after(deleting(`/campaigns/${id}`, campaign.name || id, "#/campaigns"));
     }
     show();
   };

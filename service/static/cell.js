@@ -2,7 +2,9 @@
 
 import { ask, reckoned } from "./connection.js";
 import { desk, order } from "./desk.js";
+import { trail } from "./deleting.js";
 import { fill, h, table } from "./dom.js";
+import { examination } from "./examination.js";
 import { leasePanel } from "./lease.js";
 import { scenePicture } from "./scene.js";
 import { number, sign, state } from "./units.js";
@@ -10,16 +12,16 @@ import { t } from "./words.js";
 
 export function open(root) {
   const lease = leasePanel(), facts = h("section", {}, h("h2", {}, t("devices"))), body = h("div", {}), now = h("div", {});
-  const picture = scenePicture(t("cellPicture")), lists = h("div", {});
+  const examined = examination(), deleted = trail(), picture = scenePicture(t("cellPicture")), lists = h("div", {});
   facts.append(body);
   root.append(h("section", {}, h("h2", {}, t("nowHere")), now), lease, facts,
-    h("section", { className: "wide" }, h("h2", {}, t("cellPicture")), picture, lists));
+    examined, h("section", { className: "wide" }, h("h2", {}, t("cellPicture")), picture, lists), h("section", { className: "wide" }, deleted));
   let scene = null, health = null;
 
   function show() {
     const { cell, busy, loop } = desk;
     if (!cell) return;
-    lease.show();
+    lease.show(); examined.show();
     fill(now, [busy && busy.id, busy && busy.state, loop && loop.step, loop && loop.id], () => [
       busy ? h("p", { className: "big" }, h("a", { href: `#/run/${busy.id}` }, `${sign(busy.state)} ${busy.name}: ${state(busy.state)}`)) : h("p", { className: "big" }, loop ? t("loopBetween") : t("nothingRuns")),
       loop && h("p", {}, `${t("loop")}: ${loop.step}`),

@@ -3,7 +3,7 @@
 import { t } from "./words.js";
 
 export const API = "/api/v1";
-const KEPT = "truepose-token", LOOK_MS = 4000, ORDER_MS = 60000, STOP_MS = 3000;
+const KEPT = "truepose-token", LOOK_MS = 3000, ORDER_MS = 60000, STOP_MS = 1000;
 export const signals = new EventTarget();  // "heard": connection.silent or .unstopped has changed; "left": no token
 export const connection = { token: sessionStorage.getItem(KEPT) || "", silent: false, unstopped: false, heardAt: null };
 const tell = (kind) => signals.dispatchEvent(new Event(kind));

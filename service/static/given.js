@@ -1,6 +1,8 @@
 // What a run gave: its data sets, what was found in them, and the files of both.
 
+import { asked, limits } from "./acceptance.js";
 import { API, ask, key, save } from "./connection.js";
+import { deleting } from "./deleting.js";
 import { looksOn, order } from "./desk.js";
 import { button, fill, h } from "./dom.js";
 import { moment, sign, state } from "./units.js";
@@ -18,7 +20,7 @@ export function link(text, path, name) {
 export const results = (id) => [link(t("reportFile"), `/reports/${id}`, `${id}-report.html`), link(t("modelFile"), `/models/${id}`, `${id}-model.json`)];
 
 const begin = (text, collection, dataset) => !looksOn() && button(text, () => order(async () => {
-  const job = await ask("POST", `/${collection}`, { dataset_id: dataset }, key());
+  const job = await ask("POST", `/${collection}`, { dataset_id: dataset, ...asked() }, key());
   location.hash = `#/result/${job.id}`;
 }));
 
@@ -34,7 +36,7 @@ export function rowOfJob(job) {
 
 export function rowOfDataset(data) {
   return [h("span", {}, t("dataSetOf", { name: data.name, n: data.readings })), link("data.csv", `/datasets/${data.id}/data.csv`, `${data.id}.csv`),
-    link("data.toml", `/datasets/${data.id}/data.toml`, `${data.id}.toml`), begin(t("identify"), COLLECTIONS.identification, data.id), begin(t("diagnose"), COLLECTIONS.diagnosis, data.id)];
+    link("data.toml", `/datasets/${data.id}/data.toml`, `${data.id}.toml`), begin(t("identify"), COLLECTIONS.identification, data.id), begin(t("diagnose"), COLLECTIONS.diagnosis, data.id), deleting(`/datasets/${data.id}`, data.name)];
 }
 
 // A section with `look(run)` and `show()`.
@@ -44,7 +46,8 @@ export function given() {
     collected.key = "";
     await whole.look(run);
   }), { id: "export" });
-  const whole = h("section", { id: "given", className: "wide", hidden: true }, h("h2", {}, t("gave")), files, h("div", { className: "row" }, make));
+  const judged = limits(), gone = h("div", {});
+  const whole = h("section", { id: "given", className: "wide", hidden: true }, h("h2", {}, t("gave")), files, judged, h("div", { className: "row" }, make), gone);
   let run = null, found = null, collected = { key: "", at: 0 };
   whole.look = async (of) => {
     run = of;
@@ -61,6 +64,8 @@ export function given() {
   };
   whole.show = () => {
     whole.hidden = !found;
+    judged.hidden = looksOn() || !(found && found.datasets.length);
+    fill(gone, [found && found.run, looksOn()], () => found && deleting(`/runs/${found.run}`, run.name, "#/run"));
     make.hidden = looksOn() || Boolean(found && found.datasets.length && run.state === "succeeded");
     fill(files, [found, looksOn()], () => (!found ? [] : [
       ...(found.loop && found.loop.report ? [[h("a", { href: `#/result/${found.loop.id}`, className: "do" }, t("loop")), h("a", { href: `#/report/${found.loop.id}`, className: "do" }, t("openReport")), ...results(found.loop.id)]] : []),

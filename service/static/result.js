@@ -1,10 +1,13 @@
 // The view Result: what a job or a loop has found, with its ladder, effects, errors in space and what it could have seen.
 
-import { ask, keepFile, key, reckoned, upload } from "./connection.js";
+import { acceptance, limits } from "./acceptance.js";
+import { ask, key, reckoned, upload } from "./connection.js";
+import { deleting } from "./deleting.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, fill, h, numeric, table } from "./dom.js";
 import { results, rowOfDataset, rowOfJob } from "./given.js";
 import { ladder } from "./ladder.js";
+import { exportsOf, programs } from "./programs.js";
 import { scenePicture } from "./scene.js";
 import { duration, length, moment, number, sign, state } from "./units.js";
 import { t } from "./words.js";
@@ -21,7 +24,7 @@ function all(root) {
     order(async () => { await upload("/datasets", { csv: csv.files[0], toml: toml.files[0], name: csv.files[0].name.replace(/\.csv$/i, "") }); send.reset(); });
   } } }, h("label", {}, "DATA.csv", csv), h("label", {}, "DATA.toml", toml), h("button", {}, t("upload")));
   const own = h("section", { className: "wide" }, h("h2", {}, t("ownData")), send);
-  root.append(h("section", { className: "wide" }, h("h2", {}, t("dataSets")), list), h("section", { className: "wide" }, h("h2", {}, t("loops")), loops), own);
+  root.append(h("section", { className: "wide" }, h("h2", {}, t("dataSets")), limits(), list), h("section", { className: "wide" }, h("h2", {}, t("loops")), loops), own);
   const look = async () => {
     own.hidden = looksOn();
     const [{ datasets }, found] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/loops")]);
@@ -54,38 +57,26 @@ function one(root, id) {
       ...(job.run_id ? [job.run_id] : job.runs || []).map((each) => h("a", { href: `#/run/${each}`, className: "do" }, `${t("toRun")} ${each.split("-").slice(3).join(" ")}`)),
       ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
       ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
-    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : []));
+    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : [])
+      .concat(job.kind !== "loop" && !busy && !looksOn() ? [h("section", { className: "wide" }, deleting(`/results/${id}`, head.textContent, "#/result"))] : []));
   }
 
   function findings() {
     const r = job.result, wide = { className: "wide" };
-    const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
+    const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), acceptance(r.acceptance), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
     if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
     if ((r.power || []).length) whole.push(h("section", wide, h("h2", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
       powerTable(r.power)));
     const said = [...(r.warnings || []), ...(r.notes || [])];
     if (said.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", { lang: "en" }, said.map((each) => h("li", {}, each)))));
-    if (!looksOn() && r.converged !== false) whole.push(programs());
+    if (!looksOn() && r.converged !== false) whole.push(programs(id), ...exportsOf(id, job.kind !== "loop"));
     const next = (r.follow_up || []).filter((each) => each.campaign);
     if (next.length && !looksOn()) whole.push(h("section", wide, h("h2", {}, t("followUp")), h("p", {}, t("followUpHint")), next.map((each) => button(t("keepCampaign"), () => order(async () => {
       const kept = await ask("POST", "/campaigns", { campaign: each.campaign, name: `follow-up of ${id}` }, key());
       location.hash = `#/campaigns/${kept.id}`;
     })))));
     return whole;
-  }
-
-  // Targets of a program, corrected with this model.
-  function programs() {
-    const file = h("input", { type: "file", id: "targets", accept: ".csv", required: true }), refused = h("input", { type: "checkbox", id: "keep-refused" }), told = h("p", { role: "status" });
-    return h("section", { className: "wide" }, h("h2", {}, t("programs")), h("p", { className: "dim" }, t("programsHint")), h("form", { className: "form", on: { submit: (event) => {
-      event.preventDefault();
-      order(async () => {
-        const done = await ask("POST", `/models/${id}/targets`, { csv: await file.files[0].text(), keep_refused: refused.checked });
-        keepFile(new Blob([done.csv], { type: "text/csv" }), `corrected-${file.files[0].name}`);
-        told.textContent = t("corrected", { n: done.corrected, refused: done.refused, mm: number(done.largest_move_mm) });
-      });
-    } } }, h("label", {}, "TARGETS.csv", file), h("label", { className: "check" }, refused, t("keepRefused")), h("button", {}, t("correct"))), told);
   }
 
   async function draw() {

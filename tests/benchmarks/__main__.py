@@ -36,6 +36,7 @@ from tests.benchmarks import (
     real_data,
     regress,
     selection,
+    status,
     stop,
 )
 
@@ -50,6 +51,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "overhead": (overhead.run, None),
     "align": (align.run, 20),
     "stop": (stop.run, 20),
+    "status": (status.run, None),
     "parsers": (parsers.run, None),
     "floor": (floor.run, 50),
     "regress": (regress.run, 40),

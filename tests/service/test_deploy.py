@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.main import get_command
 
-from service.commands import app
+from service.commands import load
 from service.commands.serve import is_loopback
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -21,9 +20,8 @@ DEPLOY = Path(__file__).parents[2] / "deploy"
 
 def taken(words: list[str]) -> dict[str, Any]:
     """What the program makes of the words behind `truepose`. It raises for an option that it does not have."""
-    group: Any = get_command(app)
     name, *arguments = words
-    return group.commands[name].make_context(name, arguments).params
+    return load(name).make_context(name, arguments).params
 
 
 def command_lines() -> dict[str, list[str]]:

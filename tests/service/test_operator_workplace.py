@@ -105,7 +105,7 @@ def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: P
         until(lambda: page.value("document.querySelectorAll('#errors circle, #errors rect').length") > 20)
 
         enter_on(page, "#export")
-        until(lambda: page.value("document.querySelectorAll('#files button').length") == 2)
+        until(lambda: page.value("document.querySelectorAll('#files li > button').length") == 2)
         audit(page)
         enter_on(page, "#files button")  # Identify
         until(lambda: page.text("#job") == "✔ succeeded")

@@ -80,6 +80,11 @@ class Gate:
         length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > self._most:
             return self._too_large()
+        packed = headers.get("content-encoding", "identity")
+        if packed.lower() != "identity":
+            return Problem(
+                415, f"The body is packed ({packed[:40]}); it is not unpacked here.", "Send it as it is."
+            )
         return None
 
     def _ours(self, host: str) -> bool:

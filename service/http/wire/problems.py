@@ -6,6 +6,7 @@ Beside the standard members: `code` (that of `drivers.errors`, or 8xxx for the s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -22,7 +23,18 @@ from service import refusals
 from service.refusals import REFUSALS, Refusal
 
 MEDIA_TYPE = "application/problem+json"
-_CODES = {401: 8001, 403: 8002, 404: 8004, 405: 8005, 409: 8009, 411: 8011, 413: 8013, 422: 8022, 500: 8500}
+_CODES = {
+    401: 8001,
+    403: 8002,
+    404: 8004,
+    405: 8005,
+    409: 8009,
+    411: 8011,
+    413: 8013,
+    415: 8015,
+    422: 8022,
+    500: 8500,
+}
 _STATUS: tuple[tuple[type[Refusal], int], ...] = (
     (DataError, 422),
     (UnsafePlan, 422),
@@ -102,7 +114,10 @@ async def _of_http(request: Request, error: Exception) -> Response:
     headers = dict(error.headers or {})
     if isinstance(error, Problem):
         return response(error.status_code, error.detail, error.do, error.code, headers, **error.more)
-    text = str(error.detail or HTTPStatus(error.status_code).phrase).rstrip(".") + "."
+    path, method = request.url.path[:200], request.method
+    known = {404: f"There is nothing under {path!r}.", 405: f"{path!r} does not take {method!r}."}
+    said = str(error.detail or HTTPStatus(error.status_code).phrase).rstrip(".") + "."
+    text = known.get(error.status_code, said)
     return response(error.status_code, text, "Look at /openapi.json for what can be asked.", headers=headers)
 
 
@@ -110,12 +125,19 @@ async def _of_request(request: Request, error: Exception) -> Response:
     """The values that were sent are left out: they may be NaN, which JSON cannot carry, or secret."""
     assert isinstance(error, RequestValidationError)
     errors = [
-        {"where": ".".join(str(part) for part in each["loc"]), "what": str(each["msg"])}
+        {"where": ".".join(str(part) for part in each["loc"]), "what": _in_words(each)}
         for each in error.errors()
     ]
     first = errors[0] if errors else {"where": "the request", "what": "cannot be read"}
     text = f"{first['where']}: {first['what']}."
     return response(422, text, "Correct the request; /openapi.json describes it.", errors=errors)
+
+
+def _in_words(error: Mapping[str, Any]) -> str:
+    """What a person reads of one error of a body; the library's words, but for those that name its own parts."""
+    if error["type"] == "string_pattern_mismatch" and error["ctx"]["pattern"] == r"\S":
+        return "is blank"
+    return str(error["msg"]).removeprefix("Value error, ")
 
 
 def of_error(error: Refusal) -> dict[str, Any]:

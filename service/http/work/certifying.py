@@ -1,4 +1,7 @@
-"""The certificate of a job's result, for a request; called in a worker process."""
+"""The certificate of a job's result, for a request; called in a worker process.
+
+The service that asks for it does without the libraries of the report, which take long to import.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,12 @@ from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import read_json
 from service.job import JOB, MODEL, RESULT
-from service.report.certificate import About, Certified, certificate_xml
 
 
 def certificate_of(folder: Path, about: dict[str, str]) -> str:
     """The XML for the job in a folder. about: the fields of `About` that are known. Raises DataError."""
+    from service.report.certificate import About, Certified, certificate_xml
+
     job: dict[str, Any] = read_json(folder / JOB)
     data = Path(job["data"])
     if not data.is_file():
