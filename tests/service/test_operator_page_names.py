@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from service.http.routes.page import FOLDER
+from service.http.routes.pages.page import FOLDER
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page, browser
