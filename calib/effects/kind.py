@@ -27,19 +27,34 @@ class Kind:
     with {joint} or {name} where the label has one. It is no work order: what must be done to a gear or a bearing is in
     the robot's own manual. apart: procedures, as the end of a sentence, that distinguish the kind from another where
     no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
-    temperature that does not follow the clock distinguishes no two such kinds.
+    temperature that does not follow the clock distinguishes no two such kinds. changed, remedy: of a kind that can set in
+    between two campaigns, what has happened and what to do, with {joint} and {size}; empty where none can.
     """
 
     name: str
     check: str
     apart: tuple[str, ...]
     by_clock: bool = False
+    changed: str = ""
+    remedy: str = ""
 
     def check_of(self, label: str) -> str:
         """Advice on what to check for the effect of this label of the kind."""
-        name = label.partition(":")[2].partition(":")[0]
-        joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
-        return self.check.format(joint=joint, name=name)
+        return _filled(self.check, label)
+
+    def changed_of(self, label: str, size: str) -> str:
+        """The sentence that says what has happened, for the effect of this label of the kind."""
+        return _filled(self.changed, label, size)
+
+    def remedy_of(self, label: str, size: str) -> str:
+        """What to do about it, likewise."""
+        return _filled(self.remedy, label, size)
+
+
+def _filled(text: str, label: str, size: str = "") -> str:
+    name = label.partition(":")[2].partition(":")[0]
+    joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
+    return text.format(joint=joint, name=name, size=size)
 
 
 def distinguishing(one: Kind, other: Kind) -> list[str]:

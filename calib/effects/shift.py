@@ -27,6 +27,11 @@ KINDS = (
             "traffic; measure the nests again."
         ),
         apart=(OTHER_STATION,),
+        changed="The base of the robot, or the frame of the instrument, moved: the arm's targets by {size}.",
+        remedy=(
+            "Measure the nests again; where it stays, re-teach the work frames or correct targets with the updated "
+            "model."
+        ),
     ),
     Kind(
         "tool_shift",
@@ -35,6 +40,8 @@ KINDS = (
             "before and after belong to two tools."
         ),
         apart=(SECOND_TARGET,),
+        changed="The tool moved on the flange: its targets by {size}.",
+        remedy="Re-teach the tool, or correct targets with the updated model.",
     ),
 )
 
@@ -61,6 +68,12 @@ def tool_shift(rank: float) -> Effect:
 
 
 MAKERS = {"base_shift": base_shift, "tool_shift": tool_shift}
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """The tool bumped, the base or the instrument moved since a calibration."""
+    del survey  # whatever is measured
+    return [tool_shift(0), base_shift(0)]
 
 
 def _family(label: str, ranks: Array) -> Steps:

@@ -21,6 +21,8 @@ KINDS = (
             "certificate; measure a reference length."
         ),
         apart=(OTHER_STATION,),
+        changed="The instrument's scale differs from the calibration's by {size}.",
+        remedy="Check the weather station and the certificate of the instrument, and measure again.",
     ),
 )
 
@@ -35,6 +37,11 @@ def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
         "The instrument measures every length too long or too short.",
         {"scale": ("ppm", 50.0, places, (-500.0, 500.0))},
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """A scale that has changed since a calibration."""
+    return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:

@@ -55,7 +55,7 @@ from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
 _SIDES = ("from below", "from above", "both sides")
-_MOST_GRAVITY, _HOTTEST_C = 10.0, 1000.0
+_MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,9 @@ class SavedModel:
     held_out_rms_mm: float | None = None
     notes: tuple[str, ...] = ()  # what whoever uses it must know
     regression: Regression | None = None
+    noise_scale: float = 1.0  # noise that the fit found over the declared
+    devices: tuple[Mapping[str, str], ...] = ()  # robot and instrument, as the header of the data names them
+    updates: tuple[Mapping[str, Any], ...] = ()  # changes found by watches since, oldest first
 
     @property
     def usual(self) -> StatedConditions:
@@ -98,6 +101,8 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         data_sha256=identification.data_sha256,
         holds_for=_scope_of(identification),
         held_out_rms_mm=None if judged is None else judged.rms,
+        noise_scale=identification.noise_scale,
+        devices=header.devices,
     )
 
 
@@ -158,6 +163,7 @@ def model_document(
         if judged is None or diagnosis is None
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
+        "device": [dict(each) for each in identification.header.devices],
     }
     if regression is not None:
         document["regression"] = document_of(regression)
@@ -237,6 +243,10 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
     if saved.regression is not None:
         refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
+    if saved.updates:
+        notes += (
+            f"{path.name} was updated by {len(saved.updates)} of its watches: its held-out error is from before.",
+        )
     return replace(saved, notes=notes)
 
 
@@ -297,6 +307,9 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         holds_for=_holds_for(holds, robot, path),
         held_out_rms_mm=_held_out_rms(document.get("held_out")),
         regression=regression_of(document["regression"], robot, path) if "regression" in document else None,
+        noise_scale=float(numbers_of(document.get("noise_scale", 1.0), (), "noise_scale", path, _NOISIEST)),
+        devices=_tables(document.get("device", []), "device", path),
+        updates=_tables(document.get("updates", []), "updates", path),
     )
 
 
@@ -330,6 +343,12 @@ def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
     if air is not None:
         numbers_of(air, (), "holds_for.temperature_c", path, _HOTTEST_C)
     return table
+
+
+def _tables(entries: Any, key: str, path: Path) -> tuple[Mapping[str, Any], ...]:
+    if not isinstance(entries, list) or not all(isinstance(each, dict) for each in entries):
+        raise DataError("is no list of tables.", do="Write the model again.", file=path, key=key)
+    return tuple(entries)
 
 
 def _held_out_rms(table: Any) -> float | None:
