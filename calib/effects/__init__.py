@@ -113,4 +113,14 @@ def check_of(label: str) -> str:
     return kind_of(label).check_of(label)
 
 
-__all__ = ["LIBRARY", "Kind", "Survey", "changes", "check_of", "compliance_of", "entries", "kind_of", "offers"]
+__all__ = [
+    "LIBRARY",
+    "Kind",
+    "Survey",
+    "changes",
+    "check_of",
+    "compliance_of",
+    "entries",
+    "kind_of",
+    "offers",
+]

@@ -27,8 +27,8 @@ class Kind:
     with {joint} or {name} where the label has one. It is no work order: what must be done to a gear or a bearing is in
     the robot's own manual. apart: procedures, as the end of a sentence, that distinguish the kind from another where
     no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
-    temperature that does not follow the clock distinguishes no two such kinds. changed, remedy: of a kind that can set in
-    between two campaigns, what has happened and what to do, with {joint} and {size}; empty where none can.
+    temperature that does not follow the clock distinguishes no two such kinds. changed, remedy: what has happened and
+    what to do where the kind has set in between two campaigns, with {joint} and {size}; empty where it never does.
     """
 
     name: str

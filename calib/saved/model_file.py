@@ -137,19 +137,9 @@ def model_document(
         "gravity_base": list(identification.header.gravity),
         "joint_coupling": identification.header.coupling,
         "groups": [e.label for e in model.effects if e.group == "base model"],
-        "parameters": [
-            {
-                "name": parameter.name,
-                "value": to_display(float(identification.estimate[i]), parameter.unit),
-                "std": to_display(float(errors[i]), parameter.unit),
-                "unit": parameter.unit,
-                "nominal": _nominal(model, parameter.name),
-                "owner": owner,
-            }
-            for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
-        ],
+        "parameters": parameters_of(model, identification.estimate, errors),
         "effects": [effect.to_json() for effect in model.effects],
-        "covariance_internal_units": _triangle(identification.covariance),
+        "covariance_internal_units": triangle(identification.covariance),
         "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
         "tool_targets_mm": {
             series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
@@ -171,6 +161,21 @@ def model_document(
     return document
 
 
+def parameters_of(model: RobotModel, estimate: Array, errors: Array) -> list[dict[str, Any]]:
+    """Every parameter of a model as its file has it; estimate and errors (m,), internal units."""
+    return [
+        {
+            "name": parameter.name,
+            "value": to_display(float(estimate[i]), parameter.unit),
+            "std": to_display(float(errors[i]), parameter.unit),
+            "unit": parameter.unit,
+            "nominal": _nominal(model, parameter.name),
+            "owner": owner,
+        }
+        for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
+    ]
+
+
 def _scope_of(identification: Identification) -> dict[str, Any]:
     """The approach and the temperature for which a model holds: those of its readings."""
     conditions = identification.readings.conditions
@@ -185,7 +190,7 @@ def _scope_of(identification: Identification) -> dict[str, Any]:
     }
 
 
-def _triangle(covariance: Array) -> list[list[float]]:
+def triangle(covariance: Array) -> list[list[float]]:
     """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
     return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
 

@@ -1,8 +1,8 @@
 """The uncertainty of a world frame that is set up anew on its nests before every campaign.
 
-A frame that is fitted to nests at a_i, each measured with the covariance N_i, is off by a shift and a turn of covariance
+A frame that is fitted to nests at a_i, each measured with the covariance N_i, is off by a shift and a turn with
 
-    (sum J_i' N_i^-1 J_i)^-1,    J_i = [I, -[a_i - centre]x]
+    covariance (sum J_i' N_i^-1 J_i)^-1,    J_i = [I, -[a_i - centre]x]
 
 and so is the one of the calibration. Both together are what a watch may be off by with nothing changed.
 """

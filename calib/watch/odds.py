@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import gammaincc
 
 from calib.array import Array
 from calib.model.effect import Effect
@@ -127,8 +127,8 @@ class Odds:
 
     def p_values(self, residual: Array) -> Array:
         """(d, 1 + c) of residuals (d, q) without any change: of all rows together, then of every cause."""
-        every = stats.chi2.sf(np.sum(residual**2, axis=1), self.rows)
-        each = [stats.chi2.sf(cause.gain(residual), cause.freedom) for cause in self.causes]
+        every = _beyond(np.sum(residual**2, axis=1), self.rows)
+        each = [_beyond(cause.gain(residual), cause.freedom) for cause in self.causes]
         return np.column_stack([every, *each])
 
     @cached_property
@@ -181,3 +181,8 @@ class Odds:
             if d != cause and np.all(np.sum(left**2, axis=0) < _TWIN):
                 out.append(d)
         return out
+
+
+def _beyond(squares: Array, freedom: int) -> Array:
+    """(d,) the chance that chi-squared exceeds some sums of squares (d,)."""
+    return np.asarray(gammaincc(0.5 * freedom, 0.5 * squares), dtype=np.float64)

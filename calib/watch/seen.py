@@ -12,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arm.kinematics import Frames
 from calib.array import Array
@@ -51,8 +53,12 @@ class Seen:
     columns: tuple[Array, ...]
 
     @classmethod
-    def of(cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True) -> Seen:
+    def of(
+        cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True, lack: float | None = None
+    ) -> Seen:
         """The usable readings of a data set. frame_known False: where robot and instrument stand is not compared.
+
+        lack: what the model lacks, as scatter of the joints, rad; None: as `scatter_beyond` finds it.
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
@@ -70,12 +76,15 @@ class Seen:
         of_parameters = jacobian(design, readings.observed, frames)[measured]
         of_others = jacobian(beside, readings.observed, frames)[measured]
         ends = np.cumsum([0, *(len(cause.parameters) for cause in causes)])
-        of_causes = tuple(of_others[:, a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+        of_causes = tuple(of_others[:, a:b] for a, b in pairwise(ends))
         header = dataset.header
-        of_frame = of_others[:, ends[-1] :] @ _root(frame_covariance(header.nests, header.noise, model.station))
-        lack = scatter_beyond(saved, model, estimate, covariance, dataset)
-        lacking = lack * _by_joint(readings, frames, joints)[measured]
-        lasting = np.column_stack([of_parameters @ _root(covariance), lacking, of_frame])
+        of_frame = of_others[:, ends[-1] :] @ _root(
+            frame_covariance(header.nests, header.noise, model.station)
+        )
+        lack = scatter_beyond(saved, dataset) if lack is None else lack
+        lasting = np.column_stack([of_parameters @ _root(covariance), of_frame])
+        if lack > 0.0:
+            lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, joints)[measured]])
         passing = of_frame
         if not frame_known:
             where = next(c for e, c in zip(causes, of_causes, strict=True) if e.label == "base_shift")
@@ -101,7 +110,7 @@ class Seen:
         return share * of_noise + self.lasting @ self.lasting.T
 
     @cached_property
-    def measured(self) -> Array:
+    def measured(self) -> NDArray[np.bool_]:
         """(k n,) rows that were measured."""
         return _measured(self.readings)
 
@@ -124,11 +133,11 @@ class Seen:
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
-def scatter_beyond(
-    saved: SavedModel, model: RobotModel, estimate: Array, covariance: Array, dataset: Dataset
-) -> float:
+def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     """By how much, rad, the joints would have to scatter more than declared for the errors that the calibration found
     on readings it had not seen; without such readings, for those of its fit. Nothing where these are as declared."""
+    model, dataset = _in_series(saved.model, dataset)
+    estimate, covariance = _without_drifts(model, saved)
     rows = dataset.fit_rows & dataset.pointed
     if not rows.any():
         return 0.0
@@ -143,9 +152,7 @@ def scatter_beyond(
         beyond = (max(saved.noise_scale, 1.0) ** 2 - 1.0) * known
     else:
         uncertain = predict_with_covariance(model, estimate, covariance, conditions)[1]
-        beyond = (
-            saved.held_out_rms_mm**2 - known - float(np.mean(np.trace(uncertain, axis1=1, axis2=2)))
-        )
+        beyond = saved.held_out_rms_mm**2 - known - float(np.mean(np.trace(uncertain, axis1=1, axis2=2)))
     return float(np.sqrt(max(beyond, 0.0) / of_joints))
 
 
@@ -191,7 +198,11 @@ def _causes(
 def _beyond(cause: Effect, model: RobotModel, estimate: Array) -> Effect:
     parameters = []
     for p in cause.parameters:
-        had = float(estimate[model.index[p.name]] / model.unit[model.index[p.name]]) if p.name in model.index else 0.0
+        had = (
+            float(estimate[model.index[p.name]] / model.unit[model.index[p.name]])
+            if p.name in model.index
+            else 0.0
+        )
         low, high = (None if bound is None else bound - had for bound in (p.low, p.high))
         parameters.append(replace(p, low=low, high=high))
     return replace(cause, parameters=tuple(parameters))
@@ -213,7 +224,7 @@ def _station(dataset: Dataset) -> tuple[float, float, float]:
     return dataset.header.noise.station_mm
 
 
-def _measured(readings: Readings) -> Array:
+def _measured(readings: Readings) -> NDArray[np.bool_]:
     """(k n,) rows of the readings that were measured."""
     return np.any(readings.observed.whiten != 0.0, axis=1).reshape(-1)
 

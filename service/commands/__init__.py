@@ -25,6 +25,7 @@ from service.commands import (
     serve,
     sweeps,
     validate,
+    watch,
 )
 
 app = typer.Typer(
@@ -67,6 +68,7 @@ app.command("export")(export.export_command)
 app.command("validate")(validate.validate_command)
 app.command("doctor")(doctor.doctor_command)
 app.add_typer(campaign.app, name="campaign", no_args_is_help=True)
+app.add_typer(watch.app, name="watch", no_args_is_help=True)
 app.command("mock")(mock.mock)
 app.command("serve")(serve.serve)
 app.command("docs")(docs.docs_command)
