@@ -69,7 +69,7 @@ def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None)
     values = np.zeros(len(prior))
     start = left = whiten @ (seen.residual if mean is None else mean)
     normal = columns.T @ columns + np.diag(prior**-2.0)
-    covariance = np.linalg.inv(normal)
+    covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     for _ in range(_STEPS):
         step = covariance @ (columns.T @ left - values / prior**2)
         values = values + step

@@ -117,7 +117,7 @@ def _asked(
 
 def odds_of(seen: Seen, share: float = 1.0) -> tuple[Array, Odds]:
     """The matrix (q, q) that makes residuals of unchanged robots white, and the causes in its rows."""
-    whiten = np.linalg.inv(np.linalg.cholesky(seen.spread(share)))
+    whiten: Array = np.asarray(np.linalg.inv(np.linalg.cholesky(seen.spread(share))), dtype=np.float64)
     return whiten, Odds.of(seen.causes, [whiten @ columns for columns in seen.columns])
 
 

@@ -37,6 +37,7 @@ from tests.benchmarks import (
     regress,
     selection,
     stop,
+    watch,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -58,6 +59,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "misread": (misread.run, 3),
     "nests": (nests.run, 20),
     "ballbar": (ballbar.run, 20),
+    "watch": (watch.run, 100),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),
