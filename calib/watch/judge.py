@@ -125,8 +125,11 @@ def _explained(seen: Seen, asked: _Asked, questions: tuple[Question, ...], rate:
     odds, white = asked.odds, asked.residual[None]
     mean = None if asked.mean is None else asked.mean.residual
     causes = [fitted(seen, column.effect, asked.whiten, mean) for column in odds.causes]
-    allowed = np.isfinite(odds.evidence(white)[0])
-    evidence = np.where(allowed, [cause.evidence for cause in causes], -np.inf)
+    # what the derivative says of shifts alone, and of what physics forbids, beside the fits
+    linear = np.array([column.whole(white)[0] for column in odds.causes])
+    allowed = np.isfinite(linear)
+    beside = np.where(allowed, odds.evidence(white)[0] - np.where(allowed, linear, 0.0), -np.inf)
+    evidence = np.array([cause.evidence for cause in causes]) + beside
     named = odds.by(white, evidence[None], np.array([[cause.gain for cause in causes]]))
     best, weights = int(named.best[0]), named.weights[0]
     ranked = sorted(np.flatnonzero(weights), key=lambda c: (-weights[c], c != best))

@@ -16,11 +16,12 @@ Source: Kass and Raftery 1995 (evidence); Hotelling's T-squared with a known cov
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.special import gammaincc
 
 from calib.array import Array
@@ -37,7 +38,7 @@ _DRAWS = 20_000
 @dataclass(frozen=True)
 class Columns:
     """One cause as the readings see it: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
-    parameter, internal units."""
+    parameter, internal units. plain: of a cause that shifts and turns, what it is where it only shifts."""
 
     effect: Effect
     directions: Array
@@ -45,6 +46,7 @@ class Columns:
     back: Array
     low: float
     high: float
+    plain: Columns | None = None
 
     @classmethod
     def of(cls, effect: Effect, columns: Array) -> Columns:
@@ -53,7 +55,12 @@ class Columns:
         u, s, vt = np.linalg.svd(columns * size, full_matrices=False)
         shown = s > _SHOWN
         low, high = effect.parameters[0].bounds if len(effect.parameters) == 1 else (-np.inf, np.inf)
-        return cls(effect, u[:, shown], s[shown], size[:, None] * vt[shown].T, low, high)
+        shifts = [k for k, p in enumerate(effect.parameters) if p.unit == effect.parameters[0].unit]
+        plain = None
+        if len(shifts) < len(effect.parameters):
+            of_shifts = replace(effect, parameters=tuple(effect.parameters[k] for k in shifts))
+            plain = cls.of(of_shifts, columns[:, shifts])
+        return cls(effect, u[:, shown], s[shown], size[:, None] * vt[shown].T, low, high, plain)
 
     @property
     def freedom(self) -> int:
@@ -80,8 +87,15 @@ class Columns:
         return np.sum((residual @ self.directions) ** 2, axis=1)
 
     def evidence(self, residual: Array) -> Array:
-        """(d,) of residuals (d, q); minus infinity where the estimate is, by two standard errors, what physics
-        forbids."""
+        """(d,) of residuals (d, q), of shifts and turns and of shifts alone as likely before; minus infinity where the
+        estimate is, by two standard errors, what physics forbids."""
+        whole = self.whole(residual)
+        return (
+            whole if self.plain is None else np.logaddexp(whole, self.plain.evidence(residual)) - np.log(2.0)
+        )
+
+    def whole(self, residual: Array) -> Array:
+        """(d,) the evidence with all parameters."""
         along = residual @ self.directions
         found = 0.5 * (along**2) @ self.shrink - 0.5 * np.sum(np.log1p(self.strengths**2))
         if self.freedom == 1 and (np.isfinite(self.low) or np.isfinite(self.high)):
@@ -132,14 +146,27 @@ class Odds:
         return np.column_stack([every, *each])
 
     @cached_property
-    def _by_chance(self) -> Array:
-        """Smallest p-values of draws without any change, ascending; the same in every run."""
-        rng = np.random.default_rng(20)
-        return np.sort(self.p_values(rng.normal(size=(_DRAWS, self.rows))).min(axis=1))
+    def _by_chance(self) -> tuple[Array, list[int]]:
+        """Sums of squares (d, 1 + c) of draws without any change, the same in every run, and the freedom of each."""
+        white = np.random.default_rng(20).normal(size=(_DRAWS, self.rows))
+        each = [cause.gain(white) for cause in self.causes]
+        return np.column_stack([np.sum(white**2, axis=1), *each]), [
+            self.rows,
+            *(c.freedom for c in self.causes),
+        ]
 
     def limit(self, rate: float) -> float:
-        """The p-value below which an alarm is raised at this rate of false alarms."""
-        return float(np.quantile(self._by_chance, rate))
+        """The p-value below which an alarm is raised at this rate of false alarms, within 1 % of it."""
+        squares, freedom = self._by_chance
+        low, high = (
+            np.log(rate / len(freedom)) - 0.1,
+            np.log(rate),
+        )  # Bonferroni's below, one question's above
+        while high - low > 0.01:
+            middle = 0.5 * (low + high)
+            beyond = squares > stats.chi2.isf(np.exp(middle), freedom)
+            low, high = (low, middle) if np.mean(np.any(beyond, axis=1)) > rate else (middle, high)
+        return float(np.exp(low))
 
     def named(self, residual: Array) -> Named:
         """The causes of residuals (d, q), as if something had changed."""

@@ -168,7 +168,7 @@ def run(count: int = 100) -> bool:
 
 
 def _shares(name: str, rows: Sequence[Row], *, said: bool) -> bool:
-    """Print how many were seen, in the class, and alone of those that the poses can tell; said: whether it is judged."""
+    """Print how many were seen, in the class, and alone of those that poses can tell; said: whether it is judged."""
     seen = sum(row[1] for row in rows) / len(rows)
     member = sum(row[2] for row in rows) / len(rows)
     able = [row[3] for row in rows if not row[4]]

@@ -69,7 +69,7 @@ def measure(
         world._noise_rng = np.random.default_rng(first)
         if label:
             drawn = world.draw_effect(label)
-            values |= {name: 0.0 for name in drawn.constants}
+            values |= dict.fromkeys(drawn.constants, 0.0)
             world.effects = [drawn.with_values(**values)]
         template = planned(saved, calibration.header, joints, sides, reach, ("T1", "T2"))
         points = []
