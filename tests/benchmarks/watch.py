@@ -101,7 +101,7 @@ def watched(saved: SavedModel, dataset: Dataset, check: Check, world: World, fir
 
 
 def error_mm(saved: SavedModel, dataset: Dataset, world: World) -> tuple[float, float]:
-    """RMS distance of predicted positions of the watched target at fresh poses from readings, and from the truth, mm."""
+    """RMS distance of predicted positions of the watched target at fresh poses from readings, and from truth, mm."""
     rng = np.random.default_rng(8)
     poses = [random_pose(world.robot, world.targets, rng) for _ in range(_JUDGED)]
     sides = rng.choice((-1, 1), size=(_JUDGED, 6))

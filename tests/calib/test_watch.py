@@ -224,7 +224,7 @@ def test_the_frame_on_nests_is_as_uncertain_as_its_fit() -> None:
     point = np.array([400.0, 300.0, 500.0])
     for _ in range(4000):
         read = places + 0.02 * rng.normal(size=places.shape)
-        turn, _ = Rotation.align_vectors(places - places.mean(axis=0), read - read.mean(axis=0))
+        turn = Rotation.align_vectors(places - places.mean(axis=0), read - read.mean(axis=0))[0]
         off.append(turn.apply(point - read.mean(axis=0)) + places.mean(axis=0) - point)
     covariance = frame_covariance(nests, Noise("isotropic", sigma_mm=0.02), (0.0, 0.0, 0.0))
     x, y, z = point
