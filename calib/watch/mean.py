@@ -4,8 +4,8 @@
 
 here divided by b_i = 1 - (1 - g)^i, so that a lasting change keeps its size. Noise and frame have the share
 g / (2 - g) (1 - (1 - g)^(2 i)) / b_i^2 of their variance; what the baseline does not know is the same in every watch
-and stays as it is. The covariance of each mean is known, so its chi-squared holds its rate of false alarms at every watch,
-not an average run length. Source: Lowry et al. 1992.
+and stays as it is. The covariance of each mean is known, so its chi-squared holds its rate of false alarms at every
+watch, not an average run length. Source: Lowry et al. 1992.
 """
 
 from __future__ import annotations
