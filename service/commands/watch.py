@@ -23,7 +23,7 @@ from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results.watched import JudgeQuestion, Planned, PlanQuestion, Watched
 
-app = typer.Typer(help="Check with a few poses whether a calibrated robot has changed, and what.")
+app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
 Baseline = Annotated[Path, typer.Argument(metavar="MODEL.json", help="The model of the calibration.")]
 Rate = Annotated[
@@ -111,7 +111,7 @@ def run_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Drive the check poses, export the readings to DIR/watch.csv, and judge them."""
+    """Drive the check poses and judge them. The readings are exported to DIR/watch.csv."""
     outputs = {"--json": json, "--history": history, "--update": update}
     options.check_outputs(outputs, inputs=(model, cell, campaign))
     saved = options.read_model(model, robot, options.LARGEST)  # before anything moves
