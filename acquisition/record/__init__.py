@@ -2,7 +2,7 @@
 
 from acquisition.record.database import FILE, sha256_of
 from acquisition.record.event import Event
-from acquisition.record.export import export, export_events
+from acquisition.record.export import export, export_events, planned_header
 from acquisition.record.individuals import Acceptance, individual_of
 from acquisition.record.merge import export_together
 from acquisition.record.rescue import rescue
@@ -26,6 +26,7 @@ __all__ = [
     "export_streams",
     "export_together",
     "individual_of",
+    "planned_header",
     "rescue",
     "salvage",
     "sha256_of",

@@ -99,6 +99,11 @@ def table_of(record_dir: Path) -> DataTable:
     return DataTable(str(record_dir), _columns(rows, of_rows, cell), header | {"device": devices})
 
 
+def planned_header(cell: Cell) -> dict[str, Any]:
+    """The header that readings of a cell would have, its instrument where the cell file has it."""
+    return _header(cell, cell.instrument.station_mm, "", {}, simulated=False)
+
+
 def _series(
     rows: list[Reading], individuals: dict[int, Individual]
 ) -> tuple[list[str], list[dict[str, str]]]:
@@ -196,12 +201,14 @@ def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
-    """Where the balls are to which distances were measured, and how well that and the tool are known.
+    """Where the nests are that define the frame, or the balls to which distances were measured, and how well that and
+    the tool are known.
 
     touched: those that the robot has touched, known as well as a robot as it came knows a place.
     """
     if not cell.instrument.declared.measures_lengths:
-        return {"tool_targets_u_mm": dict(cell.tool.u_mm)} if cell.tool.u_mm else {}
+        nests = {"nests": {name: list(point) for name, point in cell.nests.items()}} if cell.nests else {}
+        return ({"tool_targets_u_mm": dict(cell.tool.u_mm)} if cell.tool.u_mm else {}) | nests
     unstated = [name for name in cell.unstated if name not in touched]
     return {
         "base_targets": {name: list(touched.get(name, point)) for name, point in cell.nests.items()},

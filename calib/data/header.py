@@ -38,6 +38,7 @@ _KEYS = {
     *(
         "base_targets",
         "base_targets_u_mm",
+        "nests",
         "tool_targets_u_mm",
         "u_mm_assumed",
         "loads",
@@ -82,6 +83,7 @@ class Header:
     base_targets_u_mm: Mapping[str, float] = field(default_factory=dict)
     tool_targets_u_mm: Mapping[str, float] = field(default_factory=dict)
     u_mm_assumed: tuple[str, ...] = ()  # names whose uncertainty nobody stated
+    nests: Mapping[str, Vector] = field(default_factory=dict)  # on which the world frame is set up, mm
     hold: tuple[str, ...] = ()  # parameters held at their nominal values
     # Parameter or group -> std in the parameter's unit
     priors: Mapping[str, float] = field(default_factory=dict)
@@ -157,6 +159,7 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
         holdout=str(table.table("holdout").values.get("kind", "as measured")),
         **_base_targets(table),
         u_mm_assumed=_names(table, "u_mm_assumed"),
+        nests=table.vectors("nests"),
         hold=_names(table.table("model"), "hold"),
         priors=_priors(table.table("model").table("priors")),
         simulated=table.flag("simulated"),

@@ -33,7 +33,8 @@ from calib.effects import (
 )
 from calib.effects.installed import installed
 from calib.effects.kind import Kind
-from calib.effects.survey import Survey
+from calib.effects.survey import Survey, compliance_of
+from calib.model.effect import Effect
 from calib.scan.fixed import Candidate
 from calib.scan.scores import Family
 
@@ -80,6 +81,10 @@ LIBRARY: tuple[Entry, ...] = (
 )
 
 
+SETS_IN = (shift, joint_step, backlash, payload, tracker_scale)
+"""Files of effects that can set in between two campaigns."""
+
+
 def entries() -> tuple[Entry, ...]:
     """The library, and what other packages bring. Raises DataError where one of them cannot be used."""
     return (*LIBRARY, *installed())
@@ -89,6 +94,11 @@ def offers(survey: Survey) -> list[Family]:
     """Everything the library can propose for these readings, less what their base model has already."""
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     return [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """What may have set in since a calibration, as these readings could show it."""
+    return [found for entry in SETS_IN for found in entry.changes(survey)]
 
 
 def kind_of(label: str) -> Kind:
@@ -108,4 +118,15 @@ def words_of(label: str) -> str:
     return kind_of(label).words_of(label)
 
 
-__all__ = ["LIBRARY", "Kind", "Survey", "check_of", "entries", "kind_of", "offers", "words_of"]
+__all__ = [
+    "LIBRARY",
+    "Kind",
+    "Survey",
+    "changes",
+    "check_of",
+    "compliance_of",
+    "entries",
+    "kind_of",
+    "offers",
+    "words_of",
+]

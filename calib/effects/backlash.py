@@ -21,6 +21,8 @@ KINDS = (
             "ways and read a dial gauge; compare with the limit in the maker's manual."
         ),
         apart=(OTHER_SIDE,),
+        changed="Joint {joint} has another play than at the calibration: {size}.",
+        remedy="Have the gear of joint {joint} checked; until then correct targets with the updated model.",
     ),
 )
 
@@ -34,6 +36,11 @@ def backlash(joint: int) -> Effect:
         f"Joint {joint} has play: it stops short on the side from which it arrives.",
         {"gap": ("deg", 0.1, [(f"theta{joint}", Side(joint), 0.5)], (0.0, 1.0))},
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """Play that has set in since a calibration: of every joint that was approached from both sides."""
+    return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:

@@ -24,6 +24,8 @@ KINDS = (
             "a clamp that slipped, a collision between the two readings."
         ),
         apart=(),
+        changed="Joint {joint} lost its zero by {size}.",
+        remedy="Re-zero joint {joint} by {size}.",
     ),
 )
 
@@ -38,6 +40,11 @@ def joint_step(joint: int, rank: float) -> Effect:
         {"step": ("deg", 0.1, [(f"theta{joint}", StepAt(int(rank)))], (-5.0, 5.0))},
         {"rank": float(int(rank))},
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """A zero that was lost since a calibration: of every joint that moved, the first too."""
+    return [joint_step(k, 0) for k in survey.moving]
 
 
 def offer(survey: Survey) -> list[Steps]:

@@ -29,7 +29,8 @@ class Kind:
     no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
     temperature that does not follow the clock distinguishes no two such kinds. words: what it is called before readers
     who do not know labels, a few words without a verb, with {joint}, {name} and {times} ("once", "17 times") where the
-    label has them.
+    label has them. changed, remedy: what has happened and what to do where the kind has
+    set in between two campaigns, with {joint} and {size}; empty where it never does.
     """
 
     name: str
@@ -37,6 +38,8 @@ class Kind:
     apart: tuple[str, ...]
     by_clock: bool = False
     words: str = ""
+    changed: str = ""
+    remedy: str = ""
 
     def check_of(self, label: str) -> str:
         """Advice on what to check for the effect of this label of the kind."""
@@ -45,6 +48,14 @@ class Kind:
     def words_of(self, label: str) -> str:
         """What the effect of this label of the kind is called before readers; the label where the kind has no words."""
         return self.words.format(**_named(label)) or label
+
+    def changed_of(self, label: str, size: str) -> str:
+        """The sentence that says what has happened, for the effect of this label of the kind."""
+        return self.changed.format(**_named(label), size=size)
+
+    def remedy_of(self, label: str, size: str) -> str:
+        """What to do about it, likewise."""
+        return self.remedy.format(**_named(label), size=size)
 
 
 def _named(label: str) -> dict[str, str]:

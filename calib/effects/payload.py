@@ -26,6 +26,8 @@ KINDS = (
         words="mass of the load",
         check="Weigh the tool with everything that hangs on it, and correct the load data in the controller.",
         apart=(OTHER_LOAD,),
+        changed="The load on the flange is heavier than declared by {size}.",
+        remedy="Weigh the tool with all that hangs on it, and correct the load data.",
     ),
     Kind(
         "payload_cog",
@@ -35,6 +37,8 @@ KINDS = (
             "controller."
         ),
         apart=(OTHER_LOAD,),
+        changed="The centre of the load on the flange lies elsewhere by {size}.",
+        remedy="Look for what was moved, added or taken off at the tool, and correct the load data.",
     ),
 )
 
@@ -75,6 +79,11 @@ def payload_cog(load: Load, compliance: Compliance) -> Effect:
             for axis, kg_mm in along.items()
         },
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """Another load since a calibration."""
+    return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:

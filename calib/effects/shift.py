@@ -16,6 +16,7 @@ from calib.model.regressors import StepAt
 from calib.scan.steps import Steps
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
+_SETTLED_DEG = 0.03  # a foot of 500 mm that settles by a quarter of a millimetre on one side
 _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
 
 
@@ -28,6 +29,11 @@ KINDS = (
             "traffic; measure the nests again."
         ),
         apart=(OTHER_STATION,),
+        changed="The base of the robot, or the frame of the instrument, moved: the arm's targets by {size}.",
+        remedy=(
+            "Measure the nests again; where it stays, re-teach the work frames or correct targets with the updated "
+            "model."
+        ),
     ),
     Kind(
         "tool_shift",
@@ -37,24 +43,26 @@ KINDS = (
             "before and after belong to two tools."
         ),
         apart=(SECOND_TARGET,),
+        changed="The tool moved on the flange: its targets by {size}.",
+        remedy="Re-teach the tool, or correct targets with the updated model.",
     ),
 )
 
 
-def _shift(name: str, meaning: str, rank: float) -> Effect:
+def _shift(name: str, meaning: str, rank: float, turn_deg: float = 0.1) -> Effect:
     step = StepAt(int(rank))
     acts = {
         axis: ("mm", 0.5, [(f"{name}.{axis}", step)])
         if len(axis) == 1
-        else ("deg", 0.1, [(f"{name}.{axis}", step)])
+        else ("deg", turn_deg, [(f"{name}.{axis}", step)])
         for axis in _AXES
     }
     return effect(f"{name}_shift", "frames and tool", "mounting", meaning, acts, {"rank": float(int(rank))})
 
 
-def base_shift(rank: float) -> Effect:
-    """The base steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg)."""
-    return _shift("base", "The base, or the instrument, was moved between two readings.", rank)
+def base_shift(rank: float, turn_deg: float = 0.1) -> Effect:
+    """The base steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg); turn_deg: usual turn."""
+    return _shift("base", "The base, or the instrument, was moved between two readings.", rank, turn_deg)
 
 
 def tool_shift(rank: float) -> Effect:
@@ -63,6 +71,12 @@ def tool_shift(rank: float) -> Effect:
 
 
 MAKERS = {"base_shift": base_shift, "tool_shift": tool_shift}
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """The tool bumped, the base or the instrument moved since a calibration."""
+    del survey  # whatever is measured
+    return [tool_shift(0), base_shift(0, _SETTLED_DEG)]
 
 
 def _family(label: str, ranks: Array) -> Steps:

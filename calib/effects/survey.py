@@ -13,6 +13,7 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.fit.identification import Identification
 from calib.model.effect import Effect
+from calib.model.model import RobotModel
 from calib.model.regressors import Regressor, Torque
 
 _LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); friction and cables do more
@@ -40,11 +41,6 @@ class Survey:
     def of(cls, fitted: Identification, dataset: Dataset) -> Survey:
         """The survey of a fit."""
         model = fitted.model
-        compliance: dict[int, float] = {}
-        for term in (term for effect in model.effects for term in effect.terms):
-            if isinstance(term.regressor, Torque) and term.slot == f"theta{term.regressor.joint}":
-                share = term.weight * float(fitted.estimate[model.index[term.parameter]])
-                compliance[term.regressor.joint] = compliance.get(term.regressor.joint, 0.0) + share
         return cls(
             robot=model.robot,
             conditions=fitted.readings.conditions,
@@ -55,7 +51,7 @@ class Survey:
                 for term in effect.terms
                 if effect.group == "base model"
             ),
-            compliance=compliance,
+            compliance=compliance_of(model, fitted.estimate),
             loads=fitted.header.loads,
             station=model.station,
             curves=frozenset(curve.joint for curve in model.curves),
@@ -115,3 +111,13 @@ class Survey:
     def largest(moment: Array) -> float:
         """Its largest magnitude."""
         return float(np.max(np.abs(moment)))
+
+
+def compliance_of(model: RobotModel, estimate: Array) -> dict[int, float]:
+    """Joint -> rad/(N.mm) of gravity torque that a model has at an estimate (m,)."""
+    compliance: dict[int, float] = {}
+    for term in (term for effect in model.effects for term in effect.terms):
+        if isinstance(term.regressor, Torque) and term.slot == f"theta{term.regressor.joint}":
+            share = term.weight * float(estimate[model.index[term.parameter]])
+            compliance[term.regressor.joint] = compliance.get(term.regressor.joint, 0.0) + share
+    return compliance

@@ -22,11 +22,16 @@ KINDS = (
             "certificate; measure a reference length."
         ),
         apart=(OTHER_STATION,),
+        changed="The instrument's scale differs from the calibration's by {size}.",
+        remedy="Check the weather station and the certificate of the instrument, and measure again.",
     ),
 )
 
 
-def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
+_AIR_PPM = 10.0  # as much as 10 K of air or 35 hPa that nobody entered
+
+
+def tracker_scale(station_mm: tuple[float, float, float], usual_ppm: float = 50.0) -> Effect:
     """Scale error of an instrument at `station_mm`; parameter scale, ppm."""
     places = [(f"frame.{axis}", Beam(k, station_mm[k])) for k, axis in enumerate("xyz")]
     return effect(
@@ -34,8 +39,13 @@ def tracker_scale(station_mm: tuple[float, float, float]) -> Effect:
         "instrument",
         "instrument",
         "The instrument measures every length too long or too short.",
-        {"scale": ("ppm", 50.0, places, (-500.0, 500.0))},
+        {"scale": ("ppm", usual_ppm, places, (-500.0, 500.0))},
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """A scale that has changed since a calibration, of an instrument that was in order then: by its air."""
+    return [tracker_scale(survey.station, _AIR_PPM)] if offer(survey) else []
 
 
 def offer(survey: Survey) -> list[Candidate]:

@@ -56,7 +56,7 @@ from calib.units import FACTORS, to_display
 FORMAT = "truepose-model/1"
 SIMULATED = "SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one."
 _SIDES = ("from below", "from above", "both sides")
-_MOST_GRAVITY, _HOTTEST_C = 10.0, 1000.0
+_MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,9 @@ class SavedModel:
     notes: tuple[str, ...] = ()  # what whoever uses it must know
     regression: Regression | None = None
     simulated: bool = False  # whether the readings came from simulators
+    noise_scale: float = 1.0  # noise that the fit found over the declared
+    devices: tuple[Mapping[str, str], ...] = ()  # robot and instrument, as the header of the data names them
+    updates: tuple[Mapping[str, Any], ...] = ()  # changes found by watches since, oldest first
 
     @property
     def usual(self) -> StatedConditions:
@@ -102,6 +105,8 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         held_out_rms_mm=None if judged is None else judged.rms,
         notes=(SIMULATED,) if header.simulated else (),
         simulated=header.simulated,
+        noise_scale=identification.noise_scale,
+        devices=header.devices,
     )
 
 
@@ -136,19 +141,9 @@ def model_document(
         "gravity_base": list(identification.header.gravity),
         "joint_coupling": identification.header.coupling,
         "groups": [e.label for e in model.effects if e.group == "base model"],
-        "parameters": [
-            {
-                "name": parameter.name,
-                "value": to_display(float(identification.estimate[i]), parameter.unit),
-                "std": to_display(float(errors[i]), parameter.unit),
-                "unit": parameter.unit,
-                "nominal": _nominal(model, parameter.name),
-                "owner": owner,
-            }
-            for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
-        ],
+        "parameters": parameters_of(model, identification.estimate, errors),
         "effects": [effect.to_json() for effect in model.effects],
-        "covariance_internal_units": _triangle(identification.covariance),
+        "covariance_internal_units": triangle(identification.covariance),
         "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
         "tool_targets_mm": {
             series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
@@ -163,11 +158,27 @@ def model_document(
         if judged is None or diagnosis is None
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
+        "device": [dict(each) for each in identification.header.devices],
     }
     if regression is not None:
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)
     return document
+
+
+def parameters_of(model: RobotModel, estimate: Array, errors: Array) -> list[dict[str, Any]]:
+    """Every parameter of a model as its file has it; estimate and errors (m,), internal units."""
+    return [
+        {
+            "name": parameter.name,
+            "value": to_display(float(estimate[i]), parameter.unit),
+            "std": to_display(float(errors[i]), parameter.unit),
+            "unit": parameter.unit,
+            "nominal": _nominal(model, parameter.name),
+            "owner": owner,
+        }
+        for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
+    ]
 
 
 def _scope_of(identification: Identification) -> dict[str, Any]:
@@ -184,7 +195,7 @@ def _scope_of(identification: Identification) -> dict[str, Any]:
     }
 
 
-def _triangle(covariance: Array) -> list[list[float]]:
+def triangle(covariance: Array) -> list[list[float]]:
     """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
     return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
 
@@ -242,6 +253,10 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
     if saved.regression is not None:
         refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
+    if saved.updates:
+        notes += (
+            f"{path.name} was updated by {len(saved.updates)} of its watches: its held-out error is from before.",
+        )
     return replace(saved, notes=(*((SIMULATED,) if saved.simulated else ()), *notes))
 
 
@@ -306,6 +321,9 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         held_out_rms_mm=_held_out_rms(document.get("held_out")),
         regression=regression_of(document["regression"], robot, path) if "regression" in document else None,
         simulated=simulated,
+        noise_scale=float(numbers_of(document.get("noise_scale", 1.0), (), "noise_scale", path, _NOISIEST)),
+        devices=_tables(document.get("device", []), "device", path),
+        updates=_tables(document.get("updates", []), "updates", path),
     )
 
 
@@ -339,6 +357,12 @@ def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
     if air is not None:
         numbers_of(air, (), "holds_for.temperature_c", path, _HOTTEST_C)
     return table
+
+
+def _tables(entries: Any, key: str, path: Path) -> tuple[Mapping[str, Any], ...]:
+    if not isinstance(entries, list) or not all(isinstance(each, dict) for each in entries):
+        raise DataError("is no list of tables.", do="Write the model again.", file=path, key=key)
+    return tuple(entries)
 
 
 def _held_out_rms(table: Any) -> float | None:

@@ -81,17 +81,8 @@ def run_command(
     if record.exists() and not record.is_dir():
         raise ConfigError(f"--record {record}: is a file", what_to_do="Name a new folder.")
     _refuse_begun(record, the_cell, the_campaign)
-    try:
-        run = Run.create(record, the_cell, the_campaign, simulated=simulate)
-    except RecordError:
-        raise
-    except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
-        raise type(error)(f"{campaign}: {error.message}", what_to_do=error.what_to_do) from error
-    note_if_others_read(record)
-    if the_cell.unstated:
-        sys.stderr.write(f"truepose: {unstated_in_words(the_cell.unstated)}\n")
-    with run:
-        _execute(run, record, json, simulate=simulate)
+    with created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
+        execute(run, record, json, simulate=simulate)
 
 
 @app.command("resume")
@@ -114,7 +105,7 @@ def resume_command(
     with Run.open(record) as run:
         if run.status().state != "ready":  # one that never began needs no permission to go on
             run.resume(by="terminal", accepted=accepted)
-        _execute(run, record, json, simulate=simulate)
+        execute(run, record, json, simulate=simulate)
 
 
 @app.command("restation")
@@ -295,10 +286,27 @@ def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
     )
 
 
-def _execute(run: Run, record: Path, json: str | None, *, simulate: bool) -> None:
-    """Execute to the end, a pause or a stop, and leave with the contract's exit code."""
+def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulate: bool) -> Run:
+    """A new run of the campaign of a file, checked before anything moves.
+
+    Raises ConfigError, UnsafePlan, RecordError.
+    """
+    try:
+        run = Run.create(record, cell, campaign, simulated=simulate)
+    except RecordError:
+        raise
+    except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
+        raise type(error)(f"{file}: {error.message}", what_to_do=error.what_to_do) from error
+    note_if_others_read(record)
+    if cell.unstated:
+        sys.stderr.write(f"truepose: {unstated_in_words(cell.unstated)}\n")
+    return run
+
+
+def execute(run: Run, record: Path, json: str | None, *, simulate: bool, quiet: bool = False) -> None:
+    """Execute to the end, a pause or a stop, and leave with the contract's exit code where it was not the end."""
     with ExitStack() as stack:
-        terminal = stack.enter_context(Terminal(quiet=json == STANDARD_OUTPUT))
+        terminal = stack.enter_context(Terminal(quiet=quiet or json == STANDARD_OUTPUT))
         progress = Progress(run, terminal)
         operator = stack.enter_context(terminal_operator())
         if simulate:

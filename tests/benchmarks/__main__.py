@@ -38,6 +38,7 @@ from tests.benchmarks import (
     selection,
     status,
     stop,
+    watch,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -60,6 +61,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "misread": (misread.run, 3),
     "nests": (nests.run, 20),
     "ballbar": (ballbar.run, 20),
+    "watch": (watch.run, 100),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),

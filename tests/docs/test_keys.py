@@ -191,4 +191,9 @@ def test_models(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     save_model(path, identify(read_dataset(write_data(tmp_path))))
     document = json.loads(path.read_text("utf-8"))
-    assert set(documented("Model: MODEL.json")) == {*document, *document["parameters"][0], "regression"}
+    assert set(documented("Model: MODEL.json")) == {
+        *document,
+        *document["parameters"][0],
+        "regression",
+        "updates",
+    }

@@ -25,7 +25,7 @@ class Kind:
 
 _FITTED = ("calibration", "validation")
 KINDS: Mapping[str, Kind] = {
-    "poses": Kind(poses.KEYS, _FITTED, poses.read),
+    "poses": Kind(poses.OWN_KEYS, _FITTED, poses.read),
     "sweep": Kind(sweep.KEYS, _FITTED, sweep.read_sweep),
     "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
     "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast
 
@@ -18,15 +18,18 @@ from drivers.errors import ConfigError
 Select = Literal["random", "file", "list", "observability"]
 DRAWN = ("random", "observability")
 KEYS = ("count", "select", "file", "joints_deg")
+OWN_KEYS = (*KEYS, "approach_sides")
 
 
 @dataclass(frozen=True)
 class Source:
-    """The source of poses. `joints_deg`: the poses themselves where they are given, else drawn."""
+    """The source of poses. `joints_deg`: the poses themselves where they are given, else drawn; `sides`: the side of
+    approach of every joint at each of them, where they are given too."""
 
     select: Select
     count: int
     joints_deg: tuple[Joints, ...] = ()
+    sides: tuple[tuple[int, ...], ...] = ()
 
     def poses(self, site: Site, longest_deg: float | None) -> list[Pose]:
         """The poses with their approach; longest_deg: as `campaign.poses.draw_poses`. Raises ConfigError."""
@@ -51,7 +54,9 @@ class Source:
         poses = [site.posture(f"pose {i}", pose) for i, pose in enumerate(self.joints_deg, start=1)]
         shape = (len(poses), site.cell.robot.model.joints)
         sides = [(site.approach.side,) * shape[1]] * shape[0]
-        if site.approach.sides == "both":
+        if self.sides:
+            sides = list(self.sides)
+        elif site.approach.sides == "both":
             drawn = site.rng(Stream.SIDE).choice((-1, 1), size=shape)
             sides = [tuple(int(side) for side in row) for row in drawn]
         shortest = abs(site.approach.offset_deg)
@@ -80,7 +85,25 @@ class Poses:
 
 def read(table: TomlTable, folder: Path | None) -> Poses:
     """Raises ConfigError. `folder`: where pose files are; None: they are not read again."""
-    return Poses(read_source(table, folder))
+    source = read_source(table, folder)
+    return Poses(replace(source, sides=_sides(table, source)))
+
+
+def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:
+    """`approach_sides` beside `joints_deg`: +1 from below or -1 from above, for every joint of every pose."""
+    if "approach_sides" not in table.values:
+        return ()
+    shape = [len(pose) for pose in source.joints_deg]
+    if source.select != "list":
+        raise table.refuse("approach_sides", "goes with given poses only.", "Use select = 'list'.")
+    rows = table.rows("approach_sides", shape[0])
+    if len(rows) != len(shape) or any(abs(side) != 1.0 for row in rows for side in row):
+        raise table.refuse(
+            "approach_sides",
+            "is not one row a pose.",
+            "Give +1 (from below) or -1 for every joint of every pose.",
+        )
+    return tuple(tuple(int(side) for side in row) for row in rows)
 
 
 def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> Source:

@@ -1,0 +1,46 @@
+"""A model file of which a few parameters were updated: the old file with other numbers, and where they come from.
+
+What was not looked at again (data, conditions, held-out error, regression) stays as it was; `updates` says what is
+newer, oldest first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.array import Array
+from calib.model.model import RobotModel
+from calib.saved.model_checks import content_hash
+from calib.saved.model_file import parameters_of, triangle
+from calib.text.files import replace_file
+from calib.text.json_text import read_json
+
+
+def save_update(
+    path: Path,
+    baseline: Path,
+    model: RobotModel,
+    estimate: Array,
+    covariance: Array,
+    update: Mapping[str, Any],
+) -> None:
+    """Write the model of `baseline` with another estimate (m,) and covariance (m, m), internal units.
+
+    model: the baseline's, with an effect more or none. update: plain values that say what changed and by which
+    readings. Raises DataError where the baseline cannot be read, OSError.
+    """
+    old = read_json(baseline)
+    document = {
+        **old,
+        "parameters": parameters_of(model, estimate, np.sqrt(np.diag(covariance))),
+        "effects": [effect.to_json() for effect in model.effects],
+        "covariance_internal_units": triangle(covariance),
+        "updates": [*old.get("updates", []), {**update, "baseline_sha256": old.get("content_sha256", "")}],
+    }
+    document["content_sha256"] = content_hash(document)
+    replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

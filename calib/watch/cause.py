@@ -1,0 +1,117 @@
+"""One cause of a change: how large it is by some readings, through the exact chain, and what may be said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.array import Array
+from calib.effects import kind_of
+from calib.model.effect import Effect
+from calib.units import to_display, to_internal
+from calib.watch.seen import Seen
+
+_STEPS = 10
+_NEAR = 0.01  # standard errors that a last step may move
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large a change is: value and expanded uncertainty U (k = 2) in `unit`."""
+
+    value: float
+    u: float
+    unit: str
+
+    def __str__(self) -> str:
+        digits = 3 if self.u <= 0.0 else max(0, 1 - int(np.floor(np.log10(self.u))))
+        return f"{self.value:.{digits}f} {self.unit} (U {self.u:.{digits}f})"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause with its parameters (p,) and their covariance (p, p), internal units; left: what it leaves of the
+    whitened residual (q,); gain: by how much it lowers the sum of squares; evidence: log of its Bayes factor."""
+
+    effect: Effect
+    values: Array
+    covariance: Array
+    left: Array
+    gain: float
+    evidence: float
+    size: Size
+
+    @property
+    def label(self) -> str:
+        """Label of its effect."""
+        return self.effect.label
+
+    @property
+    def changed(self) -> str:
+        """The sentence that says what has happened."""
+        return kind_of(self.label).changed_of(self.label, str(self.size))
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it, with the size alone: nobody turns a joint by an uncertainty."""
+        digits = str(self.size).partition(" (")[0]
+        return kind_of(self.label).remedy_of(self.label, digits)
+
+
+def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
+    """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of `Seen.spread`.
+
+    mean (q,): residual of several watches, whitened by noise alone; small, and explained by the derivative.
+    """
+    prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
+    columns = whiten @ seen.columns[seen.causes.index(effect)]
+    values = np.zeros(len(prior))
+    start = left = whiten @ (seen.residual if mean is None else mean)
+    normal = columns.T @ columns + np.diag(prior**-2.0)
+    covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    for _ in range(_STEPS):
+        step = covariance @ (columns.T @ left - values / prior**2)
+        values = values + step
+        left = whiten @ seen.exact(effect, values) if mean is None else start - columns @ values
+        if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < _NEAR:
+            break
+    scaled = columns * prior
+    occam = np.linalg.slogdet(np.eye(len(prior)) + scaled.T @ scaled)[1]
+    gain = float(start @ start - left @ left)
+    return Cause(
+        effect,
+        values,
+        covariance,
+        left,
+        gain,
+        0.5 * (gain - float(np.sum((values / prior) ** 2)) - float(occam)),
+        size_of(seen, effect, values, covariance),
+    )
+
+
+def size_of(seen: Seen, effect: Effect, values: Array, covariance: Array) -> Size:
+    """The size of a cause: of a lone parameter its value; of what moves the tool or the base, by how much it moves the
+    measured targets, root mean square over the readings, mm; else of the parameters of one unit."""
+    if effect.label.endswith("_shift"):
+        moves = seen.displacement(effect)
+        there = moves @ values
+        count = len(there) / 3.0
+        size = float(np.sqrt(there @ there / count))
+        along = moves.T @ there / (count * max(size, 1e-12))
+        return Size(size, 2.0 * float(np.sqrt(along @ covariance @ along)), "mm")
+    value, spread, unit = effect.amplitude(values, covariance)
+    return Size(value, 2.0 * spread, unit)
+
+
+def in_display(effect: Effect, values: Array, covariance: Array) -> list[dict[str, float | str]]:
+    """Parameters of a cause with their expanded uncertainty, in the units that they are shown in."""
+    return [
+        {
+            "name": p.short,
+            "value": to_display(float(v), p.unit),
+            "u": 2.0 * to_display(float(s), p.unit),
+            "unit": p.unit,
+        }
+        for p, v, s in zip(effect.parameters, values, np.sqrt(np.diag(covariance)), strict=True)
+    ]

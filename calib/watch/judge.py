@@ -1,0 +1,158 @@
+"""The verdict on a robot that was measured again: unchanged, or changed by what, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from calib.array import Array
+from calib.effects import check_of
+from calib.watch.cause import Cause, fitted
+from calib.watch.mean import Mean, mean_of
+from calib.watch.odds import Odds
+from calib.watch.seen import Seen
+
+RATE = 0.01
+"""False alarms of an unchanged robot, a watch."""
+
+Kind = Literal["unchanged", "changed", "ambiguous", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Question:
+    """One question of the alarm: T-squared of all rows and its limit, and the smallest p-value, of T-squared and of
+    every cause, and its limit. share: of the variance of noise that is left; watches: how many were averaged."""
+
+    t_squared: float
+    limit: float
+    rows: int
+    p_value: float
+    p_limit: float
+    watches: int
+
+    @property
+    def alarm(self) -> bool:
+        """Whether this is more than chance, at the stated rate."""
+        return self.p_value < self.p_limit
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict. causes: the class with its weights, likeliest first; left: p-value of what the likeliest leaves;
+    apart: whether other poses could tell the class apart."""
+
+    kind: Kind
+    rate: float
+    questions: tuple[Question, ...]
+    causes: tuple[tuple[Cause, float], ...]
+    left: float | None
+    apart: bool
+    advice: str
+
+    @property
+    def cause(self) -> Cause | None:
+        """The cause, where one is named alone."""
+        return self.causes[0][0] if self.kind == "changed" else None
+
+    @property
+    def in_words(self) -> str:
+        """What has happened, a sentence."""
+        if self.kind == "unchanged":
+            return f"Nothing has changed that {self.questions[0].rows} values could show."
+        if self.kind == "unexplained":
+            return "The robot has changed, and no single known cause explains it."
+        return " Or: ".join(cause.changed for cause, _ in self.causes)
+
+
+def judge(seen: Seen, before: Sequence[Array] = (), rate: float = RATE) -> Verdict:
+    """Judge readings as a baseline sees them.
+
+    before: residuals (q,) of earlier watches at the same poses, whitened by noise, oldest first; each of the two
+    questions then has half of the rate of false alarms.
+    """
+    share = rate if not len(before) else rate / 2.0
+    now = _asked(seen, seen.residual, 1.0, share, 1)
+    asked = [now]
+    if len(before):
+        mean = mean_of(np.vstack([*before, seen.residual]))
+        asked.append(_asked(seen, mean.residual, mean.share, share, mean.watches, mean))
+    questions = tuple(each.question for each in asked)
+    alarmed = next((each for each in asked if each.question.alarm), None)
+    if alarmed is None:
+        return Verdict("unchanged", rate, questions, (), None, False, "Nothing.")
+    return _explained(seen, alarmed, questions, rate)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A question, its white residual (q,) and the causes that could explain it."""
+
+    question: Question
+    residual: Array
+    whiten: Array
+    odds: Odds
+    mean: Mean | None
+
+
+def _asked(
+    seen: Seen, residual: Array, share: float, rate: float, watches: int, mean: Mean | None = None
+) -> _Asked:
+    whiten, odds = odds_of(seen, share)
+    white = whiten @ residual
+    p_limit = odds.limit(rate)
+    question = Question(
+        float(white @ white),
+        float(stats.chi2.isf(p_limit, odds.rows)),
+        odds.rows,
+        float(odds.p_values(white[None]).min()),
+        p_limit,
+        watches,
+    )
+    return _Asked(question, white, whiten, odds, mean)
+
+
+def odds_of(seen: Seen, share: float = 1.0) -> tuple[Array, Odds]:
+    """The matrix (q, q) that makes residuals of unchanged robots white, and the causes in its rows."""
+    whiten: Array = np.asarray(np.linalg.inv(np.linalg.cholesky(seen.spread(share))), dtype=np.float64)
+    return whiten, Odds.of(seen.causes, [whiten @ columns for columns in seen.columns])
+
+
+def _explained(seen: Seen, asked: _Asked, questions: tuple[Question, ...], rate: float) -> Verdict:
+    odds, white = asked.odds, asked.residual[None]
+    mean = None if asked.mean is None else asked.mean.residual
+    causes = [fitted(seen, column.effect, asked.whiten, mean) for column in odds.causes]
+    # what the derivative says of shifts alone, and of what physics forbids, beside the fits
+    linear = np.array([column.whole(white)[0] for column in odds.causes])
+    allowed = np.isfinite(linear)
+    beside = np.where(allowed, odds.evidence(white)[0] - np.where(allowed, linear, 0.0), -np.inf)
+    evidence = np.array([cause.evidence for cause in causes]) + beside
+    named = odds.by(white, evidence[None], np.array([[cause.gain for cause in causes]]))
+    best, weights = int(named.best[0]), named.weights[0]
+    ranked = sorted(np.flatnonzero(weights), key=lambda c: (-weights[c], c != best))
+    members = tuple((causes[c], float(weights[c])) for c in ranked)
+    likeliest = members[0][0]
+    left = float(
+        stats.chi2.sf(float(likeliest.left @ likeliest.left), odds.rows - odds.causes[ranked[0]].freedom)
+    )
+    twins = set(odds.always(best))
+    apart = any(c != best and c not in twins for c in ranked)
+    if left < rate:
+        kind: Kind = "unexplained"
+    else:
+        kind = "changed" if bool(named.alone[0]) else "ambiguous"
+    return Verdict(kind, rate, questions, members, left, apart, _advice(kind, members, apart=apart))
+
+
+def _advice(kind: Kind, members: Sequence[tuple[Cause, float]], *, apart: bool) -> str:
+    if kind == "changed":
+        return members[0][0].remedy
+    if kind == "unexplained":
+        return "Measure again; where it stays, recalibrate. Make sure that this is the robot of the model."
+    looked_at = " ".join(check_of(cause.label) for cause, _ in members)
+    if apart:
+        return f"Measure again with more poses, which can tell these apart. {looked_at}"
+    return f"No poses tell these apart; look. {looked_at}"

@@ -1,0 +1,75 @@
+"""The baseline with what has changed: the parameters of one cause, everything else as it was.
+
+With e ~ P the error of the baseline and r = A x + J e + ... (`calib.watch.seen`), the estimate of x is that of a least
+squares in which e is noise; so
+
+    cov(x) = N = (A' C^-1 A + S^-2)^-1,      cov(e, x) = -P J' C^-1 A N,
+
+and predictions at the poses of the watch are as sure as its readings, whatever the baseline did not know there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.array import Array
+from calib.errors import DataError
+from calib.model.model import RobotModel
+from calib.saved import SavedModel
+from calib.units import to_internal
+from calib.watch.cause import Cause
+from calib.watch.judge import Verdict
+from calib.watch.seen import Seen
+
+
+def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Array, Array]:
+    """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
+    label of the cause is changed, else the effect is appended."""
+    effect = next(e for e in seen.causes if e.label == cause.label)
+    prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
+    spread = np.linalg.inv(seen.spread())
+    weighed = spread @ seen.columns[seen.causes.index(effect)]
+    normal = np.linalg.inv(seen.columns[seen.causes.index(effect)].T @ weighed + np.diag(prior**-2.0))
+    acts = np.diag(seen.covariance) > 0.0  # not what the instrument did with time in its own campaign
+    shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ weighed @ normal
+    model, old = saved.model, len(saved.estimate)
+    if any(p.name in model.index for p in effect.parameters):
+        goal, place = model, [model.index[p.name] for p in effect.parameters]
+    else:
+        goal, place = model.append(effect), list(range(old, old + len(effect.parameters)))
+    estimate = np.concatenate([saved.estimate, np.zeros(len(goal.parameters) - old)])
+    estimate[place] += cause.values
+    into = np.zeros((len(estimate), old + len(place)))
+    into[:old, :old] = np.eye(old)
+    into[place, old + np.arange(len(place))] += 1.0
+    joint = np.block([[saved.covariance, shared], [shared.T, normal]])
+    return goal, estimate, into @ joint @ into.T
+
+
+def cause_to_update(verdict: Verdict) -> Cause:
+    """The cause by which a model may be updated: one that is named alone, or the likeliest of those that no poses tell
+    apart, since they move the robot alike. Raises DataError for another verdict."""
+    if verdict.kind == "unchanged":
+        raise DataError(
+            "nothing has changed: there is nothing to update.", do="Go on with the model.", file="--update"
+        )
+    if verdict.kind == "unexplained":
+        raise DataError(
+            "what has changed is not known: no parameter can be updated.", do="Recalibrate.", file="--update"
+        )
+    if verdict.apart:
+        names = ", ".join(cause.label for cause, _ in verdict.causes)
+        raise DataError(
+            f"the cause is one of {names}, which move the robot differently elsewhere.",
+            do="Measure again with more poses, or recalibrate.",
+            file="--update",
+        )
+    return verdict.causes[0][0]
+
+
+def as_updated(saved: SavedModel, seen: Seen, cause: Cause) -> SavedModel:
+    """The updated model without a file."""
+    model, estimate, covariance = updated(saved, seen, cause)
+    return replace(saved, model=model, estimate=estimate, covariance=covariance)

@@ -1,0 +1,222 @@
+"""`truepose watch`: is this robot still the robot that was calibrated; what has changed, and what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import RenderableType
+
+import acquisition
+from acquisition import read_campaign, read_cell
+from calib.data import read_dataset
+from calib.errors import DataError
+from calib.text import replace_file
+from calib.watch import ALONE, RATE, SEEN
+from service import exit_codes, wording
+from service.commands import campaign as campaigns
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.private import owner_only
+from service.results.watched import JudgeQuestion, Planned, PlanQuestion, Watched
+
+app = typer.Typer(help="Check with a few poses whether a robot has changed.")
+
+Baseline = Annotated[Path, typer.Argument(metavar="MODEL.json", help="The model of the calibration.")]
+Rate = Annotated[
+    float,
+    typer.Option("--false-alarms", min=1e-4, max=0.2, help="Share of alarms where nothing has changed."),
+]
+HistoryFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--history", metavar="H.jsonl", help="Earlier watches, averaged with this one, which is appended."
+    ),
+]
+Update = Annotated[
+    Path | None,
+    typer.Option(
+        "--update",
+        metavar="OUT.json",
+        help="Write the model with what has changed, where the cause is known.",
+    ),
+]
+NewFrame = Annotated[
+    bool,
+    typer.Option(
+        "--new-frame", help="Fit the frame anew: the instrument stands elsewhere. A moved base is not seen."
+    ),
+]
+AllowMissing = Annotated[
+    bool, typer.Option("--allow-missing", help="Judge although check poses are missing.")
+]
+
+
+@app.command("plan")
+def plan_command(
+    model: Baseline,
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    out: Annotated[Path, typer.Option("--out", metavar="CAMPAIGN.toml", help="The campaign of check poses.")],
+    poses: Annotated[int, typer.Option(min=1, help="Poses to visit.")] = 10,
+    targets: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
+    ] = None,
+    candidates: Annotated[
+        int, typer.Option("--from", min=1, max=20_000, help="Candidates, drawn at random.")
+    ] = 800,
+    offset_deg: Annotated[
+        float, typer.Option(min=0.1, max=30.0, help="From how far away every joint arrives.")
+    ] = 5.0,
+    one_side: Annotated[
+        bool, typer.Option("--one-side", help="Arrive from below on every joint: play is not seen.")
+    ] = False,
+    rate: Rate = RATE,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the candidates.")] = 1,
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Choose check poses, and say what they will show."""
+    options.check_outputs({"--out": out, "--json": json}, inputs=(model, cell))
+    names = (
+        None if targets is None else tuple(dict.fromkeys(n.strip() for n in targets.split(",") if n.strip()))
+    )
+    asked = PlanQuestion(poses, candidates, names, offset_deg, not one_side, rate, seed)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        saved = options.read_model(model, robot, options.LARGEST)
+        found = Planned.of(read_cell(cell), saved, model, asked, terminal.say)
+        options.write_result(found.document(), json, terminal)
+        replace_file(out, found.campaign)
+        terminal.rest()
+        for shown in _plan_tables(found):
+            terminal.out.print(shown)
+        terminal.note(f"Next: truepose watch run {model} {cell} {out} --record DIR")
+
+
+@app.command("run")
+def run_command(
+    model: Baseline,
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="The check poses.")],
+    record: Annotated[
+        Path, typer.Option("--record", metavar="DIR", help="New folder for the durable record.")
+    ],
+    simulate: campaigns.Simulate = False,
+    history: HistoryFile = None,
+    update: Update = None,
+    rate: Rate = RATE,
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Drive the check poses and judge them. The readings are exported to DIR/watch.csv."""
+    outputs = {"--json": json, "--history": history, "--update": update}
+    options.check_outputs(outputs, inputs=(model, cell, campaign))
+    saved = options.read_model(model, robot, options.LARGEST)  # before anything moves
+    the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
+    if saved.model.robot.name != the_cell.robot.model.name:
+        raise DataError(
+            f"is a model of the robot '{saved.model.robot.name}', the cell has '{the_cell.robot.model.name}'.",
+            do="Give the model of this robot.",
+            file=model,
+            key="robot",
+        )
+    if record.exists():
+        raise DataError(
+            "exists already: each watch has a record of its own.",
+            do="Name a new folder.",
+            file=f"--record {record}",
+        )
+    with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
+        campaigns.execute(run, record, None, simulate=simulate, quiet=json == STANDARD_OUTPUT)
+    data = acquisition.export(record, record / "watch.csv")
+    judge_command(model, data, history, update, rate, robot=robot, json=json)
+
+
+@app.command("judge")
+def judge_command(
+    model: Baseline,
+    data: options.Data,
+    history: HistoryFile = None,
+    update: Update = None,
+    rate: Rate = RATE,
+    new_frame: NewFrame = False,
+    allow_missing: AllowMissing = False,
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Judge readings of check poses by the model of the calibration."""
+    outputs = {"--json": json, "--history": history, "--update": update}
+    options.check_outputs(outputs, inputs=(model, *options.files_of(data)))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        saved = options.read_model(model, robot, options.LARGEST)
+        options.note_without_regression(saved, terminal)
+        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing)
+        found = Watched.of(read_dataset(data), saved, model, asked, terminal.say)
+        options.write_result(found.document(), json, terminal)
+        terminal.rest()
+        for shown in _verdict_tables(found):
+            terminal.out.print(shown)
+        if found.updated:
+            terminal.note(f"updated model: {update}")
+    if found.exit_code != exit_codes.DONE:
+        raise typer.Exit(found.exit_code)
+
+
+def _plan_tables(found: Planned) -> list[RenderableType]:
+    readings = wording.counted(len(found.poses) * len(found.targets), "reading")
+    shown = tables.grid(
+        f"{len(found.poses)} poses, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
+        "cause",
+        f"seen in {SEEN:.0%}",
+        f"named alone in {ALONE:.0%}",
+        "never told apart from",
+        left=1,
+    )
+    for each in found.plan.seen:
+        alone = "never" if each.always else "-" if each.alone is None else f"{each.alone:.3g} {each.unit}"
+        shown.add_row(each.label, f"{each.size:.3g} {each.unit}", alone, ", ".join(each.always))
+    shown.caption = (
+        "Of tool and base: shifts in the direction that is seen worst. -: more than ten times what is seen."
+    )
+    lines: list[RenderableType] = [shown]
+    if found.plan.unseen:
+        lines.append(f"Not shown by these targets and sides at all: {', '.join(found.plan.unseen)}.")
+    return lines
+
+
+def _verdict_tables(found: Watched) -> list[RenderableType]:
+    verdict = found.verdict
+    shown: list[RenderableType] = [
+        verdict.in_words,
+        f"What to do: {verdict.advice}",
+    ]
+    table = tables.grid(
+        f"The readings against {found.model.name}, at {verdict.rate:.2g} false alarms",
+        "",
+        "T-squared",
+        "limit",
+        "smallest p",
+        "limit",
+        "alarm",
+    )
+    for each in verdict.questions:
+        name = "this watch" if each.watches == 1 else f"mean over {each.watches} watches"
+        table.add_row(
+            name,
+            f"{each.t_squared:.1f} of {each.rows} values",
+            f"{each.limit:.1f}",
+            wording.chance(each.p_value),
+            f"{each.p_limit:.2g}",
+            "yes" if each.alarm else "no",
+        )
+    shown.append(table)
+    if verdict.causes:
+        causes = tables.grid("Causes", "cause", "weight", "size")
+        for cause, weight in verdict.causes:
+            causes.add_row(cause.label, f"{weight:.2f}", str(cause.size))
+        shown.append(causes)
+    shown.append(tables.warnings(found.notes))
+    return shown

@@ -1,0 +1,146 @@
+"""`truepose watch`: the plan is a campaign, the verdict an exit code, a history one line a watch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acquisition import read_campaign, read_cell
+from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import make_plan
+from calib.data import read_dataset
+from calib.fit import identify
+from calib.saved import load_model, save_model
+from service.cli import main
+from tests.service.campaigns import Rows, edit_rows, edit_text, write_data
+
+CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
+SHIFT_MM = 0.4
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A baseline of the robot whose watches `data` measures."""
+    folder = tmp_path_factory.mktemp("base")
+    save_model(folder / "m.json", identify(read_dataset(write_data(folder, effects=(), n=150))))
+    return folder / "m.json"
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """Thirty readings of the same robot, unchanged."""
+    csv = write_data(tmp_path, effects=(), n=30)
+    edit_rows(csv, lambda rows: rows.__delitem__(slice(30, None)))
+    return csv
+
+
+def moved(rows: Rows) -> None:
+    for row in rows:
+        row["y_mm"] = str(float(row["y_mm"]) + SHIFT_MM)
+
+
+def judge(model: Path, data: Path, *arguments: str) -> int:
+    return main(["watch", "judge", str(model), str(data), *arguments])
+
+
+def test_the_exit_code_says_whether_to_act(
+    model: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verdict, history, updated = (tmp_path / name for name in ("v.json", "h.jsonl", "new.json"))
+    files = ("--json", str(verdict), "--history", str(history), "--update", str(updated))
+    assert judge(model, data, *files) == 0
+    document = json.loads(verdict.read_text("utf-8"))
+    assert (document["format"], document["verdict"], document["exit_code"]) == (
+        "truepose-watch/1",
+        "unchanged",
+        0,
+    )
+    assert not updated.exists()
+    assert any("serial" in note for note in document["notes"])
+    edit_rows(data, moved)
+    assert judge(model, data, *files) == 3
+    document = json.loads(verdict.read_text("utf-8"))
+    assert [cause["label"] for cause in document["causes"]] == ["base_shift"]
+    size = document["causes"][0]["size"]
+    assert size["value"] == pytest.approx(SHIFT_MM, abs=size["u"])
+    assert document["advice"] in capsys.readouterr().out.replace("\n", " ")
+    assert len(history.read_text("utf-8").splitlines()) == 2
+    # with the updated model nothing has changed, and the file says where it comes from
+    assert judge(updated, data) == 0
+    (update,) = load_model(updated).updates
+    assert (update["cause"], update["class"]) == ("base_shift", ["base_shift"])
+    assert update["data_sha256"] == document["data_sha256"]
+
+
+def test_what_is_not_explained_is_for_a_person(model: Path, data: Path, tmp_path: Path) -> None:
+    def bent(rows: Rows) -> None:
+        for row in rows:
+            row["x_mm"] = str(float(row["x_mm"]) + 0.003 * float(row["j3_deg"]))
+
+    edit_rows(data, bent)
+    updated = tmp_path / "new.json"
+    assert judge(model, data, "--update", str(updated)) == 6
+    assert not updated.exists()
+
+
+def test_a_missing_pose_is_refused_or_said(
+    model: Path, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def given_up(rows: Rows) -> None:
+        rows[3] |= {"status": "rejected:no target", "x_mm": "", "y_mm": "", "z_mm": ""}
+
+    edit_rows(data, given_up)
+    assert judge(model, data) == 2
+    assert "no target" in capsys.readouterr().err
+    assert judge(model, data, "--allow-missing") == 0
+
+
+def test_another_robot_and_another_station_are_refused(
+    model: Path, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header = data.with_suffix(".toml")
+    text = header.read_text("utf-8")
+    edit_text(header, "2400.0", "2300.0")
+    assert judge(model, data) == 2
+    assert "--new-frame" in capsys.readouterr().err
+    assert judge(model, data, "--new-frame") == 0
+    header.write_text(text.replace("abb-irb120", "fanuc-lrmate200ic"), "utf-8")
+    assert judge(model, data) == 2
+
+
+def test_the_plan_is_a_campaign_of_the_cell(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, document = tmp_path / "watch.toml", tmp_path / "plan.json"
+    asked = ["watch", "plan", str(model), str(CELL), "--out", str(out), "--json", str(document)]
+    assert main([*asked, "--poses", "6", "--from", "60", "--targets", "T2"]) == 0
+    found = json.loads(document.read_text("utf-8"))
+    cell = read_cell(CELL)
+    visits = [visit for visit in make_plan(cell, read_campaign(out)) if visit.kind == "pose"]
+    check_plan(cell, visits)
+    assert [list(visit.joints_deg) for visit in visits] == found["poses_deg"]
+    assert [list(visit.sides) for visit in visits] == found["sides"]
+    assert all(len({side[k] for side in found["sides"]}) == 2 for k in range(6))  # play of every joint
+    causes = {cause["label"]: cause for cause in found["causes"]}
+    assert causes["joint_step:j6"]["never_apart_from"] == ["tool_shift"]
+    assert causes["joint_step:j1"]["alone_from"] is None
+    assert "joint_step:j2" in capsys.readouterr().out
+    assert main([*asked, "--poses", "3"]) == 2
+    assert main([*asked, "--targets", "T9"]) == 2
+
+
+def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> None:
+    """On a simulated cell whose robot is not the one of the model: it must not pass."""
+    campaign, record, verdict = tmp_path / "watch.toml", tmp_path / "record", tmp_path / "v.json"
+    plan = ["watch", "plan", str(model), str(CELL), "--out", str(campaign), "--poses", "4", "--from", "30"]
+    assert main([*plan, "--targets", "T2"]) == 0
+    run = ["watch", "run", str(model), str(CELL), str(campaign), "--record", str(record), "--simulate"]
+    assert main([*run, "--json", str(verdict)]) in (3, 6)
+    document = json.loads(verdict.read_text("utf-8"))
+    assert document["verdict"] != "unchanged"
+    assert document["questions"][0]["values"] == 12
+    dataset = read_dataset(record / "watch.csv")
+    assert set(dataset.header.nests) == {"N1", "N2", "N3"}
+    assert main(run) == 2  # a watch has a record of its own
