@@ -4,6 +4,7 @@ from calib.watch.cause import Cause, Size, in_display
 from calib.watch.history import History, append, baseline_hash, read_history
 from calib.watch.judge import RATE, Question, Verdict, judge
 from calib.watch.plan import FEWEST, Plan, plan
+from calib.watch.planned import planned
 from calib.watch.refusals import refuse_unlike
 from calib.watch.seen import Seen
 from calib.watch.sizes import ALONE, SEEN, Smallest
@@ -29,6 +30,7 @@ __all__ = [
     "in_display",
     "judge",
     "plan",
+    "planned",
     "read_history",
     "refuse_unlike",
     "updated",

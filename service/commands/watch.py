@@ -10,6 +10,7 @@ from rich.console import RenderableType
 
 import acquisition
 from acquisition import read_campaign, read_cell
+from acquisition.campaign import Pose
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import replace_file
@@ -21,7 +22,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
 from service.private import owner_only
-from service.results.watched import JudgeQuestion, Planned, PlanQuestion, Watched
+from service.results.watched import JudgeQuestion, Planned, PlanQuestion, Watched, refuse_poses
 
 app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
@@ -87,7 +88,7 @@ def plan_command(
     asked = PlanQuestion(poses, candidates, names, offset_deg, not one_side, rate, seed)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
-        found = Planned.of(read_cell(cell), saved, model, asked, terminal.say)
+        found = Planned.of(read_cell(cell), cell, saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         replace_file(out, found.campaign)
         terminal.rest()
@@ -129,6 +130,10 @@ def run_command(
             do="Name a new folder.",
             file=f"--record {record}",
         )
+    visits = [visit for visit in acquisition.checked_plan(the_cell, the_campaign) if visit.kind == "pose"]
+    poses = [Pose(visit.joints_deg, visit.sides, 0.0) for visit in visits]
+    targets = list(dict.fromkeys(target for visit in visits for target in visit.targets))
+    refuse_poses(the_cell, cell, saved, model, poses, targets)
     with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
         campaigns.execute(run, record, None, simulate=simulate, quiet=json == STANDARD_OUTPUT)
     data = acquisition.export(record, record / "watch.csv")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +60,14 @@ class Planned:
 
     @staticmethod
     def of(
-        cell: Cell, saved: SavedModel, model: Path, asked: PlanQuestion, say: Callable[[str], None] = silent
+        cell: Cell,
+        file: Path,
+        saved: SavedModel,
+        model: Path,
+        asked: PlanQuestion,
+        say: Callable[[str], None] = silent,
     ) -> Planned:
-        """Draw, choose, predict. Raises DataError, ConfigError."""
+        """Draw, choose, predict, for the cell of `file`. Raises DataError, ConfigError."""
         if cell.instrument.declared.measures_lengths:
             raise DataError(
                 f"the {cell.instrument.name} measures distances; check poses are planned for points.",
@@ -100,7 +105,9 @@ class Planned:
             asked.poses,
             asked.rate,
         )
-        return Planned(cell, model, asked, targets, tuple(drawn[i] for i in found.chosen), found)
+        poses = tuple(drawn[i] for i in found.chosen)
+        refuse_poses(cell, file, saved, model, poses, targets)
+        return Planned(cell, model, asked, targets, poses, found)
 
     @property
     def campaign(self) -> str:
@@ -159,6 +166,24 @@ def _refuse_one_sided(saved: SavedModel, model: Path, *, both: bool) -> None:
             file=model,
             key="holds_for.approach",
         )
+
+
+def refuse_poses(
+    cell: Cell, file: Path, saved: SavedModel, model: Path, poses: Sequence[Pose], targets: Sequence[str]
+) -> None:
+    """Raise DataError where the readings of some poses in the cell of `file` would be no watch of a baseline, before
+    anything moves."""
+    if cell.instrument.declared.measures_lengths or not poses:
+        return
+    would = watch.planned(
+        saved,
+        header_of(planned_header(cell), file, ""),
+        cell.robot.model_angles([pose.joints_deg for pose in poses]),
+        np.array([pose.sides for pose in poses], dtype=np.float64),
+        np.array([pose.reach_deg for pose in poses]) * DEG,
+        targets,
+    )
+    watch.refuse_unlike(saved, replace(would, path=file), model, frame_known=True, missing_allowed=False)
 
 
 @dataclass(frozen=True)

@@ -136,6 +136,10 @@ def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> N
     campaign, record, verdict = tmp_path / "watch.toml", tmp_path / "record", tmp_path / "v.json"
     plan = ["watch", "plan", str(model), str(CELL), "--out", str(campaign), "--poses", "4", "--from", "30"]
     assert main([*plan, "--targets", "T2"]) == 0
+    heavier = tmp_path / "heavier.toml"
+    heavier.write_text(CELL.read_text("utf-8").replace("mass_kg = 2.7", "mass_kg = 3.1"), "utf-8")
+    assert main(["watch", "run", str(model), str(heavier), str(campaign), "--record", str(record)]) == 2
+    assert not record.exists()  # nothing has moved
     run = ["watch", "run", str(model), str(CELL), str(campaign), "--record", str(record), "--simulate"]
     assert main([*run, "--json", str(verdict)]) in (3, 6)
     document = json.loads(verdict.read_text("utf-8"))

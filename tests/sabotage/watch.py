@@ -1,0 +1,45 @@
+"""Changes to the watch."""
+
+from __future__ import annotations
+
+from tests.sabotage.change import Change
+
+_WATCH = ("tests/calib/test_watch.py",)
+
+CHANGES = (
+    Change(
+        "calib/watch/seen.py",
+        "of_parameters @ _root(covariance), of_frame",
+        "0.0 * of_parameters, of_frame",
+        "a watch forgets what the calibration left uncertain",
+        _WATCH,
+    ),
+    Change(
+        "calib/watch/odds.py",
+        " | self._twins(int(b), residual[mine])",
+        "",
+        "of two causes that no reading tells apart the simpler is a name",
+        _WATCH,
+    ),
+    Change(
+        "calib/watch/odds.py",
+        "        return float(np.exp(low))",
+        "        return rate",
+        "every question of an alarm has the whole rate of false alarms",
+        _WATCH,
+    ),
+    Change(
+        "calib/watch/update.py",
+        "    estimate[place] += cause.values",
+        "    estimate[place] = cause.values",
+        "a second change of a joint replaces the first",
+        _WATCH,
+    ),
+    Change(
+        "calib/watch/mean.py",
+        "float(np.sum(weights**2)) / total**2",
+        "float(np.sum(weights**2)) / total",
+        "the mean over watches keeps too much noise",
+        _WATCH,
+    ),
+)
