@@ -61,9 +61,7 @@ def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path
     for row, (x, y, z) in zip(rows, points, strict=True):
         row |= {"x_mm": x, "y_mm": y, "z_mm": z}
     assert refusal(tmp_path, (rows, header, table), own=False) == ""
-    with pytest.raises(
-        DataError, match="does not fit these readings: with its parameters fitted it still"
-    ):
+    with pytest.raises(DataError, match="does not fit these readings: with its parameters fitted it still"):
         identify(read_dataset(tmp_path / "data.csv"))
 
 
