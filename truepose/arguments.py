@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -50,9 +51,16 @@ def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
 
 
 def number_of(value: float | None, usual: float, low: float, high: float, key: str) -> float:
-    """The value given, or the usual one where it is None. Raises DataError unless it lies between low and high."""
+    """The value given, or the usual one where it is None. Raises DataError for what is no number, and unless
+    it lies between low and high."""
     if value is None:
         return usual
+    if not isinstance(value, Real):
+        raise DataError(
+            f"is {type(value).__name__}, not a number.",
+            do=f"Give a number from {low:g} to {high:g}.",
+            key=key,
+        )
     if not low <= value <= high:
         raise DataError(f"is {value:g}.", do=f"Give a number from {low:g} to {high:g}.", key=key)
     return float(value)

@@ -150,21 +150,23 @@ def _visits(dataset: Dataset) -> Iterable[_Visit]:
     A pose of which no visit has all six, such as where a leg was taken again later, is one of its legs together.
     """
     conditions = dataset.conditions
-    rows = np.flatnonzero(dataset.usable & dataset.spanned)
-    held = dataset.sets == "validation"
-    whole: set[int] = set()
-    for stay in (conditions.visit, conditions.pose):
-        left = rows[~np.isin(conditions.pose[rows], list(whole))]
-        _, which = np.unique(
-            np.column_stack([conditions.pose, stay, conditions.series, held])[left],
-            axis=0,
-            return_inverse=True,
-        )
+    left = np.flatnonzero(dataset.usable & dataset.spanned)
+    # of one pose in another series, or held out, the legs are of another tool or for another purpose
+    _, pose = np.unique(
+        np.column_stack([conditions.pose, conditions.series, dataset.sets == "validation"]),
+        axis=0,
+        return_inverse=True,
+    )
+    pose = pose.reshape(-1)
+    whole: list[int] = []
+    for stay in (conditions.visit, pose):
+        left = left[~np.isin(pose[left], whole)]
+        _, which = np.unique(np.column_stack([pose, stay])[left], axis=0, return_inverse=True)
         which = which.reshape(-1)
         for of in np.split(left[np.argsort(which, kind="stable")], np.cumsum(np.bincount(which))[:-1]):
             visit = _of_legs(dataset, of)
             if visit is not None:
-                whole.add(int(conditions.pose[of[0]]))
+                whole.append(int(pose[of[0]]))
                 yield visit
 
 

@@ -17,9 +17,11 @@ def refuse_misfit(dataset: Dataset, found: Identification) -> None:
     """Raise DataError where the fitted robot still misses most points by a twentieth of their extent.
 
     What one change of the files explains was refused before (`calib.data.plausible`); a zero that is 30 deg off, which
-    nothing there explains, is fitted and passes.
+    nothing there explains, is fitted and passes. Where zeros are not freed, such as by `fit = ["base"]`, a far miss may
+    be the very finding: nothing is refused.
     """
-    if found.noise_scale < _NOISE:
+    zeros = {f"theta{k}" for k in range(1, found.model.robot.joints + 1)}
+    if found.noise_scale < _NOISE or not zeros & found.model.index.keys():
         return
     points = dataset.points[found.readings.rows]
     pointed = np.isfinite(points[:, 0])
@@ -32,7 +34,7 @@ def refuse_misfit(dataset: Dataset, found: Identification) -> None:
     if miss <= max(_FAR * extent, _LEAST_MM):
         return
     raise DataError(
-        f"the robot '{dataset.header.robot.name}' does not fit these readings: with all its parameters fitted it still "
+        f"the robot '{dataset.header.robot.name}' does not fit these readings: with its parameters fitted it still "
         f"misses half of them by {miss:.3g} mm or more, where the points spread by {extent:.3g} mm.",
         do="Check whether it is this robot; then its file, the order, signs and zeros of the joint columns, and that "
         "every row holds joints and point of one moment.",

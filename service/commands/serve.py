@@ -68,12 +68,13 @@ def serve(
         raise typer.Exit(exit_codes.REFUSED)
     if simulate and cell is None:
         raise DataError("needs a cell to simulate.", do="Give --cell CELL.toml.", key="--simulate")
-    gc.disable()  # until `run_server`: what is imported stays, and looking through it took a quarter of the start
-    from acquisition import read_cell
-
-    the_cell = None if cell is None else read_cell(cell)
     record = record.absolute()
     with ExitStack() as stack:
+        gc.disable()  # until `run_server`: what is imported stays, and looking through it took a quarter of the start
+        stack.callback(gc.enable)  # where it is not reached
+        from acquisition import read_cell
+
+        the_cell = None if cell is None else read_cell(cell)
         stack.enter_context(json_log(log))
         simulated = None
         if simulate and the_cell is not None:

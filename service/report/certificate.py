@@ -157,7 +157,8 @@ def _statements(parent: ElementTree.Element, certified: Certified) -> None:
 
 def _judged(criterion: Mapping[str, Any]) -> str:
     """One figure with its limit and verdict, as text."""
-    where = "" if criterion["zone"] is None else f" in zone {criterion['zone']}"
+    zone = criterion.get("zone")  # results of older versions do not say
+    where = "" if zone is None else f" in zone {zone}"
     figure, u = (
         "none" if criterion[key] is None else f"{criterion[key]:.4g} mm"
         for key in ("figure_mm", "expanded_uncertainty_mm")
@@ -229,7 +230,7 @@ def _uncertainty(document: Mapping[str, Any], key: str) -> Mapping[str, float]:
     found = {
         each["quantity"]: each["expanded_uncertainty_mm"]
         for each in acceptance["criteria"]
-        if each["zone"] is None
+        if each.get("zone") is None
     }
     return {name: u for name, u in found.items() if u is not None}
 

@@ -121,6 +121,24 @@ def test_a_leg_taken_again_later_completes_its_pose(tmp_path: Path) -> None:
     assert len(solved.visits) == len(LEGS) // 6
 
 
+def test_legs_taken_in_two_visits_are_solved_where_the_pose_is_whole_in_another_set(tmp_path: Path) -> None:
+    """Visited once to fit and once, with a leg taken again later, to judge: neither is lost for the other."""
+    fitted = [row | {"visit": "once", "set": "calibration"} for row in LEGS[:6]]
+    held = [
+        row | {"visit": "held", "set": "validation", "reading_id": f"{row['reading_id']}-held"}
+        for row in LEGS[:6]
+    ]
+    held[3]["visit"] = "late"
+    legs = [*fitted, *held, *LEGS[6:]]
+    data = dataset(tmp_path, SPANS, legs)
+    solved = solved_poses(data)
+    assert len(solved.visits) == len(LEGS) // 6 + 1
+    assert {str(data.sets[visit.rows[0]]) for visit in solved.visits if min(visit.rows) < 12} == {
+        "calibration",
+        "validation",
+    }
+
+
 def test_a_cup_without_a_position(tmp_path: Path) -> None:
     header = header_of(_CELL, {k: v for k, v in _CELL.nests.items() if k != "B3"}, _CELL.tool.targets)
     header["base_targets"]["B3"] = "free"

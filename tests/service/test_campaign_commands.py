@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import pty
@@ -249,6 +250,11 @@ def test_a_token_that_is_none_is_refused(
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "[::1]", "127.1.2.3"])
 def test_loopback(host: str) -> None:
     assert is_loopback(host)
+
+
+def test_a_service_that_does_not_start_leaves_the_collection_of_garbage_on(tmp_path: Path) -> None:
+    assert main(["serve", "--cell", str(tmp_path / "none.toml"), "--record", str(tmp_path / "record")]) == 2
+    assert gc.isenabled()
 
 
 def test_serve_simulated_needs_a_cell(capsys: pytest.CaptureFixture[str]) -> None:

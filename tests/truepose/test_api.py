@@ -204,6 +204,8 @@ def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
         ({"joints_deg": [[1.0] * 6, [1.0] * 5]}, "no array of numbers"),
         ({"joints_deg": POSES_DEG, "temperature_c": 295.0}, r"temperature_c.*is 295\."),
         ({"joints_deg": POSES_DEG, "temperature_c": float("nan")}, "temperature_c.*is nan"),
+        ({"joints_deg": POSES_DEG, "temperature_c": "warm"}, "temperature_c.*is str, not a number"),
+        ({"joints_deg": POSES_DEG, "time_s": np.zeros(2)}, "time_s.*is ndarray, not a number"),
         ({"joints_deg": POSES_DEG, "time_s": float("inf")}, "time_s.*is inf"),
         ({"joints_deg": POSES_DEG, "side": 2}, "side.*is 2"),
         ({"joints_deg": POSES_DEG, "target": "T99"}, "T99"),
