@@ -52,10 +52,17 @@ def refuse_misspelt(table: Columns, joints: int) -> None:
         if name in known or _FOR_PEOPLE.fullmatch(name):
             continue
         near = get_close_matches(name.strip().lower(), absent, n=1, cutoff=_NEAR)
-        if near and _DIGITS.sub("", near[0]) != _DIGITS.sub("", name):
+        if near and _typed_for(name, near[0]):
             raise DataError(
                 f"column '{name}' is not known.",
                 do=f"Did you mean '{near[0]}'? Correct it, or give it a name less like it.",
                 file=table.path,
                 line=1,
             )
+
+
+def _typed_for(name: str, known: str) -> bool:
+    """Whether a name may be a known one with a slip: not where a number differs, nor where a word was put to it."""
+    words = name.count("_") - known.count("_")
+    spaced = name.replace("_", "") == known.replace("_", "")
+    return _DIGITS.sub("", known) != _DIGITS.sub("", name) and (words == 0 or spaced)
