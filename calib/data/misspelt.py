@@ -62,7 +62,11 @@ def refuse_misspelt(table: Columns, joints: int) -> None:
 
 
 def _typed_for(name: str, known: str) -> bool:
-    """Whether a name may be a known one with a slip: not where a number differs, nor where a word was put to it."""
-    words = name.count("_") - known.count("_")
-    spaced = name.replace("_", "") == known.replace("_", "")
-    return _DIGITS.sub("", known) != _DIGITS.sub("", name) and (words == 0 or spaced)
+    """Whether a name may be a known one with a slip: not where a number differs, a word was put to it, or another
+    letter stands alone (`d_length_mm` beside `u_length_mm`)."""
+    if _DIGITS.sub("", known) == _DIGITS.sub("", name):
+        return False
+    words, others = (text.strip().lower().split("_") for text in (name, known))
+    if len(words) != len(others):
+        return "".join(words) == "".join(others)
+    return all(len(a) > 1 or len(b) > 1 for a, b in zip(words, others, strict=True) if a != b)

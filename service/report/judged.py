@@ -131,7 +131,7 @@ def _arrows(axes: Axes, at: Array, vectors: Array, colour: str) -> None:
 
 
 def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]) -> str:
-    """Errors (n,) of every model on the rows (n,) over the hours since the first, or in order where no time is known;
+    """Errors (n,) of every model on the rows (n,) over time in hours, or in order where no time is known;
     the line is the median of a stretch. As SVG."""
     clock = _known_time(dataset, rows)
     x = dataset.conditions.time[rows] / 3600.0 if clock else dataset.conditions.order[rows] + 1.0
