@@ -58,6 +58,8 @@ TARGETS = (
     Target(
         "calib/fit/least_squares.py",
         (
+            "tests/calib/test_least_squares_details.py",
+            "tests/calib/test_rank_decisions.py",
             "tests/calib/test_ending_of_fit.py",
             "tests/calib/test_visits.py",
             "tests/calib/test_identify.py",
