@@ -28,7 +28,7 @@ from tests.calib.toy import linear, parameter, toy, toy_model
 RNG = np.random.default_rng(5)
 MATRIX = RNG.normal(size=(3 * 8, 4))
 READ = 5.0 * RNG.normal(size=(3, 8))
-START = np.array([1.5, -2.0, 0.7, 3.0])
+START = np.array([1.5, -2.0, 0.7, -1.0])
 # b is a ball, 100 mm from another: their distance is measured, and is 103 +- 2 mm
 BALLS = {"anchors": {"a": (0.0, 0.0, 0.0), "b": (100.0, 0.0, 0.0)}}
 APART = (Span("d1", "a", "b", "", 103.0, 2.0),)
