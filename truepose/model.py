@@ -37,7 +37,7 @@ class Model:
     """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded.
 
     >>> model = truepose.identify("irb120.csv")
-    >>> model.parameters.loc["base.x"].round(2).to_dict()
+    >>> model.parameters.round(2).loc["base.x"].to_dict()
     {'value': 0.46, 'std': 0.02, 'unit': 'mm', 'effect': 'base', 'owner': 'mounting'}
     >>> model.predict(joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1").round(1)  # mm
     array([[498.7, 187.9, 572.5]])

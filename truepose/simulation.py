@@ -23,7 +23,8 @@ def simulate(
 ) -> Data:
     """Measure a campaign on the simulators of its cell and read the data set that comes of it.
 
-    cell, campaign: their files. record: a new folder, for the durable record and `data.csv`, `data.toml`. Prompts are
+    cell, campaign: their files. record: a new folder, for the durable record and `data.csv`, `data.toml`. progress: is
+    told each step. Prompts are
     answered where the cell file says `[simulation] operator = "confirms"`. Raises ConfigError, UnsafePlan,
     RecordError, or the fault for which the campaign paused.
 
