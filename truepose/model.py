@@ -179,7 +179,7 @@ class Model:
     def save(self, path: str | Path) -> Path:
         """Write the model file, which the command line and the service read. Raises DataError, OSError."""
         if self.fitted is None:
-            raise DataError("was loaded from a file: copy that.", do="Copy the file.", key="save")
+            raise DataError("the model was loaded from a file.", do="Copy that file.", key="save")
         save_model(Path(path), self.fitted, self.findings)
         return Path(path)
 
