@@ -11,7 +11,16 @@ from pathlib import Path
 
 
 class DataError(ValueError):
-    """Input that cannot be used as it is. `str(error)` is the whole sentence for the operator."""
+    """Input that cannot be used as it is. `str(error)` is the whole sentence for the operator.
+
+    what: is wrong; do: what to do about it; file, line, key: where, each None where it says nothing.
+
+    >>> error = DataError("is 4.", do="Use 1, 2 or 3.", key="level")
+    >>> print(error)
+    key 'level': is 4. Use 1, 2 or 3.
+    >>> error.do
+    'Use 1, 2 or 3.'
+    """
 
     def __init__(
         self,

@@ -79,7 +79,7 @@ def _drivers_of(point: EntryPoint) -> Iterable[RobotDriver | InstrumentDriver]:
     except (ImportError, AttributeError) as error:
         raise ConfigError(
             f"drivers '{point.name}' of the package {package} cannot be loaded: {error}",
-            what_to_do="Mend or remove the package.",
+            what_to_do="Repair or remove the package.",
         ) from error
 
 

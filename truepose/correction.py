@@ -23,7 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Corrected:
-    """n corrected targets. joints_deg (n, N) as the controller counts, NaN where refused: never drive those."""
+    """n corrected targets. joints_deg (n, N) as the controller counts, NaN where refused: never drive those.
+
+    >>> model = truepose.identify("irb120.csv")
+    >>> wanted = [[10, 20, -30, 40, 50, 60], [400, 20, -30, 40, 50, 60]]
+    >>> corrected = truepose.compensate(model, joints_deg=wanted)
+    >>> corrected.good
+    array([ True, False])
+    >>> corrected.joints_deg[corrected.good].shape
+    (1, 6)
+    """
 
     joints_deg: Array
     wanted_deg: Array
@@ -65,8 +74,14 @@ def compensate(
     joints_deg: (n, N), or a DataFrame with j1_deg and so on, as the controller counts. target: the tool target that
     shall land, or the flange, which carries all. side: from where every joint arrives, +1 from below, -1 from above;
     approach_deg: how far before the target its last move begins. temperature_c, time_s: of the air, and since the
-    start of the campaign, for effects that need them. limits_deg: (N, 2), default the robot's. inverse: from targets
-    that were taught on the real robot to the nominal one. Raises DataError.
+    start of the campaign, for effects that need them. series: of a model that holds several.
+    limits_deg: (N, 2), default the robot's. inverse: from targets that were taught on the real robot to the nominal
+    one. Raises DataError.
+
+    >>> model = truepose.identify("irb120.csv")
+    >>> corrected = truepose.compensate(model, joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1")
+    >>> bool(abs(corrected.joints_deg - corrected.wanted_deg).max() < 0.5)  # deg
+    True
     """
     refuse_no_model(model, Model)
     saved = model.saved

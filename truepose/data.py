@@ -24,7 +24,14 @@ _IN_MEMORY = Path("DataFrame")
 
 @dataclass(frozen=True)
 class Data:
-    """Readings of one robot and what holds for all of them; frozen. `dataset`: the same for the rooms below."""
+    """Readings of one robot and what holds for all of them; frozen. `dataset`: the same for the rooms below.
+
+    >>> data = truepose.read("irb120.csv")
+    >>> len(data), data.simulated
+    (120, True)
+    >>> data.readings.loc[:, "x_mm":"z_mm"].shape
+    (120, 3)
+    """
 
     dataset: Dataset
 
@@ -68,6 +75,12 @@ def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str 
     source: `NAME.csv`, with `NAME.toml` beside it; or a DataFrame with the columns of such a file, units in their names
     (`j1_deg`, `x_mm`), whose index, where it has a name, is the reading_id. header: for a DataFrame, the table that
     the .toml would hold, or the file itself. Raises DataError (file, line or key, what to do).
+
+    >>> truepose.read("irb120.csv")
+    <irb120.csv: 120 readings of abb-irb120, 80 to fit, 40 to validate>
+    >>> truepose.read("irb121.csv")
+    Traceback (most recent call last):
+    calib.errors.DataError: irb121.csv: there is no such file. Check the name.
     """
     if isinstance(source, str | Path):
         if header is not None:

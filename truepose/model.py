@@ -34,7 +34,16 @@ LONG_S = 1e9  # thirty years
 
 @dataclass(frozen=True)
 class Model:
-    """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded."""
+    """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded.
+
+    >>> model = truepose.identify("irb120.csv")
+    >>> model.parameters.round(2).loc["base.x"].to_dict()
+    {'value': 0.46, 'std': 0.02, 'unit': 'mm', 'effect': 'base', 'owner': 'mounting'}
+    >>> model.predict(joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1").round(1)  # mm
+    array([[498.7, 187.9, 572.5]])
+    >>> round(model.error_mm["rms"], 3)
+    0.272
+    """
 
     saved: SavedModel
     fitted: Identification | None = None
@@ -170,7 +179,7 @@ class Model:
     def save(self, path: str | Path) -> Path:
         """Write the model file, which the command line and the service read. Raises DataError, OSError."""
         if self.fitted is None:
-            raise DataError("was loaded from a file: copy that.", do="Copy the file.", key="save")
+            raise DataError("the model was loaded from a file.", do="Copy that file.", key="save")
         save_model(Path(path), self.fitted, self.findings)
         return Path(path)
 
@@ -199,6 +208,9 @@ def identify(
 
     level: 1 joints, 2 geometry, 3 and gravity, instead of what the header frees (Roth, Mooring and Ravani 1987).
     progress: is told each step. Raises DataError.
+
+    >>> truepose.identify("irb120.csv")
+    <model of abb-irb120: 32 parameters>
     """
     of = data_of(data)
     if level is not None and level not in LEVELS:
@@ -209,5 +221,10 @@ def identify(
 
 
 def load(path: str | Path, *, robot: str | Path | None = None) -> Model:
-    """A model from its file. robot: the robot's own file, which it must agree with. Raises DataError."""
+    """A model from its file. robot: the robot's own file, which it must agree with. Raises DataError.
+
+    >>> path = truepose.identify("irb120.csv").save("irb120.json")
+    >>> truepose.load(path)
+    <model of abb-irb120: 32 parameters>
+    """
     return Model(load_model(Path(path), robot_file=None if robot is None else Path(robot)))

@@ -22,7 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Selection:
-    """Poses to measure. joints_deg (n, N) as the controller counts; curve: predicted U by the number of poses."""
+    """Poses to measure. joints_deg (n, N) as the controller counts; curve: predicted U by the number of poses.
+
+    >>> chosen = truepose.select("cell.toml", count=20, candidates=60)
+    >>> chosen.poses.shape  # deg
+    (20, 6)
+    >>> bool(chosen.u_by_count["largest_mm"].is_monotonic_decreasing)
+    True
+    """
 
     joints_deg: Array
     choice: Choice
@@ -58,6 +65,9 @@ def select(
 
     groups: what the model will free; targets: measured at every pose, default all of the cell; offset_deg: from where
     every joint arrives. Raises DataError, ConfigError, UnsafePlan.
+
+    >>> truepose.select("cell.toml", count=20, candidates=60)
+    <20 poses, predicted U (k = 2) 0.0... mm>
     """
     the_cell = read_cell(Path(cell))
     names = list(the_cell.tool.targets) if targets is None else list(targets)

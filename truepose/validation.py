@@ -24,7 +24,12 @@ _FIGURES = ("n", "mean", "std", "rms", "p95", "max")
 
 @dataclass(frozen=True)
 class Validation:
-    """Judgements of the nominal robot, placed, and of the model, on the same readings."""
+    """Judgements of the nominal robot, placed, and of the model, on the same readings.
+
+    >>> judged = truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
+    >>> judged.errors.loc["model", ["n", "unit", "rms"]].to_dict()
+    {'n': 40.0, 'unit': 'mm', 'rms': 0.272...}
+    """
 
     judgements: tuple[Judgement, ...]
 
@@ -56,6 +61,9 @@ def validate(
 
     place_it: fit base, and tool where the model frees it, to the calibration rows first, for readings in another
     frame. Raises DataError.
+
+    >>> truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
+    <40 readings: 1.3346 mm RMS nominal, 0.2724 mm with the model>
     """
     refuse_no_model(model, Model)
     dataset = data_of(data).dataset

@@ -46,7 +46,7 @@ def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
     """
     for balls in (base_mm, tool_mm):
         if np.linalg.norm(np.cross(balls[1] - balls[0], balls[2] - balls[0])) < 1.0:
-            raise ValueError("three balls in a line carry no tool")
+            raise ValueError("three balls that lie in a line do not determine how the tool is turned")
     if abs(_normal(base_mm)[2]) < 1e-6:
         raise ValueError("the base balls lie in a vertical plane: no side of it is above")
     if abs(_normal(tool_mm) @ tool_mm.mean(axis=0)) < 1e-6:
@@ -91,7 +91,7 @@ def stances_among(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
         some = stances(base_mm[three], tool_mm, leg_mm)
         found.append(replace(some, base=np.array(three)[some.base]))
     if not found:
-        raise ValueError("fewer than three balls carry no tool")
+        raise ValueError("fewer than three balls do not determine where the tool is")
     return Stances(
         *(np.concatenate([getattr(some, part.name) for some in found]) for part in fields(Stances))
     )

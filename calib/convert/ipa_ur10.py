@@ -98,7 +98,7 @@ def read(path: Path) -> Table:
                 if not abs(out[i, k]) <= FARTHEST_MM:
                     raise DataError(
                         f"column '{columns[k]}' is not a possible number.",
-                        do="Mend that line.",
+                        do="Correct that line.",
                         file=path,
                         line=number,
                     )

@@ -24,7 +24,7 @@ def _loaded(point: EntryPoint) -> Any:
         entry = point.load()
     except (ImportError, AttributeError) as error:
         raise DataError(
-            f"cannot be loaded: {error}.", do="Mend or remove the package.", file=place
+            f"cannot be loaded: {error}.", do="Repair or remove the package.", file=place
         ) from error
     missing = [name for name in ("KINDS", "offer") if not hasattr(entry, name)]
     if missing:

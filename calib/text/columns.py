@@ -58,7 +58,7 @@ class Columns:
             if len(line) != len(names):
                 raise DataError(
                     f"has {len(line)} cells where the header has {len(names)} columns.",
-                    do="Mend that line.",
+                    do="Correct that line.",
                     file=path,
                     line=number,
                 )

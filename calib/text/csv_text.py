@@ -31,7 +31,7 @@ def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int
             out.append((reader.line_num, row))
     except csv.Error as error:
         raise DataError(
-            f"cannot be read ({error}).", do="Mend that line.", file=file, line=reader.line_num
+            f"cannot be read ({error}).", do="Correct that line.", file=file, line=reader.line_num
         ) from error
     return out
 
@@ -48,7 +48,7 @@ def _lines(text: str, file: Path | str) -> Iterator[str]:
         if len(line) > LONGEST_LINE:
             raise DataError(
                 f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
-                do="Mend that line.",
+                do="Correct that line.",
                 file=file,
                 line=number,
             )

@@ -246,7 +246,7 @@ class AbbArm:
             if joints is None or apart_deg(joints, target) < 0.1:
                 raise
             raise ProtectiveStop(
-                "controller lives, its program stopped on the way (emergency stop, supervision, limit)",
+                "the controller answers, but its program stopped on the way (emergency stop, supervision, limit)",
                 device=self.name,
                 command="move_to",
             ) from error

@@ -153,7 +153,7 @@ def _benches_of(point: EntryPoint) -> Iterable[Bench]:
     except (ImportError, AttributeError) as error:
         raise ConfigError(
             f"benches '{point.name}' of the package {package} cannot be loaded: {error}",
-            what_to_do="Mend or remove the package.",
+            what_to_do="Repair or remove the package.",
         ) from error
 
 

@@ -409,8 +409,8 @@ CHANGES = (
     ),
     Change(
         "calib/scan/evidence.py",
-        "columns, left)) * multiplicity)",
-        "columns, left)))",
+        "columns, left, ratio)) * multiplicity)",
+        "columns, left, ratio)))",
         "of many candidates one is claimed by chance",
         ("tests/calib/test_scores.py", "tests/calib/test_diagnose.py", "tests/calib/test_diagnose_sets.py"),
     ),

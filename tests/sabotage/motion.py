@@ -38,7 +38,7 @@ CHANGES = (
     ),
     Change(
         "calib/motion/alignment.py",
-        "    _refuse_foreign(nominal.error[known], tracked, moved)\n",
+        "    _refuse_foreign(miss, tracked, moved)\n",
         "",
         "streams of two motions with one rhythm are aligned",
         _MOTION,

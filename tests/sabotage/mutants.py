@@ -58,6 +58,8 @@ TARGETS = (
     Target(
         "calib/fit/least_squares.py",
         (
+            "tests/calib/test_least_squares_details.py",
+            "tests/calib/test_rank_decisions.py",
             "tests/calib/test_ending_of_fit.py",
             "tests/calib/test_visits.py",
             "tests/calib/test_identify.py",
@@ -80,7 +82,10 @@ TARGETS = (
         ),
     ),
 )
-# A mutant by its file and what is changed -> why the program does the same with it
+_ON_THE_LINE = "a computed number that lies on a threshold to the last digit"
+_SMALLER = "a short cut: where it no longer answers, the count below it does, and says the same"
+# A mutant by its file and what is changed, where that is found on several lines with the text of its line as well
+# -> why the program does the same with it
 SAME: dict[tuple[str, str], str] = {
     ("drivers/link.py", "4096 -> 4097"): "how much is taken at once; what is more is taken next",
     ("drivers/link.py", "1 -> 2"): "any number above zero switches the option on",
@@ -90,6 +95,68 @@ SAME: dict[tuple[str, str], str] = {
         "calib/model/shared.py",
         "0.0 -> 1.0",
     ): "line 44: readings that share nothing are carried along, with a scatter of zero: only slower",
+    (
+        "calib/fit/least_squares.py",
+        "1 -> 2: hat = (self.columns @ self.root).reshape(k, n, -1).transpose(1, 0, 2)",
+    ): "-2 for -1: numpy takes any negative number for what is left",
+    (
+        "calib/fit/least_squares.py",
+        "1 -> 2: by_visit = observed.by_visit(columns.T.reshape(-1, *observed.whiten.shape[1:]))",
+    ): "-2 for -1: numpy takes any negative number for what is left",
+    (
+        "calib/fit/least_squares.py",
+        "1 -> 2: return by_visit.reshape(len(by_visit), -1).T",
+    ): "-2 for -1: numpy takes any negative number for what is left",
+    (
+        "calib/fit/least_squares.py",
+        "1 -> 2: scaled = _back(triangle, _back(triangle, right, 1))",
+    ): "the transpose and the conjugate transpose of real numbers",
+    (
+        "calib/fit/least_squares.py",
+        "0.0 -> 1.0: out = int(np.argmax(strain)) if np.max(strain, initial=0.0) > _STRAINED else at",
+    ): "the largest of no numbers: 1 is below the threshold as 0 is",
+    (
+        "calib/fit/least_squares.py",
+        "True -> False: for j, share in zip(gone, shares.T, strict=True):",
+    ): "both are of the same length",
+    (
+        "calib/fit/least_squares.py",
+        "True -> False: for place, rows in zip(places, freedom.tolist(), strict=True):",
+    ): "both are of the same length",
+    (
+        "calib/fit/least_squares.py",
+        "(int(c.pose.max()) + 1) * int(freedom.min()) >= count"
+        " -> ((int(c.pose.max()) + 1) * int(freedom.min()) > count)",
+    ): _SMALLER,
+    (
+        "calib/fit/least_squares.py",
+        "(int(c.pose.max()) + 1) * int(freedom.min()) -> ((int(c.pose.max()) + 1) / int(freedom.min()))",
+    ): _SMALLER,
+    ("calib/fit/least_squares.py", "int(c.pose.max()) + 1 -> (int(c.pose.max()) - 1)"): _SMALLER,
+    (
+        "calib/fit/least_squares.py",
+        "scale * usual > _MOVES_NOTHING -> (scale * usual >= _MOVES_NOTHING)",
+    ): _ON_THE_LINE,
+    (
+        "calib/fit/least_squares.py",
+        "np.max(strain, initial=0.0) > _STRAINED -> (np.max(strain, initial=0.0) >= _STRAINED)",
+    ): _ON_THE_LINE,
+    (
+        "calib/fit/least_squares.py",
+        "weight[heaviest] > 0.05 * weight.max() -> (weight[heaviest] >= 0.05 * weight.max())",
+    ): _ON_THE_LINE,
+    ("calib/fit/least_squares.py", "weight > _DEPENDENT -> (weight >= _DEPENDENT)"): _ON_THE_LINE,
+    (
+        "calib/fit/least_squares.py",
+        "np.abs(np.diag(before)) >= _DEPENDENT -> (np.abs(np.diag(before)) > _DEPENDENT)",
+    ): _ON_THE_LINE,
+    ("calib/fit/least_squares.py", "left < _DEPENDENT -> (left <= _DEPENDENT)"): _ON_THE_LINE,
+    (
+        "calib/fit/least_squares.py",
+        "cost_there <= cost * (1.0 + 1e-12) -> (cost_there < cost * (1.0 + 1e-12))",
+    ): _ON_THE_LINE,
+    ("calib/fit/least_squares.py", "change < small -> (change <= small)"): _ON_THE_LINE,
+    ("calib/fit/least_squares.py", "change**2 < 1e-12 * cost -> (change ** 2 <= 1e-12 * cost)"): _ON_THE_LINE,
 }
 
 
@@ -106,7 +173,8 @@ def mutants(target: Target) -> list[Change]:
         what = f"{' '.join(old.split())} -> {' '.join(other.split())}"
         breaks = f"line {node.lineno}: {what}"
         if changed != source:
-            same = SAME.get((target.file, what), "")
+            line = source.splitlines()[node.lineno - 1].strip()
+            same = SAME.get((target.file, what)) or SAME.get((target.file, f"{what}: {line}"), "")
             found.append(Change(target.file, source, changed, breaks, target.tests, same))
     return sorted(found, key=lambda each: int(each.breaks.split(":")[0].removeprefix("line ")))
 

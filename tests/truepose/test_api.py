@@ -108,7 +108,7 @@ def test_a_diagnosis_is_that_of_the_command(csv: Path, found: truepose.Diagnosis
     )
     assert found.errors["rms"].is_monotonic_decreasing
     assert len(found.power) == len(document["power"])
-    assert "backlash:j4" in repr(found)
+    assert "play of joint 4" in repr(found)
     assert "backlash:j4" in found._repr_html_()
 
 

@@ -130,6 +130,6 @@ def _meeting(p: Array, u: Array, q: Array, v: Array) -> tuple[Array, float]:
 def _refused(robot: Robot, why: str) -> DataError:
     return DataError(
         f"the robot '{robot.name}' has no inverse kinematics in closed form here: {why}.",
-        do="Arms with a spherical wrist or with three parallel axes (UR) have; give joint targets for others.",
+        do="Arms with a spherical wrist or with three parallel axes (UR) have one; for others give joint targets.",
         key="robot",
     )

@@ -1,0 +1,75 @@
+"""Readings that are plain numbers, for the fit itself: no arm, no chain, a prediction that a test states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+
+from calib.array import Array
+from calib.fit.least_squares import Linearisation
+from calib.model.model import Design
+from calib.model.observations import Observations
+
+
+def parameter(name: str, size: float | None = None, *, measured: bool = False, base: bool = True) -> Any:
+    """A parameter whose internal unit is that of its size; `base`: of the base model, not of an effect."""
+    return SimpleNamespace(name=name, size=size, measured=measured, base=base)
+
+
+def toy_model(parameters: Sequence[Any], **of: Any) -> Any:
+    """What the fit asks of a model. of: spans, anchors."""
+    effects = [
+        SimpleNamespace(group="base model" if p.base else "joints", parameters=[p]) for p in parameters
+    ]
+    return SimpleNamespace(
+        parameters=tuple(parameters),
+        effects=effects,
+        index={p.name: k for k, p in enumerate(parameters)},
+        prior_std=np.array([np.inf if p.size is None else p.size for p in parameters]),
+        unit=np.ones(len(parameters)),
+        measured=np.array([p.measured for p in parameters]),
+        **{"spans": (), "targets": {}, "anchors": {}, **of},
+    )
+
+
+def toy(
+    model: Any,
+    measured: Array,
+    predicted: Callable[[Array], Array],
+    derivative: Callable[[Array], Array],
+    estimate: Array,
+    freedom: Sequence[int] | None = None,
+) -> Linearisation:
+    """Readings (k, n) and their prediction; derivative: (k n, m), as the fit is told it, true or not."""
+    n = measured.shape[1]
+    count = np.arange(n)
+    observed = SimpleNamespace(
+        shared=None,
+        freedom=np.array([len(measured)] * n if freedom is None else freedom),
+        residual=lambda at: measured - predicted(at).reshape(measured.shape),
+        columns=lambda at, _slots: derivative(at),
+    )
+    design = SimpleNamespace(
+        model=model,
+        slots=(),
+        frames=lambda at, _slots: at,
+        columns=lambda columns: columns,
+        conditions=SimpleNamespace(
+            pose=count, joints=count[:, None] * 1.0, target=0 * count, anchor=0 * count, series=0 * count
+        ),
+    )
+    return Linearisation(cast(Design, design), cast(Observations, observed), estimate)
+
+
+def linear(model: Any, matrix: Array, measured: Array, estimate: Array | None = None) -> Linearisation:
+    """Readings (k, n) whose prediction is matrix (k n, m) times the estimate, 0 where none is given."""
+    start = np.zeros(matrix.shape[1]) if estimate is None else estimate
+    return toy(model, measured, lambda at: matrix @ at, lambda _at: matrix, start)
+
+
+def columns_of(model: Any, matrix: Array) -> Linearisation:
+    """One reading a row of a matrix (n, m); what was read does not matter."""
+    return linear(model, matrix, np.zeros((1, len(matrix))))
