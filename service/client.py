@@ -250,7 +250,7 @@ class Client:
         accept_max_mm: float = 0.0,
         accept_zones: Sequence[Mapping[str, Any]] = (),
     ) -> Job:
-        """Identify, and wait for it. Limits of 0: none; accept_zones: boxes with limits of their own, as the API has them."""
+        """Identify, and wait for it. Limits of 0: none; accept_zones: boxes with their own, as the API has them."""
         return self._job("identifications", dataset_id, accept_rms_mm, accept_max_mm, accept_zones)
 
     def diagnose(

@@ -37,7 +37,7 @@ from service.report import (
     trust,
     verification,
 )
-from service.report.findings import DRAWN, effect_of, power_of, structure_of
+from service.report.findings import DRAWN, effects_of, power_of, structure_of
 from service.report.residuals import Sample
 from service.results import positions
 from service.results.acceptance import NAMES, RULE, Acceptance
@@ -91,7 +91,7 @@ def diagnosis_report(
                 },
             )
         )
-    effects = [effect_of(f, sample, dataset, number) for number, f in enumerate(diagnosis.effects)]
+    effects = effects_of(diagnosis.effects, sample, dataset)
     joints = _joints(sample, final.model, found)
     return _render(
         dataset,

@@ -9,8 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 from calib.data import Dataset
-from calib.diagnose import Found, Structure, Visible, error_without
+from calib.diagnose import Found, Structure, Visible, errors_without
 from calib.effects import check_of
+from calib.fit import ErrorStatistics
 from calib.units import to_display
 from service import effect_names, wording
 from service.report import panels, scatter, structure
@@ -45,7 +46,16 @@ def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
     ]
 
 
-def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> dict[str, Any]:
+def effects_of(effects: Sequence[Found], sample: Sample, dataset: Dataset) -> list[dict[str, Any]]:
+    """The effects found, in their order."""
+    without = errors_without(dataset, sample.fitted, [found.effect for found in effects])
+    return [
+        effect_of(found, sample, number, error)
+        for number, (found, error) in enumerate(zip(effects, without, strict=True))
+    ]
+
+
+def effect_of(found: Found, sample: Sample, number: int, without: ErrorStatistics | None) -> dict[str, Any]:
     value, uncertainty, unit = wording.amplitude(found)
     picture = None
     if number < DRAWN:
@@ -62,7 +72,7 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
         "owner": wording.OWNERS[found.effect.owner],
         "group": found.effect.group,
         "check": check_of(found.effect.label),
-        "without": error_without(dataset, sample.fitted, found.effect),
+        "without": without,
         "share": found.evidence.explained_variance,
         "evidence": found.evidence,
         "rivals": wording.rivals_of(found),
