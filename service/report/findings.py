@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from calib.data import Dataset
 from calib.diagnose import Found, Structure, Visible, errors_without
-from calib.effects import check_of
+from calib.effects import check_of, words_of
 from calib.fit import ErrorStatistics
 from calib.units import to_display
 from service import effect_names, wording
@@ -36,12 +36,19 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
 
 def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
     """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
-    kinds: dict[tuple[str, str], list[float]] = {}
+    kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     for each in power:
         if each.size is not None:
-            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append(each.size)
+            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append((each.size, each.label))
     return [
-        {"kind": kind, "unit": unit, "least": min(sizes), "most": max(sizes), "count": len(sizes)}
+        {
+            "kind": kind,
+            "words": words_of(min(sizes)[1]),
+            "unit": unit,
+            "least": min(sizes)[0],
+            "most": max(sizes)[0],
+            "count": len(sizes),
+        }
         for (kind, unit), sizes in kinds.items()
     ]
 
