@@ -20,7 +20,7 @@ import json
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -242,16 +242,33 @@ class Client:
         """The readings of a run as a data set; its id."""
         return self.once(f"/runs/{quote(run_id)}/dataset", {"name": name})["id"]
 
-    def identify(self, dataset_id: str, *, accept_rms_mm: float = 0.0, accept_max_mm: float = 0.0) -> Job:
-        """Identify, and wait for it. Limits of 0: none."""
-        return self._job("identifications", dataset_id, accept_rms_mm, accept_max_mm)
+    def identify(
+        self,
+        dataset_id: str,
+        *,
+        accept_rms_mm: float = 0.0,
+        accept_max_mm: float = 0.0,
+        accept_zones: Sequence[Mapping[str, Any]] = (),
+    ) -> Job:
+        """Identify, and wait for it. Limits of 0: none; accept_zones: boxes with their own, as the API has them."""
+        return self._job("identifications", dataset_id, accept_rms_mm, accept_max_mm, accept_zones)
 
-    def diagnose(self, dataset_id: str, *, accept_rms_mm: float = 0.0, accept_max_mm: float = 0.0) -> Job:
-        """Identify and find what the model lacks, and wait for it. Limits of 0: none."""
-        return self._job("diagnoses", dataset_id, accept_rms_mm, accept_max_mm)
+    def diagnose(
+        self,
+        dataset_id: str,
+        *,
+        accept_rms_mm: float = 0.0,
+        accept_max_mm: float = 0.0,
+        accept_zones: Sequence[Mapping[str, Any]] = (),
+    ) -> Job:
+        """Identify and find what the model lacks, and wait for it. The limits are those of `identify`."""
+        return self._job("diagnoses", dataset_id, accept_rms_mm, accept_max_mm, accept_zones)
 
-    def _job(self, kind: str, dataset_id: str, rms: float, largest: float) -> Job:
-        body = {"dataset_id": dataset_id, "accept_rms_mm": rms, "accept_max_mm": largest}
+    def _job(
+        self, kind: str, dataset_id: str, rms: float, largest: float, zones: Sequence[Mapping[str, Any]]
+    ) -> Job:
+        limits = {"accept_rms_mm": rms, "accept_max_mm": largest, "accept_zones": list(zones)}
+        body = {"dataset_id": dataset_id, **limits}
         document = self.once(f"/{kind}", body)
         while document["state"] not in ("succeeded", "failed"):
             query = urlencode({"wait": _POLL_S, "after": document["version"]})

@@ -10,7 +10,7 @@ from calib.diagnose.power import Visible
 from calib.diagnose.repeats import EACH_POSE
 from calib.diagnose.select import MOST_EFFECTS
 from calib.diagnose.structure import Structure
-from calib.diagnose.without import error_without
+from calib.diagnose.without import errors_without
 
 __all__ = [
     "ACTS_ON",
@@ -32,8 +32,8 @@ __all__ = [
     "carry_over",
     "diagnose",
     "error_with_patch",
-    "error_without",
     "error_without_patch",
+    "errors_without",
     "later_visits",
     "patch_of",
     "pauses",

@@ -25,7 +25,7 @@ from calib.diagnose.power import Visible, visible
 from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
-from calib.diagnose.without import error_without
+from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
 from calib.fit.held_out import errors_on
 from calib.fit.identification import Identification
@@ -323,7 +323,8 @@ def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tup
     whole = statistics_of(errors_on(dataset, dataset.validation_rows, final.model, final.estimate))
     if whole is None:
         return ()
-    without = {f.effect.label: error_without(dataset, final, f.effect) for f in found}
+    effects = [f.effect for f in found]
+    without = dict(zip((e.label for e in effects), errors_without(dataset, final, effects), strict=True))
     return tuple(label for label, e in without.items() if e is not None and e.rms < (1.0 - _HARM) * whole.rms)
 
 

@@ -7,14 +7,17 @@ the condition that the effect is zero.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.fit.held_out import errors_on
+from calib.fit.held_out import errors_by
 from calib.fit.identification import Identification
 from calib.fit.statistics import ErrorStatistics, statistics_of
 from calib.model.effect import Effect
+from calib.model.model import Design
 
 
 def estimate_without(found: Identification, effect: Effect) -> Array:
@@ -27,9 +30,14 @@ def estimate_without(found: Identification, effect: Effect) -> Array:
     return estimate
 
 
-def error_without(dataset: Dataset, found: Identification, effect: Effect) -> ErrorStatistics | None:
-    """Position error on validation rows without one effect; None where nothing was held out."""
+def errors_without(
+    dataset: Dataset, found: Identification, effects: Sequence[Effect]
+) -> list[ErrorStatistics | None]:
+    """Position error on validation rows without each of some effects; None where nothing was held out."""
     rows = dataset.validation_rows
     if not rows.any():
-        return None
-    return statistics_of(errors_on(dataset, rows, found.model, estimate_without(found, effect)))
+        return [None] * len(effects)
+    design = Design(found.model, dataset.conditions.take(rows))
+    return [
+        statistics_of(errors_by(design, dataset, rows, estimate_without(found, effect))) for effect in effects
+    ]

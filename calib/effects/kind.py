@@ -63,7 +63,11 @@ def _named(label: str) -> dict[str, str]:
     name, _, order = label.partition(":")[2].partition(":")
     joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
     times = order.removeprefix("n")
-    return {"name": name, "joint": joint, "times": {"1": "once", "2": "twice"}.get(times, f"{times} times")}
+    return {
+        "name": name,
+        "joint": joint,
+        "times": {"1": "once", "2": "twice", "": "several times"}.get(times, f"{times} times"),
+    }
 
 
 def distinguishing(one: Kind, other: Kind) -> list[str]:

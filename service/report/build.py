@@ -16,6 +16,7 @@ from calib.array import Array
 from calib.comparison import Comparison
 from calib.data import Dataset
 from calib.diagnose import CarryOver, Diagnosis
+from calib.effects import words_of
 from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
 from calib.model import Effect, RobotModel
 from calib.regression import Regression
@@ -37,13 +38,14 @@ from service.report import (
     trust,
     verification,
 )
-from service.report.findings import DRAWN, effect_of, power_of, structure_of
+from service.report.findings import DRAWN, effects_of, power_of, structure_of
 from service.report.residuals import Sample
 from service.results import positions
 from service.results.acceptance import NAMES, RULE, Acceptance
 from service.results.parameters import Row, rows_of
 from service.results.patched import Patched
 
+_LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit")),
@@ -91,7 +93,7 @@ def diagnosis_report(
                 },
             )
         )
-    effects = [effect_of(f, sample, dataset, number) for number, f in enumerate(diagnosis.effects)]
+    effects = effects_of(diagnosis.effects, sample, dataset)
     joints = _joints(sample, final.model, found)
     return _render(
         dataset,
@@ -231,7 +233,12 @@ def _render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"mm": wording.millimetres, "chance": wording.chance, "capitalize_first": _begun}
+    environment.filters |= {
+        "mm": wording.millimetres,
+        "chance": wording.chance,
+        "capitalize_first": _begun,
+        "words": words_of,
+    }
     return environment.get_template("report.html.j2").render(
         dataset=dataset,
         robot=found.model.robot,
@@ -249,7 +256,8 @@ def _render(
         position_headings=positions.HEADINGS,
         noise_scale=found.noise_scale,
         freedom=found.degrees_of_freedom,
-        left_out=left_out(dataset, found),
+        left_out=sorted(left_out(dataset, found), key=lambda row: -row.error_mm),
+        left_out_shown=_LEFT_OUT_SHOWN,
         relabelled=found.relabelled_rows,
         warnings=wording.grouped(found.warnings),
         closing=wording.CLOSING,

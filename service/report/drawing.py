@@ -51,7 +51,7 @@ _NOISE = re.compile(
     r'| id="(?:figure|axes|patch|line2d|text|matplotlib\.axis|xtick|ytick|legend|LineCollection|PathCollection)_\d+"',
     re.DOTALL,
 )
-_TAG = re.compile(r"<[^>]+>")
+_TEXT = re.compile(r"(>[^<>]*\w[^<>]*<)")
 _LONG_NUMBER = re.compile(r"(\d+\.\d{2})\d+")
 _REFERENCE = re.compile(r'(id="|url\(#|href="#)')
 _PLACE = r' x="[^"]+" y="[^"]+"'
@@ -125,8 +125,10 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)
     svg = text.getvalue()
     svg = _NOISE.sub("", svg[svg.index("<svg") :])
+    parts = _TEXT.split(svg)  # every other part is a text
     # numbers of places only: those in texts are results
-    svg = _TAG.sub(lambda tag: _LONG_NUMBER.sub(r"\1", tag.group()), svg)
+    parts[::2] = [_LONG_NUMBER.sub(r"\1", part) for part in parts[::2]]
+    svg = "".join(parts)
     svg = _DOTS.sub(_grouped, svg)
     svg = _REFERENCE.sub(rf"\g<1>{name}-", svg)
     opening, rest = svg.split(">", 1)

@@ -9,8 +9,9 @@ import numpy as np
 from markupsafe import Markup
 
 from calib.data import Dataset
-from calib.diagnose import Found, Structure, Visible, error_without
-from calib.effects import check_of
+from calib.diagnose import Found, Structure, Visible, errors_without
+from calib.effects import check_of, words_of
+from calib.fit import ErrorStatistics
 from calib.units import to_display
 from service import effect_names, wording
 from service.report import panels, scatter, structure
@@ -35,17 +36,33 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
 
 def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
     """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
-    kinds: dict[tuple[str, str], list[float]] = {}
+    kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     for each in power:
         if each.size is not None:
-            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append(each.size)
+            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append((each.size, each.label))
     return [
-        {"kind": kind, "unit": unit, "least": min(sizes), "most": max(sizes), "count": len(sizes)}
+        {
+            "kind": kind,
+            "words": words_of(min(sizes)[1]),
+            "unit": unit,
+            "least": min(sizes)[0],
+            "most": max(sizes)[0],
+            "count": len(sizes),
+        }
         for (kind, unit), sizes in kinds.items()
     ]
 
 
-def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> dict[str, Any]:
+def effects_of(effects: Sequence[Found], sample: Sample, dataset: Dataset) -> list[dict[str, Any]]:
+    """The effects found, in their order."""
+    without = errors_without(dataset, sample.fitted, [found.effect for found in effects])
+    return [
+        effect_of(found, sample, number, error)
+        for number, (found, error) in enumerate(zip(effects, without, strict=True))
+    ]
+
+
+def effect_of(found: Found, sample: Sample, number: int, without: ErrorStatistics | None) -> dict[str, Any]:
     value, uncertainty, unit = wording.amplitude(found)
     picture = None
     if number < DRAWN:
@@ -62,7 +79,7 @@ def effect_of(found: Found, sample: Sample, dataset: Dataset, number: int) -> di
         "owner": wording.OWNERS[found.effect.owner],
         "group": found.effect.group,
         "check": check_of(found.effect.label),
-        "without": error_without(dataset, sample.fitted, found.effect),
+        "without": without,
         "share": found.evidence.explained_variance,
         "evidence": found.evidence,
         "rivals": wording.rivals_of(found),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.data import Conditions, Dataset
+from calib.data import Dataset
 from calib.fit import Identification, Readings, readings_of
 from calib.model import Axis, Design, Drawn, Effect
 from calib.units import DEG
@@ -24,7 +24,7 @@ from calib.units import DEG
 MDEG = DEG * 1e-3
 
 Amounts = Callable[[Readings], Mapping[str, Array | float]]
-Law = Callable[[Readings], Array]
+Law = Callable[[Readings, Design], Array]
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,9 @@ class Sample:
 
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
         """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
-        return self._seen(effects, lambda _: {f"theta{joint}": 1.0}, lambda part: self._law(part, effects))
+        return self._seen(
+            effects, lambda _: {f"theta{joint}": 1.0}, lambda _, design: self._law(design, effects)
+        )
 
     def of_driver(self, effect: Effect) -> Seen:
         """The regressor that all terms of an effect share, as each reading sees it."""
@@ -89,7 +91,7 @@ class Sample:
             amounts[term.slot] = amounts.get(term.slot, 0.0) + term.weight * self._estimate(term.parameter)
         driver = effect.terms[0].regressor
 
-        def law(part: Readings) -> Array:
+        def law(part: Readings, _: Design) -> Array:
             return np.broadcast_to(driver.evaluate(part.conditions), (len(part.rows),))
 
         return self._seen([effect], lambda _: amounts, law)
@@ -105,27 +107,33 @@ class Sample:
                 slots[term.slot] = slots.get(term.slot, 0.0) + drive
             return slots
 
-        return self._seen([effect], amounts, lambda part: np.ones(len(part.rows)))
+        return self._seen([effect], amounts, lambda part, _: np.ones(len(part.rows)))
 
     def moved(self, effect: Effect) -> Array:
         """(n, 3) how the effect moves the tool point, mm; against the base target where it moves that."""
-        return np.concatenate([self._moved(effect, part.conditions) for part in self.parts])
+        return np.concatenate([self._moved(effect, design) for design in self.designs])
 
     def displacement(self, effect: Effect) -> float:
         """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, or the base target,
         mm."""
-        part = self.parts[0]
-        few = np.unique(np.linspace(0, len(part.rows) - 1, 400).astype(int))
-        moved = self._moved(effect, part.conditions.take(few))
+        moved = self._moved(effect, self._few)
         return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
-    def _moved(self, effect: Effect, conditions: Conditions) -> Array:
-        design = Design(self.fitted.model, conditions)
+    @cached_property
+    def _few(self) -> Design:
+        """The model bound to at most 400 readings of the fit."""
+        conditions = self.parts[0].conditions
+        return Design(
+            self.fitted.model,
+            conditions.take(np.unique(np.linspace(0, len(conditions) - 1, 400).astype(int))),
+        )
+
+    def _moved(self, effect: Effect, design: Design) -> Array:
         without = self.fitted.estimate.copy()
         without[self.fitted.model.positions(effect)] = 0.0
         if any(term.slot.startswith("anchor") for term in effect.terms):
             here, there = (design.frames(estimate, ()).anchor for estimate in (self.fitted.estimate, without))
-            return np.broadcast_to(there - here, (3, len(conditions))).T
+            return np.broadcast_to(there - here, (3, len(design.conditions))).T
         return design.predict(self.fitted.estimate) - design.predict(without)
 
     def left(self, dataset: Dataset) -> Array:
@@ -154,16 +162,16 @@ class Sample:
                 moved += alone.column(frames, slot) * amount
             square = np.maximum(np.sum(moved**2, axis=0), 1e-300)
             spread = max(self.fitted.noise_scale, 1.0) / np.sqrt(square)
-            seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part)))
+            seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part, design)))
         return Seen(*(np.concatenate(column) for column in zip(*seen, strict=True)))
 
-    def _law(self, part: Readings, effects: Sequence[Effect]) -> Array:
+    def _law(self, design: Design, effects: Sequence[Effect]) -> Array:
         """Sum over the effects of weight x parameter x regressor, (n,)."""
-        total = np.zeros(len(part.rows))
-        for effect in effects:
-            for term in effect.terms:
-                amount = term.weight * self._estimate(term.parameter)
-                total = total + amount * term.regressor.evaluate(part.conditions)
+        mine = {position for effect in effects for position in self.fitted.model.positions(effect)}
+        total = np.zeros(len(design.conditions))
+        for position, _, drive in design.terms:
+            if position in mine:
+                total += float(self.fitted.estimate[position]) * drive
         return total
 
 

@@ -23,7 +23,7 @@ from calib.errors import DataError
 from calib.text import TomlTable, read_toml
 
 _KEYS = ("name", "low_mm", "high_mm", "accept_rms_mm", "accept_max_mm")
-_FARTHEST = 1e5  # mm
+FARTHEST = 1e5  # mm
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _zone(table: TomlTable) -> Zone:
             "high_mm", "is not above low_mm on every axis.", "Give the two corners of the box."
         )
     limits = [
-        table.number(key, low=1e-6, high=_FARTHEST) if key in table.values else None
+        table.number(key, low=1e-6, high=FARTHEST) if key in table.values else None
         for key in ("accept_rms_mm", "accept_max_mm")
     ]
     if limits == [None, None]:

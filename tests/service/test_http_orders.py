@@ -147,6 +147,40 @@ def test_jobs_take_limits(here: Here) -> None:
     assert "Accepted" in here.client.get(f"/reports/{done['id']}").text
 
 
+def test_zones_are_judged_one_by_one(here: Here) -> None:
+    everywhere = {"low_mm": [-5000, -5000, -5000], "high_mm": [5000, 5000, 5000]}
+    zones = [
+        {"name": "all <b>of</b> it", **everywhere, "accept_max_mm": 1000.0},
+        {"name": "strict", **everywhere, "accept_rms_mm": 1e-3},
+        {"name": "door", "low_mm": [9000, 0, 0], "high_mm": [9001, 1, 1], "accept_rms_mm": 1.0},
+    ]
+    asked: dict[str, Any] = {"dataset_id": here.dataset, "accept_zones": zones}
+    verdicts = [("all <b>of</b> it", "accepted"), ("strict", "rejected"), ("door", "not_decided")]
+    for path, more in (("/identifications", {}), ("/validations", {"model_id": here.model})):
+        kept = here.done(path, **asked, **more)["result"]["acceptance"]
+        assert kept["verdict"] == "rejected"
+        assert [(c["zone"], c["verdict"]) for c in kept["criteria"]] == verdicts
+    assert "model" in problem(here.client.post("/validations", json=asked), 422)["detail"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"high_mm": [1, 0, 1]}, "high_mm"),
+        ({"high_mm": [1, 1]}, "high_mm"),
+        ({"accept_rms_mm": 0}, "accept_rms_mm"),
+        ({"accept_rms": 1.0}, "accept_rms"),
+        ({"name": " "}, "name"),
+    ],
+)
+def test_zones_that_mean_nothing_are_refused(here: Here, wrong: dict[str, Any], told: str) -> None:
+    zone = {"name": "a", "low_mm": [0, 0, 0], "high_mm": [1, 1, 1], "accept_rms_mm": 1.0}
+    for zones in ([zone | wrong], [zone, zone]):
+        ask = {"dataset_id": here.dataset, "accept_zones": zones}
+        detail = json.dumps(problem(here.client.post("/identifications", json=ask), 422))
+        assert (told if zones[0] != zone else "two zones") in detail
+
+
 def test_poses_are_selected_in_the_cell(here: Here) -> None:
     result = here.done("/selections", count=30, candidates=120)["result"]
     assert unnamed(SelectionResult.model_validate(result)) == set()

@@ -17,7 +17,7 @@ from calib.data.read import read_dataset
 from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, Structure
 from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
-from calib.diagnose.without import error_without
+from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
 from calib.effects.gear_orders import BANDS, gear_orders
 from calib.fit.identification import Identification
@@ -179,7 +179,7 @@ def test_the_error_without_an_effect_is_that_of_the_base_model(tmp_path: Path) -
     both, alone = refit(dataset, base, (one, other)), refit(dataset, base, (other,))
     rows = dataset.validation_rows
     left = np.linalg.norm(alone.predict(dataset.conditions.take(rows)) - dataset.points[rows], axis=1)
-    expected, got = statistics_of(left), error_without(dataset, both, one)
+    expected, got = statistics_of(left), errors_without(dataset, both, [one])[0]
     assert expected is not None
     assert got is not None
     assert got.rms == pytest.approx(expected.rms, rel=0.01)

@@ -18,7 +18,6 @@ from service.http.wire.problems import not_found
 from service.http.work.certifying import certificate_of
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
-from service.results.acceptance import Limits
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 # A report is complete in itself; whatever its data say, a browser runs and loads nothing for it.
@@ -34,8 +33,7 @@ def _add(here: Service, kind: str, collection: str, body: ToJudge, key: str) -> 
         cell = here.settings.cell
         if cell is not None and cell.robot.model.name not in built_in_robots():
             cell = None  # its robot is in a file of its own, which a job does not have
-        limits = Limits.of(body.accept_rms_mm or None, body.accept_max_mm or None)
-        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell, limits)
+        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell, body.limits)
         return reply(202, job, location=path_of(collection, job["id"]), retry_after=1)
 
     return here.keys.once(key, (collection, body), work)

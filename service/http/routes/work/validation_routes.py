@@ -16,7 +16,6 @@ from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV
-from service.results.acceptance import Limits
 
 router = APIRouter(route_class=JsonRoute, tags=["validations"])
 VALIDATIONS = path_of("validations")
@@ -30,7 +29,7 @@ def create_validation(
 
     def work() -> JSONResponse:
         dataset = here.datasets.get(body.dataset_id)
-        limits = Limits.of(body.accept_rms_mm or None, body.accept_max_mm or None)
+        limits = body.limits
         model = here.jobs.model_file(body.model_id) if body.model_id else None
         if model is None and (limits or body.place or body.everything):
             raise Problem(

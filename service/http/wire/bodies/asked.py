@@ -15,6 +15,8 @@ from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
 from service.http.wire.bodies.told import Body, DescribedAs, Name, told
+from service.http.wire.bodies.zones import AcceptZones
+from service.results.acceptance import Limits
 
 SerialNumber = Annotated[
     str,
@@ -231,6 +233,13 @@ class ToJudge(OfDataset):
 
     accept_rms_mm: AcceptRms = 0.0
     accept_max_mm: AcceptMax = 0.0
+    accept_zones: AcceptZones = Field(default_factory=list)
+
+    @property
+    def limits(self) -> Limits | None:
+        """What was asked for; None where nothing was."""
+        zones = [each.zone for each in self.accept_zones]
+        return Limits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
 
 
 class RegressionAsked(OfDataset):
