@@ -17,8 +17,10 @@ from tests.end_to_end.simulated import cell_file
 from tests.service.browser import Page, browser
 from tests.service.test_http_support import Served, served
 from tests.service.test_operator_page import ARMED, enter, in_a_browser, run_of
+from tests.service.test_operator_page_silence import shown
 
 LATENCY_MS, BYTES_PER_S = 400, 50_000
+LATE_MS = 1500  # beyond the second in which a stop is answered
 
 
 @contextmanager
@@ -43,8 +45,9 @@ def tap(page: Page, selector: str) -> None:
     `Input.synthesizeTapGesture` gives no click in a browser without a window, not even on a page of one button.
     """
     x, y = page.value(
-        f"(() => {{ const it = document.querySelector({json.dumps(selector)}); it.scrollIntoView({{ block: 'center' }});"
-        " const box = it.getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+        f"(() => {{ const it = document.querySelector({json.dumps(selector)});"
+        " it.scrollIntoView({ block: 'center' }); const box = it.getBoundingClientRect();"
+        " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
     )
     page.do("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
     page.do("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
@@ -76,21 +79,26 @@ def test_a_finger_confirms_follows_a_link_and_stops(tmp_path: Path) -> None:
         assert page.value("fingers.every(([kind]) => kind === 'touch')")
 
 
+def slow(page: Page, latency_ms: float) -> None:
+    """The line between page and service from now on."""
+    page.do("Network.enable")
+    rates = {"downloadThroughput": BYTES_PER_S, "uploadThroughput": BYTES_PER_S}
+    page.do("Network.emulateNetworkConditions", offline=False, latency=latency_ms, **rates)
+
+
 @in_a_browser
 def test_over_a_slow_line_it_is_slow_and_not_silent(tmp_path: Path) -> None:
     with asked(tmp_path) as (service, page, run):
-        page.do("Network.enable")
-        page.do(
-            "Network.emulateNetworkConditions",
-            offline=False,
-            latency=LATENCY_MS,
-            downloadThroughput=BYTES_PER_S,
-            uploadThroughput=BYTES_PER_S,
-        )
+        slow(page, LATENCY_MS)
         page.value(
             "window.bands = []; new MutationObserver(() => bands.push(document.querySelector('#alarm').textContent))"
             ".observe(document.querySelector('#alarm'), { childList: true })"
         )
+        took = (
+            "(async () => { const at = performance.now(); await fetch('page/app.js');"
+            " return performance.now() - at; })()"
+        )
+        assert page.value(took) > LATENCY_MS  # or this test would say nothing
         until(lambda: page.value(ARMED))
         page.value("document.querySelector('#confirm').click()")
         until(lambda: page.text("#question").startswith("Seat the SMR in N2"))
@@ -102,8 +110,10 @@ def test_over_a_slow_line_it_is_slow_and_not_silent(tmp_path: Path) -> None:
                 )
             )
         until(lambda: "N2" in page.text("#question"))
+        slow(page, LATE_MS)
         page.press("Escape")
         service.until(f"/runs/{run}", "stopped")
         until(lambda: page.text("#state") == "■ stopped")
-        print(page.value("bands"))
+        until(lambda: not shown(page, "#silence"))  # what was late has come
+        assert any("no answer yet" in each for each in page.value("bands"))
         assert not page.value("document.querySelector('#desk').inert")
