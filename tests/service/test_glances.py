@@ -48,8 +48,9 @@ def test_it_is_read_again_for_every_change_and_after_a_moment(tmp_path: Path) ->
 
 async def _at(looked: Looked) -> None:
     glances = looked.glances()
+    first = await glances("r")
     for _ in range(50):
-        first = await glances("r")
+        assert await glances("r") is first
     assert looked.times == 1
     looked.run.pause(by="anna")
     assert (await glances("r")).version == looked.run.status().version > first.version
