@@ -46,7 +46,7 @@ class Planned:
 
 
 class Store:
-    """The one writer of a record. Thread-safe. `moment` gives the time of what is written.
+    """The one writer of a record. Thread-safe. `moment` gives the time of what is written; `changes`: how many it made.
 
     Every change makes sure that this program still is the record's owner: should the lock fail (a network disk, a
     deleted lock file), the program that came first is refused from then on instead of mixing its readings in.
@@ -59,7 +59,8 @@ class Store:
         self.moment: Callable[[], Moment] = lambda: Moment(time.time())
         self._listeners: list[Callable[[Event], None]] = []
         self._fresh: list[Event] = []
-        self._changes = 0
+        self._depth = 0  # of changes within each other
+        self.changes = 0
         self._changed = threading.Condition()
 
     @classmethod
@@ -121,18 +122,19 @@ class Store:
     def changing(self) -> Iterator[sqlite3.Connection]:
         """A durable change; the events noted in it reach the listeners once it is. Changes may be nested."""
         with self.database.transaction() as db:
-            if not self._changes:
+            if not self._depth:
                 self._fresh = []
                 self._check_owner(db)
-            self._changes += 1  # guarded, as `_fresh` is, by the transaction
+            self._depth += 1  # guarded, as `_fresh` is, by the transaction
             try:
                 yield db
             finally:
-                self._changes -= 1
-            if self._changes:
+                self._depth -= 1
+            if self._depth:
                 return
             fresh, self._fresh = self._fresh, []
         with self._changed:
+            self.changes += 1  # once they can be read
             self._changed.notify_all()
         for event in fresh:
             for listener in tuple(self._listeners):

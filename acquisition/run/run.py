@@ -391,6 +391,11 @@ class Run:
             execution = self._execution
         return status_of(self._store, None if execution is None else execution.pace, self._trouble)
 
+    @property
+    def changes(self) -> int:
+        """How often this object has changed the record; asks no disk and waits for nobody."""
+        return self._store.changes
+
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
         """Events since `after`, oldest first."""
         return self._store.events(after, limit)

@@ -18,6 +18,7 @@ from service.http.access.audit import Audit
 from service.http.access.motion_lease import MotionLease
 from service.http.access.settings import Settings
 from service.http.runs.book import Book
+from service.http.runs.glances import Glances
 from service.http.runs.loops import Loops
 from service.http.wire.problems import Problem
 from service.http.work.campaigns import Shelf
@@ -69,6 +70,7 @@ class Service:
         self._resting = anyio.CapacityLimiter(RESTING)
         self._waiters = anyio.CapacityLimiter(WAITERS)
         self.reading = Readings(READERS)  # how a run, a loop or a job is
+        self.glances = Glances(self.book, self.reading)
         self.listing = Readings(1)  # everything that was kept, which may be much
         self._watches: dict[str, asyncio.Task[int]] = {}
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY

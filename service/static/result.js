@@ -66,8 +66,8 @@ function one(root, id) {
     const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), acceptance(r.acceptance), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
     if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
-    if ((r.power || []).length) whole.push(h("section", wide, h("h2", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
-      powerTable(r.power)));
+    if ((r.power || []).length) whole.push(h("section", wide, h("details", {}, h("summary", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
+      powerTable(r.power))));
     const said = [...(r.warnings || []), ...(r.notes || [])];
     if (said.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", { lang: "en" }, said.map((each) => h("li", {}, each)))));
     if (!looksOn() && r.converged !== false) whole.push(programs(id), ...exportsOf(id, job.kind !== "loop"));

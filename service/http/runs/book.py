@@ -144,6 +144,11 @@ class Book:
         if not execution.loop_id and not State(self._runs[name].status().state).active:
             execution.thread.join(FINISH_S)
 
+    def changes(self, name: str) -> int | None:
+        """`Run.changes` of the run that uses the robot, without waiting for anything; None for any other."""
+        run = self._runs.get(name) if name == self.busy_with else None
+        return None if run is None else run.changes
+
     def get(self, name: str) -> Run:
         """The run itself, opened where it is not. Raises Problem 404 and 409 (dry run), RecordInUse."""
         run = self._runs.get(name)

@@ -8,6 +8,9 @@ from acquisition import RunStatus
 from drivers.errors import AcquisitionError
 from service.plain import finite
 
+FINAL = ("succeeded", "failed")
+"""States of a run to which nothing can happen any more."""
+
 
 def run_document(
     run_id: str, status: RunStatus, *, dry_run: bool = False, error: AcquisitionError | None = None

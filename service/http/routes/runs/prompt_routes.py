@@ -14,7 +14,8 @@ from acquisition import Event, Run
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.runs.run_routes import FINAL, RUNS, who
+from service.http.routes.runs.run_routes import RUNS, who
+from service.http.runs.run_document import FINAL
 from service.http.state import Here
 from service.http.wire.bodies import Prompts, RunShown, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId

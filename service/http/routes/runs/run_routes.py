@@ -30,7 +30,6 @@ from service.http.work.idempotency import reply
 
 router = APIRouter(route_class=JsonRoute, tags=["runs"])
 RUNS = path_of("runs")
-FINAL = ("succeeded", "failed")
 LINES = "application/x-ndjson"
 
 
@@ -70,19 +69,14 @@ async def list_runs(here: Here) -> Response:
 
 
 @router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
-async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
+async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> Response:
     """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
-
-    def read() -> dict[str, Any]:
-        return here.book.document(run_id)
-
-    what = f"run {run_id}"
-    document = await here.reading(what, read)
-    if wait and document["version"] <= after and document["state"] not in FINAL and not document["dry_run"]:
+    glance = await here.glances(run_id)
+    if wait and glance.version <= after and not glance.still:
         run = await here.waiting(lambda: here.book.get(run_id))
-        await here.changed(what, lambda seconds: run.wait(after, seconds), after, wait)
-        document = await here.reading(what, read)
-    return document
+        await here.changed(f"run {run_id}", lambda seconds: run.wait(after, seconds), after, wait)
+        glance = await here.glances.anew(run_id)
+    return Response(glance.body, media_type=JSONResponse.media_type)
 
 
 @router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunShown)

@@ -1,0 +1,66 @@
+"""Glances: how the run is that uses the robot, as JSON that is kept for a moment.
+
+Reading a run means questions to SQLite in another thread, and a turn of the interpreter for each, which the thread that
+measures has to wait for. While nothing has been written to the record the answer is the same but for the time that is
+left; so two hundred clients a second cost four readings a second, and each otherwise an answer out of the event loop.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from service.http.runs.book import Book
+from service.http.runs.run_document import FINAL
+from service.http.wire.bodies import RunShown
+from service.http.work.readings import Readings
+
+KEPT_S = 0.25
+"""How old `seconds_left` may be, s. What is written to the record is seen at once."""
+
+
+@dataclass(frozen=True)
+class Glance:
+    """A run as it was. `still`: nothing can happen to it any more; `changes`: of `Book.changes`, from before."""
+
+    run_id: str
+    version: int
+    still: bool
+    body: bytes
+    changes: int | None
+    at_s: float
+
+
+class Glances:
+    """Made and used within the event loop."""
+
+    def __init__(self, book: Book, reading: Readings, clock: Callable[[], float] = time.monotonic) -> None:
+        self._book, self._reading, self._clock = book, reading, clock
+        self._kept: Glance | None = None
+
+    async def __call__(self, run_id: str) -> Glance:
+        """The run as it is. Raises as `Book.document`."""
+        kept = self._kept
+        if (
+            kept is not None
+            and kept.run_id == run_id
+            and kept.changes is not None
+            and kept.changes == self._book.changes(run_id)
+            and self._clock() - kept.at_s < KEPT_S
+        ):
+            return kept
+        return await self.anew(run_id)
+
+    async def anew(self, run_id: str) -> Glance:
+        """The run as it is, read after this call. Raises as `Book.document`."""
+        glance = await self._reading(f"a glance at run {run_id}", lambda: self._read(run_id))
+        self._kept = glance
+        return glance
+
+    def _read(self, run_id: str) -> Glance:
+        at_s, changes = self._clock(), self._book.changes(run_id)  # before: what comes meanwhile makes it old
+        document = self._book.document(run_id)
+        still = document["state"] in FINAL or document["dry_run"]
+        body = RunShown.model_validate(document).model_dump_json(by_alias=True).encode()
+        return Glance(run_id, document["version"], still, body, changes, at_s)

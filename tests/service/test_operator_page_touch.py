@@ -1,0 +1,119 @@
+"""The operator page under a finger, and over a slow line.
+
+These would catch: a page that swallows a tap (a handler of touches, an overlay, a `touch-action` that waits), a link a
+finger cannot follow, a question that a tap answers before it can have been read, and a page that takes a slow service
+for a dead one, or a late stop for one that was heard.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.drivers.waiting import until
+from tests.end_to_end.simulated import cell_file
+from tests.service.browser import Page, browser
+from tests.service.test_http_support import Served, served
+from tests.service.test_operator_page import ARMED, enter, in_a_browser, run_of
+from tests.service.test_operator_page_silence import shown
+
+LATENCY_MS, BYTES_PER_S = 400, 50_000
+LATE_MS = 1500  # beyond the second in which a stop is answered
+
+
+@contextmanager
+def asked(folder: Path) -> Iterator[tuple[Served, Page, str]]:
+    """A service with a run that asks for the first nest, and a page at it that holds the lease."""
+    cell = cell_file(folder, time_scale=40.0)
+    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
+    with (
+        served(folder / "record", "--cell", str(cell), "--simulate") as service,
+        browser(f"{service.url}/", folder / "browser") as page,
+    ):
+        enter(page)
+        service.lease()
+        run = run_of(service, folder)
+        until(lambda: "N1" in page.text("#question"))
+        yield service, page, run
+
+
+def tap(page: Page, selector: str) -> None:
+    """A finger in the middle of it, down and up: what follows from that is the browser's and the page's.
+
+    `Input.synthesizeTapGesture` gives no click in a browser without a window, not even on a page of one button.
+    """
+    x, y = page.value(
+        f"(() => {{ const it = document.querySelector({json.dumps(selector)});"
+        " it.scrollIntoView({ block: 'center' }); const box = it.getBoundingClientRect();"
+        " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+    )
+    page.do("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+    page.do("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+
+@in_a_browser
+def test_a_finger_confirms_follows_a_link_and_stops(tmp_path: Path) -> None:
+    with asked(tmp_path) as (service, page, run):
+        page.do("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
+        size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+        page.do("Emulation.setDeviceMetricsOverride", **size)
+        assert page.value("navigator.maxTouchPoints") == 5
+        page.value(
+            "window.fingers = []; addEventListener('click', (e) => fingers.push([e.pointerType, e.target.id]), true)"
+        )
+        until(lambda: page.value(ARMED))
+        tap(page, "#confirm")
+        until(lambda: "N2" in page.text("#question"))
+        assert page.value("fingers") == [["touch", "confirm"]]
+        if not page.value(ARMED):  # on a machine that is not too busy for it: the second tap is none
+            tap(page, "#confirm")
+        tap(page, "nav a[href='#/robots']")
+        until(lambda: page.value("location.hash") == "#/robots")
+        tap(page, "nav a[href='#/run']")
+        until(lambda: page.value("location.hash").startswith("#/run"))
+        tap(page, "#stop")
+        service.until(f"/runs/{run}", "stopped")
+        until(lambda: page.text("#state") == "■ stopped")
+        assert page.value("fingers.every(([kind]) => kind === 'touch')")
+
+
+def slow(page: Page, latency_ms: float) -> None:
+    """The line between page and service from now on."""
+    page.do("Network.enable")
+    rates = {"downloadThroughput": BYTES_PER_S, "uploadThroughput": BYTES_PER_S}
+    page.do("Network.emulateNetworkConditions", offline=False, latency=latency_ms, **rates)
+
+
+@in_a_browser
+def test_over_a_slow_line_it_is_slow_and_not_silent(tmp_path: Path) -> None:
+    with asked(tmp_path) as (service, page, run):
+        slow(page, LATENCY_MS)
+        page.value(
+            "window.bands = []; new MutationObserver(() => bands.push(document.querySelector('#alarm').textContent))"
+            ".observe(document.querySelector('#alarm'), { childList: true })"
+        )
+        took = (
+            "(async () => { const at = performance.now(); await fetch('page/app.js');"
+            " return performance.now() - at; })()"
+        )
+        assert page.value(took) > LATENCY_MS  # or this test would say nothing
+        until(lambda: page.value(ARMED))
+        page.value("document.querySelector('#confirm').click()")
+        until(lambda: page.text("#question").startswith("Seat the SMR in N2"))
+        for view in ("robots", "campaigns", "cell", "run"):
+            page.value(f"document.querySelector(\"nav a[href='#/{view}']\").click()")
+            until(
+                lambda view=view: (
+                    page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}"
+                )
+            )
+        until(lambda: "N2" in page.text("#question"))
+        slow(page, LATE_MS)
+        page.press("Escape")
+        service.until(f"/runs/{run}", "stopped")
+        until(lambda: page.text("#state") == "■ stopped")
+        until(lambda: not shown(page, "#silence"))  # what was late has come
+        assert any("no answer yet" in each for each in page.value("bands"))
+        assert not page.value("document.querySelector('#desk').inert")
