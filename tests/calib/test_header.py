@@ -133,7 +133,9 @@ def test_a_misspelt_column_is_refused(given: str, typed: str, tmp_path: Path) ->
         read_dataset(path)
 
 
-@pytest.mark.parametrize("typed", ["prev7_deg", "t_base_c", "j3_read_deg", "remark", "visits_planned", "d_length_mm"])
+@pytest.mark.parametrize(
+    "typed", ["prev7_deg", "t_base_c", "j3_read_deg", "remark", "visits_planned", "d_length_mm"]
+)
 def test_other_columns_are_kept(typed: str, tmp_path: Path) -> None:
     path = _written(tmp_path, "status", f"status,{typed}")
     assert read_dataset(path)
