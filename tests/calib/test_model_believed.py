@@ -16,7 +16,7 @@ from calib.compensate import Bounds
 from calib.errors import DataError
 from calib.fit.identify import identify
 from calib.saved.model_checks import content_hash
-from calib.saved.model_file import load_model, save_model
+from calib.saved.model_file import SIMULATED, load_model, save_model
 from tests.calib.campaigns import simulate
 
 Document = dict[str, Any]
@@ -138,7 +138,7 @@ def test_a_file_changed_by_hand_is_noticed(written: str, tmp_path: Path) -> None
     path = tmp_path / "m.json"
     document = json.loads(written)
     path.write_text(json.dumps(document, indent=4, sort_keys=True), "utf-8")  # only laid out in another way
-    assert load_model(path).notes == ()
+    assert load_model(path).notes == (SIMULATED,)
     parameter(document, "theta2")["value"] += 1e-4
     path.write_text(json.dumps(document), "utf-8")
     with pytest.raises(DataError, match=r"content_sha256.*changed"):
@@ -150,7 +150,7 @@ def test_a_file_of_an_older_version_is_read_and_said_to_be_one(written: str, tmp
     del document["content_sha256"], document["robot_sha256"], document["robot_table"]["capsules"]
     (tmp_path / "m.json").write_text(json.dumps(document), "utf-8")
     saved = load_model(tmp_path / "m.json")
-    (note,) = saved.notes
+    _, note = saved.notes
     assert "older version" in note
     assert saved.model.robot == load_robot("abb-irb120")
 
@@ -167,7 +167,7 @@ def test_larger_corrections_are_taken_when_they_are_allowed(written: str, tmp_pa
     path = resealed(document, tmp_path / "m.json")
     with pytest.raises(DataError, match="theta2"):
         load_model(path, bounds=Bounds(turn_deg=2.0, shift_mm=100.0))
-    assert load_model(path, bounds=Bounds(turn_deg=5.0, shift_mm=100.0)).notes == ()
+    assert load_model(path, bounds=Bounds(turn_deg=5.0, shift_mm=100.0)).notes == (SIMULATED,)
 
 
 def test_a_robot_of_ones_own(written: str, tmp_path: Path) -> None:
@@ -175,12 +175,12 @@ def test_a_robot_of_ones_own(written: str, tmp_path: Path) -> None:
     document = json.loads(written)
     document["robot"] = document["robot_table"]["name"] = "plant7"
     path = resealed(document, tmp_path / "m.json")
-    (note,) = load_model(path).notes
+    _, note = load_model(path).notes
     assert "plant7" in note
     text = (BUILT_IN / "abb-irb120.toml").read_text("utf-8")
     own = tmp_path / "plant7.toml"
     own.write_text(text.replace('name = "abb-irb120"', 'name = "plant7"'), "utf-8")
-    assert load_model(path, robot_file=own).notes == ()
+    assert load_model(path, robot_file=own).notes == (SIMULATED,)
     own.write_text(text.replace("max_deg = 110.0", "max_deg = 90.0"), "utf-8")
     with pytest.raises(DataError, match="upper limit of joint 2 is 110 deg, in the robot file 90 deg"):
         load_model(path, robot_file=own)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib.saved.model_file import SIMULATED
 from mocks.campaign import make_campaign, write_campaign
 from service.cli import main
 from tests.service.campaigns import Rows, edit_rows, edit_text
@@ -64,7 +65,7 @@ def test_a_model_is_judged_beside_the_nominal_robot(
     groups = {group["by"]: group["position_mm"] for group in judged["m"]["groups"]}
     assert set(groups["target"]) == {"T1", "T2", "T3"}
     assert sum(found["n"] for found in groups["distance from the point"].values()) == 40
-    assert document["warnings"] == []
+    assert document["warnings"] == [SIMULATED]
     shown = capsys.readouterr().out
     for piece in (
         "mean + 3 s",
