@@ -5,10 +5,12 @@ A rig asks questions whose right answers all differ, so that an answer to anothe
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from drivers import Busy
 from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: docs/decisions/0059
 
 SLACK_S = 20.0  # what a loaded machine may add to a deadline
@@ -41,8 +43,18 @@ class Rig:
         self.restart()
 
     def restart(self) -> None:
+        """Connect and arm; a robot whose watchdog has not stopped it yet is waited for, as a person would."""
         self.driver.connect()
-        self.driver.arm()
+        end = time.monotonic() + SLACK_S
+        while True:
+            try:
+                self.driver.arm()
+            except Busy:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.02)
+            else:
+                return
 
     def hurry(self) -> None:
         if self.hasty is not None:
