@@ -58,8 +58,7 @@ conformance: $(VENV)/.installed
 sabotage: $(VENV)/.installed
 	$(BIN)/python -m tests.sabotage
 
-# Small changes that nobody chose, forty of a file. An hour or two. It tells; it does not end `make long`, for least squares
-# misses its nine in ten: docs/trust.md.
+# Small changes that nobody chose, forty of a file. An hour or two. It reports and does not end `make long`: docs/trust.md.
 mutants: $(VENV)/.installed
 	-$(BIN)/python -m tests.sabotage.mutants --sample 40
 

@@ -104,6 +104,7 @@ def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.06) -> tu
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
+    rig.hurry()
     rig.proxy.spoil(*faults, times=None, rate=rate)
     good = bad = 0
     for i in range(MANY):

@@ -109,6 +109,15 @@ class PosesBlock(_Chosen):
 
     kind: NotRequired[Annotated[Literal["poses"], told("Left out: this kind.", "poses")]]
     set: NotRequired[Set]
+    approach_sides: NotRequired[
+        Annotated[
+            list[list[Literal[-1, 1]]],
+            told(
+                "Beside `joints_deg`: from where each joint comes, 1 from below, -1 from above, one row a pose.",
+                [[1, -1, 1, 1, -1, 1]],
+            ),
+        ]
+    ]
 
 
 class RepeatBlock(_Chosen):
