@@ -98,9 +98,8 @@ def explained(error: AcquisitionError, rig: Rig) -> None:
     hold(bool(error.what_to_do), f"{name} does not say what to do")
 
 
-def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.06) -> tuple[int, int]:
-    """Put up to 120 questions, messages spoiled by any of the faults, until more than 20 were answered and more than 2
-    failed. How many of either. Raises Broken."""
+def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.03) -> tuple[int, int]:
+    """Put 120 questions, messages spoiled by any of the faults. How many were answered, and failed. Raises Broken."""
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
@@ -118,8 +117,6 @@ def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.06) -> tu
             rig.restart()
             rig.hurry()
             rig.proxy.spoil(*faults, times=None, rate=rate)
-        if good > MANY // 6 and bad > 2:
-            break
     hold(good > MANY // 6, f"only {good} of {MANY} questions were answered")
     hold(bad > 2, f"only {bad} of {MANY} questions met a fault")
     return good, bad
@@ -149,9 +146,9 @@ def clock_steps(rig: Rig) -> None:
 
 
 def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) -> int:
-    """Put questions, requests spoiled on their way, until three were spoiled and three answered: nothing wrong is read,
-    and without a fault the next one is answered. How many failed. Raises Broken."""
-    spoiled, answered, failures = rig.proxy.spoiled, 0, 0
+    """Put questions, requests spoiled on their way: nothing wrong is read, and without a fault the next is answered.
+    How many failed. Raises Broken."""
+    spoiled, failures = rig.proxy.spoiled, 0
     spoiling = False
     for i in range(questions):
         if not spoiling:
@@ -161,14 +158,11 @@ def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) 
             spoiling = True
         try:
             right(rig, i)
-            answered += 1
         except AcquisitionError as error:
             failures += 1
             hold(error.device.startswith(rig.driver.name), f"{type(error).__name__} names '{error.device}'")
             hold(bool(error.what_to_do), f"{type(error).__name__} does not say what to do")
             spoiling = False
-        if rig.proxy.spoiled >= spoiled + 3 and answered >= 3:
-            break
     hold(rig.proxy.spoiled > spoiled, "no request was spoiled")
     rig.start_again()
     right(rig, questions)

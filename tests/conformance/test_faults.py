@@ -52,7 +52,7 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, after: int) -> None:
 
 
 def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
-    """As many as it takes to have some of either kind; `make conformance` asks 400 for every fault."""
+    """Of all faults together; `make conformance` asks 400 for every one."""
     name, rig = named_rig
     many_questions(
         rig, [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
