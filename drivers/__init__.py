@@ -13,6 +13,7 @@ from drivers.declaration import InstrumentDriver, RobotDriver
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
 from drivers.endpoint import endpoints
+from drivers.entry_points import installed
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -161,6 +162,7 @@ __all__ = [
     "WireSink",
     "WrongMode",
     "endpoints",
+    "installed",
     "instrument_driver",
     "open_instrument",
     "open_robot",

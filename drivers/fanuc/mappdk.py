@@ -18,6 +18,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
+from typing import Unpack
 
 from drivers.errors import (
     AcquisitionError,
@@ -56,6 +57,7 @@ from drivers.fanuc.mappdk_link import (
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import TcpLink, beside
 from drivers.read_back import apart_deg
+from drivers.waiting import Waiting
 
 _WATCHDOG_MS = 2000
 _MOVED_DEG = 0.01  # between two looks; less is rest
@@ -240,13 +242,10 @@ class MappdkController:
         talk: MappdkLink,
         request: bytes,
         form: Form,
-        *,
-        deadline: str = "reply_s",
-        seconds: float | None = None,
-        meanwhile: Callable[[], None] | None = None,
+        **waiting: Unpack[Waiting],
     ) -> re.Match[bytes]:
         """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
-        found = talk.ask(request, form, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        found = talk.ask(request, form, **waiting)
         what, number, *_ = request.split(b":")
         if found[1] != number or not sealed(found[0]):
             talk.link.close()
