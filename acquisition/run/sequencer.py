@@ -30,7 +30,8 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
 from acquisition.errors import Displaced, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned, Store
+from acquisition.record.planned import Planned
+from acquisition.record.store import Store
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage

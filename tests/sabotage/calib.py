@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from tests.sabotage.change import Change
+from tests.sabotage.fit import COMPENSATE, FIT, OFFSETS, VISITS
 
-_FIT = (
-    "tests/calib/test_identify.py",
-    "tests/calib/test_identify_estimate.py",
-    "tests/calib/test_identify_invariance.py",
-    "tests/calib/test_certified.py",
-)
-_COMPENSATE = ("tests/calib/test_compensate.py", "tests/calib/test_compensate_poses.py")
-_OFFSETS = ("tests/calib/test_offsets.py",)
 _HEXAPOD = ("tests/calib/test_hexapod_pose.py",)
 _VALIDATION = ("tests/calib/test_validation.py", "tests/calib/test_validation_iso9283.py")
 _REGRESSION = ("tests/calib/test_regression.py", "tests/service/test_regress_command.py")
-_VISITS = ("tests/calib/test_visits.py",)
 
 CHANGES = (
     Change(
@@ -23,7 +15,7 @@ CHANGES = (
         "begins | turned | ~(still | same_move)",
         "begins | turned",
         "a robot that comes again from elsewhere never left",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/convert/hexapod_legs.py",
@@ -107,7 +99,7 @@ CHANGES = (
         "return dict.fromkeys(names, u_mm) if u_mm > 0.0 else {}",
         "return {}",
         "positions known to one uncertainty for all of them count as exact cups",
-        _OFFSETS,
+        OFFSETS,
     ),
     Change(
         "calib/arm/hexapod_pose.py",
@@ -128,21 +120,21 @@ CHANGES = (
         "across[:, None, None] ** 2 * (np.eye(3) - outer) + along[:, None, None] ** 2 * outer",
         "along[:, None, None] ** 2 * (np.eye(3) - outer) + across[:, None, None] ** 2 * outer",
         "a tracker's range and its angles are exchanged",
-        ("tests/calib/test_observations.py", "tests/calib/test_selection.py", *_FIT),
+        ("tests/calib/test_observations.py", "tests/calib/test_selection.py", *FIT),
     ),
     Change(
         "calib/data/noise.py",
         "np.linalg.inv(lower).transpose(1, 2, 0), dtype",
         "np.linalg.inv(lower).transpose(2, 1, 0), dtype",
         "readings are whitened by the transpose of what whitens them",
-        ("tests/calib/test_observations.py", *_FIT),
+        ("tests/calib/test_observations.py", *FIT),
     ),
     Change(
         "calib/data/dataset.py",
         '        return self.usable & (self.sets != "validation")',
         "        return self.usable",
         "validation rows enter the fit",
-        ("tests/calib/test_dataset.py", *_FIT),
+        ("tests/calib/test_dataset.py", *FIT),
     ),
     Change(
         "calib/text/csv_text.py",
@@ -177,21 +169,21 @@ CHANGES = (
         "        return cross(axis, self.p - self.origin[slot]), axis",
         "        return cross(self.p - self.origin[slot], axis), axis",
         "a joint moves the tool the other way round",
-        ("tests/calib/test_kinematics.py", *_COMPENSATE),
+        ("tests/calib/test_kinematics.py", *COMPENSATE),
     ),
     Change(
         "calib/compensate/calibrated.py",
         'CORRECTED_OWNERS = ("robot", "mounting")',
         'CORRECTED_OWNERS = ("robot", "mounting", "instrument")',
         "errors of the instrument are sent to the robot",
-        _COMPENSATE,
+        COMPENSATE,
     ),
     Change(
         "calib/compensate/inverse.py",
         "    turn = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)",
         "    turn = reached[:, :3, :3] @ wanted[:, :3, :3].transpose(0, 2, 1)",
         "orientations are corrected away from where they should be",
-        _COMPENSATE,
+        COMPENSATE,
     ),
     Change(
         "calib/validation/iso9283.py",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.sabotage.change import Change
 
-_FIT = (
+FIT = (
     "tests/calib/test_identify.py",
     "tests/calib/test_identify_estimate.py",
     "tests/calib/test_identify_invariance.py",
@@ -15,9 +15,9 @@ _EFFECTS = (
     "tests/calib/test_effects_offers.py",
     "tests/calib/test_kinematics.py",
 )
-_COMPENSATE = ("tests/calib/test_compensate.py", "tests/calib/test_compensate_poses.py")
-_OFFSETS = ("tests/calib/test_offsets.py",)
-_VISITS = ("tests/calib/test_visits.py",)
+COMPENSATE = ("tests/calib/test_compensate.py", "tests/calib/test_compensate_poses.py")
+OFFSETS = ("tests/calib/test_offsets.py",)
+VISITS = ("tests/calib/test_visits.py",)
 
 CHANGES = (
     Change(
@@ -25,42 +25,42 @@ CHANGES = (
         "* ~several[:, None, None]",
         "* 1.0",
         "readings of a visit are whitened for the arm's repeatability twice",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/model/shared.py",
         "h = 1.0 / (grown * (grown + 1.0))",
         "h = 1.0 / grown**2",
         "readings of a visit are whitened by their inverse covariance, not its root",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/fit/identify.py",
         "    alone = observed.alone\n",
         "    alone = observed\n",
         "a wrong reading takes the others of its visit with it",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/fit/readings.py",
         "(first * parts // len(visit))[place.reshape(-1)]",
         "np.arange(len(visit)) * parts // len(visit)",
         "a large fit cuts visits in two",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/scan/space.py",
         "return observed.by_visit(columns).reshape",
         "return columns.reshape",
         "columns of candidates are not whitened by visit",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/scan/space.py",
         "return observed.by_visit(rows.T.reshape(-1, *self.residual.shape)).reshape",
         "return rows.T.reshape(-1, *self.residual.shape).reshape",
         "structure that differs within a visit is looked for where it is not",
-        _VISITS,
+        VISITS,
     ),
     Change(
         "calib/fit/least_squares.py",
@@ -88,70 +88,70 @@ CHANGES = (
         "- held**2 * at.estimate[active] + tied.T @ left) / size",
         "- 0.0 * at.estimate[active] + tied.T @ left) / size",
         "the prior pulls to wherever the fit stands and not to zero",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/fit/least_squares.py",
         "    inverse = _back(triangle, np.eye(len(size))) / size[:, None]",
         "    inverse = _back(triangle, np.eye(len(size)))",
         "covariances have the scale of the columns",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/fit/least_squares.py",
         "    seen = scale * usual > _MOVES_NOTHING",
         "    seen = scale * usual >= 0.0",
         "a parameter that moves nothing is kept",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/fit/identify.py",
         "    covariance = solution.covariance * max(scale, 1.0) ** 2",
         "    covariance = solution.covariance * max(scale, 1.0)",
         "uncertainties of noisy readings come out too small",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/fit/identify.py",
         "    dof = readings.observed.count - int(active.sum())",
         "    dof = readings.observed.count - 0 * int(active.sum())",
         "the noise is estimated as if nothing had been fitted",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/fit/identify.py",
         "    readings = readings.take(~faulty)\n",
         "",
         "readings that do not belong stay in the fit",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/model/base_model.py",
         'None if axis[0] == "r" else sizes.get(target)',
         "None",
         "tool targets known to an uncertainty are fitted as if nothing were known of them",
-        _OFFSETS,
+        OFFSETS,
     ),
     Change(
         "calib/fit/offsets.py",
         "        m, p = m + gain @ m[at], p + gain @ p[at]\n",
         "",
         "cups beside the one out of place are accused with it",
-        _OFFSETS,
+        OFFSETS,
     ),
     Change(
         "calib/fit/offsets.py",
         "        if chance * len(rows) >= FALSE_ALARM:",
         "        if chance * len(rows) >= 50.0 * FALSE_ALARM and one.sigma < 2.0:",
         "cups as good as stated are doubted",
-        _OFFSETS,
+        OFFSETS,
     ),
     Change(
         "calib/fit/offsets.py",
         "    square = float(np.sum(along**2 / share[seen]))",
         "    square = float(np.sum(along**2))",
         "how far off cups are is judged as if the fit had not been pulled to where they are stated",
-        _OFFSETS,
+        OFFSETS,
     ),
     Change(
         "calib/model/regressors.py",
@@ -165,14 +165,14 @@ CHANGES = (
         "        previous=joints - sides * np.asarray(stated.approach),",
         "        previous=joints + sides * np.asarray(stated.approach),",
         "a correction holds for the other side of approach",
-        _COMPENSATE,
+        COMPENSATE,
     ),
     Change(
         "calib/fit/robust.py",
         "    return _limits(freedom) * max(noise_scale(residual, freedom), 1.0)",
         "    return _limits(freedom) * 1.0",
         "most readings are rejected where the noise was declared too small",
-        _FIT,
+        FIT,
     ),
     Change(
         "calib/diagnose/claims.py",

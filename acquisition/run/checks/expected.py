@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, WronglySeated
-from acquisition.record.store import Planned
+from acquisition.record.planned import Planned
 from drivers.interfaces import PointReading
 
 
