@@ -67,7 +67,7 @@ class Run:
 
     @property
     def ended(self) -> bool:
-        """Nothing goes on: it has succeeded or failed, or rests until somebody resumes it."""
+        """Whether nothing goes on: it has succeeded or failed, or rests until somebody resumes it."""
         return self.state in ENDED
 
     @staticmethod

@@ -210,7 +210,7 @@ class Store:
         return State(self.campaign["state"])
 
     def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
-        """Within a change. Raises IllegalTransition."""
+        """Change the state, within a change of the record. Raises IllegalTransition."""
         old = State(db.execute("SELECT state FROM campaign").fetchone()[0])
         check_transition(old, new)
         db.execute("UPDATE campaign SET state = ?, reason = ?", (new.value, reason))

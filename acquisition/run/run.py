@@ -382,7 +382,7 @@ class Run:
 
     @property
     def changes(self) -> int:
-        """How often this object has changed the record; asks no disk and waits for nobody."""
+        """Number of times that this object has changed the record; asks no disk and waits for nobody."""
         return self._store.changes
 
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:

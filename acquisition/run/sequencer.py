@@ -273,7 +273,7 @@ class Sequencer:
                 self._ask(moved)
 
     def _length(self, planned: Planned, base_target: str) -> LengthReading:
-        """Raises OtherBalls for what cannot be the leg."""
+        """Measured length of a leg. Raises OtherBalls for what cannot be the leg."""
         try:
             reading = self._rig.measure_length(planned.target, base_target, self._campaign.samples)
         except OutOfRange:
@@ -284,7 +284,7 @@ class Sequencer:
         return reading
 
     def _point(self, planned: Planned) -> PointReading:
-        """Raises Misplaced and WronglySeated for what cannot be the target."""
+        """Measured point of a target. Raises Misplaced and WronglySeated for what cannot be the target."""
         if self._nests.world is None or planned.visit.kind == "nest":
             return self._rig.measure(planned.target, self._campaign.samples, None)
         expected = Expectation(self._cell, planned)

@@ -112,7 +112,7 @@ class CalSrv:
         )
 
     def raise_if_unfit(self, status: RobotStatus, command: str) -> None:
-        """Raises EmergencyStop, WrongMode, and in a move EnableLost."""
+        """Check what a status says. Raises EmergencyStop, WrongMode, and in a move EnableLost."""
         if status.emergency_stop:
             raise EmergencyStop("emergency stop pressed", device=self._name, command=command, raw=status.raw)
         if status.mode != "auto":

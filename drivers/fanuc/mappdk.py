@@ -216,7 +216,7 @@ class MappdkController:
         return at_joints if self._ours is None else at_state
 
     def halt(self) -> None:
-        """Raises LinkError."""
+        """Halt the robot. Raises LinkError."""
         try:
             self._numbered(self._logger, self._request(b"calstop"), DONE)
         except LinkError:  # a stop is worth a second try on a fresh connection

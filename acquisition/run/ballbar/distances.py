@@ -70,7 +70,7 @@ class BallbarChecks:
         return float(np.linalg.norm(point - ball)), max(LEAST_MM, SIGMAS * rms_mm)
 
     def refuse_others(self, planned: Planned, length_mm: float | None) -> None:
-        """Raises OtherBalls for a leg that is not as long as it must be. length_mm None: it is out of stroke."""
+        """Check the length of a leg, None: out of stroke. Raises OtherBalls where it is not as long as it must be."""
         found = self.expected(planned)
         if found is None:
             return

@@ -129,7 +129,7 @@ class Placing:
         return True
 
     def _plan(self, there: Cell) -> tuple[int, int]:
-        """How many poses were planned anew for the cell, and how many were left out."""
+        """Plan the poses anew for the cell `there`: how many were planned, and how many were left out."""
         visits: dict[int, list[Planned]] = {}
         for planned in self._store.plan():
             if planned.visit.kind == "pose":

@@ -28,7 +28,7 @@ from drivers.errors import AcquisitionError, Refused
 from drivers.interfaces import Answer, JointReading, LengthReading
 
 WITHIN_MM = 25.0
-"""By which a cup may stand elsewhere than the cell file says. Farther off, what was checked before is not checked."""
+"""Largest distance of a cup from its place in the cell file. Farther off, what was checked before is not checked."""
 _TURNS = 24  # about the vertical, in which a posture over a cup is looked for
 
 

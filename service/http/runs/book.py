@@ -223,7 +223,7 @@ class Book:
         self.refuse_busy()
 
     def refuse_busy(self) -> None:
-        """Raises Problem 409 with the ids of the run and the loop that use the robot, 503 when the service ends."""
+        """Refuse new work. Raises Problem 409 with the ids of run and loop in hand, 503 when the service ends."""
         if self._closed:
             raise ending()
         execution = self._execution

@@ -54,7 +54,7 @@ class Damaged:
         return self._documents.get(name)
 
     def forget(self, name: str) -> None:
-        """A run that is deleted."""
+        """Forget a run that is deleted."""
         self._documents.pop(name, None)
 
 
