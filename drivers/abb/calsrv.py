@@ -148,11 +148,7 @@ class CalSrv:
         return ProtocolError(message, device=self._name, command=str(code), raw=raw)
 
     def _ask(
-        self,
-        talk: AbbConversation,
-        code: int,
-        values: Sequence[float] = (),
-        **waiting: Unpack[Waiting],
+        self, talk: AbbConversation, code: int, values: Sequence[float] = (), **waiting: Unpack[Waiting]
     ) -> Numbered:
         """A numbered question; a refusal is raised as what it means."""
         answer = talk.ask_numbered(code, values, **waiting)

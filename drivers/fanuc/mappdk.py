@@ -238,11 +238,7 @@ class MappdkController:
         return b":".join((what, b"%04d" % next(self._numbers), *rest))
 
     def _numbered(
-        self,
-        talk: MappdkLink,
-        request: bytes,
-        form: Form,
-        **waiting: Unpack[Waiting],
+        self, talk: MappdkLink, request: bytes, form: Form, **waiting: Unpack[Waiting]
     ) -> re.Match[bytes]:
         """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
         found = talk.ask(request, form, **waiting)

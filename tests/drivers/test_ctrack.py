@@ -8,13 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers import (
-    ConfigError,
-    CTrack,
-    NotReady,
-    PoseReading,
-    TargetNotSeen,
-)
+from drivers import ConfigError, CTrack, NotReady, PoseReading, TargetNotSeen
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.creaform.ctrack import quaternion
