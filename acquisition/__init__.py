@@ -1,7 +1,7 @@
 """Acquisition: what to measure, in which order, and a record that loses nothing. `Run` is the door."""
 
 from acquisition.campaign import Campaign, campaign_from, read_campaign
-from acquisition.cell import Cell, Devices, cell_from, open_devices, read_cell
+from acquisition.cell import Cell, Devices, open_devices, read_cell
 from acquisition.record import Event, State, export, export_events
 from acquisition.run import (
     Clock,
@@ -28,7 +28,6 @@ __all__ = [
     "ScaledClock",
     "State",
     "campaign_from",
-    "cell_from",
     "checked_plan",
     "export",
     "export_events",

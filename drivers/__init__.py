@@ -12,7 +12,7 @@ from drivers.deadlines import InstrumentDeadlines
 from drivers.declaration import InstrumentDriver, RobotDriver
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
-from drivers.endpoint import endpoints
+from drivers.entry_points import installed
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -65,7 +65,6 @@ from drivers.interfaces import (
     RobotStatus,
     Sample,
     Streams,
-    weakness_of,
 )
 from drivers.leica.at960 import LeicaTracker
 from drivers.leica.emscon import EmsconTracker
@@ -160,11 +159,10 @@ __all__ = [
     "WireLog",
     "WireSink",
     "WrongMode",
-    "endpoints",
+    "installed",
     "instrument_driver",
     "open_instrument",
     "open_robot",
     "read_b5r",
     "robot_driver",
-    "weakness_of",
 ]

@@ -39,7 +39,7 @@ class Caps:
         self._device = device
 
     def check(self, target_deg: Sequence[float]) -> None:
-        """Raises JointLimit naming the first joint that may not go there; NaN may not."""
+        """Check a target. Raises JointLimit naming the first joint that may not go there; NaN may not."""
         if len(target_deg) != len(self._pairs):
             raise JointLimit(
                 f"{len(target_deg)} joints given, {len(self._pairs)} needed",

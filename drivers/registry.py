@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
 from drivers.abb import declaration as abb
 from drivers.creaform import declaration as creaform
 from drivers.declaration import InstrumentDriver, RobotDriver
+from drivers.entry_points import installed
 from drivers.errors import ConfigError
 from drivers.fanuc import declaration as fanuc
 from drivers.faro import declaration as faro
@@ -69,18 +69,7 @@ def _known(kind: str, table: Mapping[str, _D], of: type[_D], name: str) -> _D:
 @cache
 def _installed() -> tuple[RobotDriver | InstrumentDriver, ...]:
     """The drivers of other packages. Raises ConfigError for a package that cannot be used."""
-    return tuple(driver for point in entry_points(group=GROUP) for driver in _drivers_of(point))
-
-
-def _drivers_of(point: EntryPoint) -> Iterable[RobotDriver | InstrumentDriver]:
-    package = point.dist.name if point.dist is not None else point.value
-    try:
-        return point.load().DRIVERS
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(
-            f"drivers '{point.name}' of the package {package} cannot be loaded: {error}",
-            what_to_do="Repair or remove the package.",
-        ) from error
+    return tuple(installed(GROUP, "DRIVERS"))
 
 
 def _make(kind: str, name: str, make: Callable[..., _T], url: str, options: Mapping[str, Any]) -> _T:

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict, Unpack
 from urllib.parse import quote, urlencode, urlsplit
 
 ENDED = ("succeeded", "failed", "stopped", "paused")
@@ -67,7 +67,7 @@ class Run:
 
     @property
     def ended(self) -> bool:
-        """Nothing goes on: it has succeeded or failed, or rests until somebody resumes it."""
+        """Whether nothing goes on: it has succeeded or failed, or rests until somebody resumes it."""
         return self.state in ENDED
 
     @staticmethod
@@ -85,6 +85,17 @@ class Run:
             prompt=prompt,
             document=document,
         )
+
+
+class Limits(TypedDict, total=False):
+    """What the error on readings held out may be, mm: RMS and largest; 0 or left out: no limit.
+
+    accept_zones: boxes with limits of their own, as the API has them.
+    """
+
+    accept_rms_mm: float
+    accept_max_mm: float
+    accept_zones: Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -242,34 +253,17 @@ class Client:
         """The readings of a run as a data set; its id."""
         return self.once(f"/runs/{quote(run_id)}/dataset", {"name": name})["id"]
 
-    def identify(
-        self,
-        dataset_id: str,
-        *,
-        accept_rms_mm: float = 0.0,
-        accept_max_mm: float = 0.0,
-        accept_zones: Sequence[Mapping[str, Any]] = (),
-    ) -> Job:
-        """Identify, and wait for it. Limits of 0: none; accept_zones: boxes with their own, as the API has them."""
-        return self._job("identifications", dataset_id, accept_rms_mm, accept_max_mm, accept_zones)
+    def identify(self, dataset_id: str, **limits: Unpack[Limits]) -> Job:
+        """Identify, and wait for it."""
+        return self._job("identifications", dataset_id, limits)
 
-    def diagnose(
-        self,
-        dataset_id: str,
-        *,
-        accept_rms_mm: float = 0.0,
-        accept_max_mm: float = 0.0,
-        accept_zones: Sequence[Mapping[str, Any]] = (),
-    ) -> Job:
-        """Identify and find what the model lacks, and wait for it. The limits are those of `identify`."""
-        return self._job("diagnoses", dataset_id, accept_rms_mm, accept_max_mm, accept_zones)
+    def diagnose(self, dataset_id: str, **limits: Unpack[Limits]) -> Job:
+        """Identify and find what the model lacks, and wait for it."""
+        return self._job("diagnoses", dataset_id, limits)
 
-    def _job(
-        self, kind: str, dataset_id: str, rms: float, largest: float, zones: Sequence[Mapping[str, Any]]
-    ) -> Job:
-        limits = {"accept_rms_mm": rms, "accept_max_mm": largest, "accept_zones": list(zones)}
-        body = {"dataset_id": dataset_id, **limits}
-        document = self.once(f"/{kind}", body)
+    def _job(self, kind: str, dataset_id: str, limits: Limits) -> Job:
+        none: Limits = {"accept_rms_mm": 0.0, "accept_max_mm": 0.0, "accept_zones": ()}
+        document = self.once(f"/{kind}", {"dataset_id": dataset_id, **none, **limits})
         while document["state"] not in ("succeeded", "failed"):
             query = urlencode({"wait": _POLL_S, "after": document["version"]})
             document = self._again("GET", f"/{kind}/{document['id']}?{query}")

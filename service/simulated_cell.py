@@ -56,11 +56,11 @@ class SimulatedHands:
         self._port = port
 
     def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
-        """Raises ConfigError where the simulated arm does not get there."""
+        """Touch a base ball with a target. Raises ConfigError where the simulated arm does not get there."""
         self._do({"do": "touch", "target": target, "base": base_target, "near_deg": list(near_deg)})
 
     def jog(self, joints_deg: Sequence[float]) -> None:
-        """Raises ConfigError."""
+        """Move the simulated arm by hand. Raises ConfigError."""
         self._do({"do": "jog", "joints_deg": list(joints_deg)})
 
     def _do(self, order: Mapping[str, object]) -> None:

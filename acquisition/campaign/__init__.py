@@ -6,7 +6,7 @@ from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
 from acquisition.campaign.placements import Hexapod, Placement, Reached, best_first, grid
 from acquisition.campaign.plan import Visit
-from acquisition.campaign.poses import Pose, draw_poses, too_few
+from acquisition.campaign.poses import Pose, draw_poses
 
 __all__ = [
     "DECIMALS",
@@ -23,5 +23,4 @@ __all__ = [
     "placement_picture",
     "read_campaign",
     "setup_of",
-    "too_few",
 ]

@@ -94,7 +94,7 @@ class Campaign:
         return recipe if isinstance(recipe, WaypointPath) else None
 
     def station_of(self, block: int) -> int:
-        """How often the instrument has been set up anew when the block is measured."""
+        """Number of times that the instrument has been set up anew when the block is measured."""
         return sum(each.new_station for each in self.blocks[: block + 1])
 
 

@@ -18,7 +18,7 @@ from acquisition.errors import NoClearWay, UnsafePlan
 
 
 def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
-    """Raises UnsafePlan naming the first pose that may not be driven, and why."""
+    """Check every pose of a plan. Raises UnsafePlan naming the first that may not be driven, and why."""
     stops = [stop for visit in visits if visit.kind == "pose" for stop in visit.stops]
     if not stops:
         return

@@ -22,7 +22,7 @@ Pair = tuple[str, str]
 
 
 class Panel:
-    """One view. axes (2, 3): the directions to the right and upwards; shown (n, 3): points that must be in it."""
+    """View. axes (2, 3): directions to the right and upwards; shown (n, 3): points that must be in it."""
 
     def __init__(self, title: str, axes: Array, shown: Array) -> None:
         self.title, self._axes = title, axes

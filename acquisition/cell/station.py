@@ -28,7 +28,7 @@ FALSE_ALARM = 1e-3
 
 @dataclass(frozen=True)
 class Change:
-    """How far the nests are off, mm (the largest), and T in units of its limit: beyond 1 something moved."""
+    """Distance by which the nests are off, mm (the largest), and T in units of its limit: beyond 1 something moved."""
 
     off_mm: float
     ratio: float

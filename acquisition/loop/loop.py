@@ -187,7 +187,7 @@ def close_loop(
 
 
 def check_loop(cell: Cell) -> None:
-    """Raises ConfigError for a cell whose instrument shows no landing."""
+    """Check that a loop is possible in a cell. Raises ConfigError where its instrument shows no landing."""
     if cell.instrument.declared.measures_lengths:
         raise ConfigError(
             f"the loop needs an instrument that measures points, the {cell.instrument.name} measures distances: "

@@ -9,14 +9,13 @@ from acquisition.record.rescue import rescue
 from acquisition.record.salvage import Salvage, salvage
 from acquisition.record.states import State
 from acquisition.record.store import Store
-from acquisition.record.streams import ExportedPath, export_streams
+from acquisition.record.streams import export_streams
 from acquisition.record.verification import Verification
 
 __all__ = [
     "FILE",
     "Acceptance",
     "Event",
-    "ExportedPath",
     "Salvage",
     "State",
     "Store",

@@ -47,7 +47,7 @@ class Database:
     """
 
     def __init__(self, folder: Path, *, writer: bool, new: bool = False) -> None:
-        """Raises RecordInUse, RecordError, StorageError."""
+        """Open the file of a record in `folder`, or make it (`new`). Raises RecordInUse, RecordError, StorageError."""
         self.path = folder / FILE
         self._lock, self._reading = threading.RLock(), threading.Lock()
         self._within: int | None = None  # the thread whose transaction is open

@@ -201,8 +201,8 @@ def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
-    """Where the nests are that define the frame, or the balls to which distances were measured, and how well that and
-    the tool are known.
+    """Places of the nests that define the frame, or of the balls to which distances were measured, and how well they
+    and the tool are known.
 
     touched: those that the robot has touched, known as well as a robot as it came knows a place.
     """

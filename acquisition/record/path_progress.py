@@ -9,7 +9,7 @@ from acquisition.record.database import Database
 
 
 def share_of_path(database: Database, last: dict[str, Any] | None) -> float:
-    """How much of the path in hand is driven, 0 to 1, by the last waypoint noted; 0 where no path is in hand."""
+    """Share of the path in hand that is driven, 0 to 1, by the last waypoint noted; 0 where no path is in hand."""
     if last is None or last["of"] < 2:
         return 0.0
     rows = database.query("SELECT status FROM attempt WHERE id = ?", (last["attempt"],))

@@ -64,7 +64,7 @@ class Salvage:
 
     @property
     def measured(self) -> int:
-        """How many readings of poses there once were, as far as plan and attempts say."""
+        """Number of readings of poses that there once were, as far as plan and attempts say."""
         planned = {
             row["id"]
             for row in self.rows.get("pose", ())

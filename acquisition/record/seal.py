@@ -152,7 +152,7 @@ def check(database: Database) -> None:
 
 
 def unprotected(database: Database) -> int:
-    """How many readings of poses are from before there were sums."""
+    """Number of readings of poses from before there were sums."""
     return database.query(
         "SELECT count(*) FROM attempt WHERE arrival IS NOT NULL AND status = 'good' AND checksum IS NULL"
     )[0][0]

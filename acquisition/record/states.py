@@ -50,6 +50,6 @@ TRANSITIONS: Mapping[State, frozenset[State]] = {
 
 
 def check_transition(old: State, new: State) -> None:
-    """Raises IllegalTransition unless the table allows it."""
+    """Check a change of state. Raises IllegalTransition unless the table allows it."""
     if new not in TRANSITIONS[old]:
         raise IllegalTransition(f"a campaign that is {old.value} cannot become {new.value}")

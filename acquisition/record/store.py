@@ -14,8 +14,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from itertools import groupby
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,23 +25,13 @@ from acquisition.record import seal
 from acquisition.record.database import Database
 from acquisition.record.event import Event, Moment
 from acquisition.record.path_progress import streams_kept
+from acquisition.record.planned import Planned, planned_of
 from acquisition.record.states import State, check_transition
 
 Point = tuple[float, ...]
 COUNTED = "(kind = 'pose' OR base_target IS NOT NULL)"  # of planned readings: as `Visit.counted`
 _OF_NESTS = "(kind = 'nest' AND base_target IS NULL)"
 _STATES = frozenset(state.value for state in State)
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A planned reading: a target in a visit, and what became of it."""
-
-    id: int
-    visit: Visit
-    target: str
-    status: str
-    base_target: str | None = None  # of a distance
 
 
 class Store:
@@ -221,7 +210,7 @@ class Store:
         return State(self.campaign["state"])
 
     def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
-        """Within a change. Raises IllegalTransition."""
+        """Change the state, within a change of the record. Raises IllegalTransition."""
         old = State(db.execute("SELECT state FROM campaign").fetchone()[0])
         check_transition(old, new)
         db.execute("UPDATE campaign SET state = ?, reason = ?", (new.value, reason))
@@ -280,22 +269,7 @@ class Store:
 
     def _planned(self, where: str, values: Sequence[Any]) -> list[Planned]:
         rows = self.database.query(f"SELECT * FROM pose WHERE replaced_by IS NULL AND {where}", values)
-        out: list[Planned] = []
-        for _, group in groupby(rows, key=lambda row: row["visit"]):
-            readings = list(group)
-            row, targets = readings[0], tuple(each["target"] for each in readings)
-            joints, sides, approach = (
-                tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
-            )
-            place = (row["visit"], row["name"], row["kind"], row["set_name"], row["block"])
-            bases = tuple(each["base_target"] for each in readings if each["base_target"] is not None)
-            waypoints = tuple(map(tuple, json.loads(row["waypoints"] or "[]")))
-            visit = Visit(*place, targets, joints, sides, approach, bases, waypoints)
-            out += [
-                Planned(each["id"], visit, each["target"], each["status"], each["base_target"])
-                for each in readings
-            ]
-        return out
+        return planned_of(rows)
 
     def counts(self) -> dict[str, int]:
         """Planned readings by status, without those of nests."""

@@ -1,4 +1,4 @@
-"""Where the cups of the base are, as the robot touched them: three taught points, and three distances by the ballbar.
+"""Cups of the base at the places where the robot touched them: three taught points, and three distances by the ballbar.
 
 A person jogs a ball of the tool into every cup; the nominal robot says where the ball then is. Those points carry the
 errors of the robot, the shape of their triangle is known to a micrometre: the triangle of the measured sides is laid
@@ -20,14 +20,15 @@ from acquisition.cell.carried import point
 from acquisition.cell.cell import Cell
 from acquisition.cell.position_uncertainty import TAUGHT_MM
 from acquisition.cell.workspace import targets_at
+from acquisition.record.planned import Planned
 from acquisition.record.readings import spans_of, touches_of
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import Store
 from calib.arm import WorldFrame, of_base_points, with_sides
 from calib.array import Array
 from calib.text import Vector
 
 AGREE_MM = 3.0 * 2.0**0.5 * TAUGHT_MM
-"""By which a side may differ from two touches: three standard deviations of what a robot as it came makes of it."""
+"""Largest difference of a side from two touches: three standard deviations of what a robot as it came makes of it."""
 
 Pair = tuple[str, str]
 
@@ -60,7 +61,7 @@ class Taught:
 
     @cached_property
     def nests_mm(self) -> dict[str, Vector]:
-        """Where the cups are. Raises DataError for sides that make no triangle, ValueError for touches in a line."""
+        """Places of the cups. Raises DataError for sides that make no triangle, ValueError for touches in a line."""
         if self.sides is None:
             return dict(self.touched_mm)
         found = with_sides(self._touched, self.sides)

@@ -2,7 +2,7 @@
 
 from acquisition.campaign.forecast import Forecast
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.foresight import Foresee, at_once, forecast_of
+from acquisition.run.foresight import forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.orders.lease import Lease
@@ -15,13 +15,11 @@ __all__ = [
     "PROMPT",
     "Clock",
     "Forecast",
-    "Foresee",
     "Lease",
     "Outcome",
     "Run",
     "RunStatus",
     "ScaledClock",
-    "at_once",
     "checked_plan",
     "forecast_of",
     "pausing_on_interrupt",

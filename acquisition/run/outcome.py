@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from acquisition.errors import NotResumed
 from acquisition.record.states import State
+from acquisition.record.store import Store
 from drivers.errors import AcquisitionError
 
 
@@ -23,6 +24,19 @@ class Outcome:
         if self.error is not None:
             return self.error.exit_code
         return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
+
+
+def verdict_of(store: Store) -> tuple[State, str]:
+    """The state in which a campaign ends of which nothing is left, and the reason that is shown with it."""
+    counts = store.counts()
+    if not counts.get("measured"):
+        return State.FAILED, "Not one pose could be measured."
+    remarks = []
+    if skipped := counts.get("skipped", 0):
+        remarks.append(f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped.")
+    if (stations := store.campaign["station"]) > 1:
+        remarks.append(f"The instrument was moved: its readings come from {stations} stations.")
+    return State.SUCCEEDED, " ".join(remarks)
 
 
 def not_resumed(state: State, message: str, command: str) -> NotResumed:

@@ -35,7 +35,7 @@ from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stoppin
 from acquisition.run.orders.lease import Lease
 from acquisition.run.orders.mover import Mover
 from acquisition.run.orders.noting import Noting
-from acquisition.run.outcome import Outcome, not_resumed
+from acquisition.run.outcome import Outcome, not_resumed, verdict_of
 from acquisition.run.prompts.desk import Desk
 from acquisition.run.rig.rig import Met, Rig
 from acquisition.run.sequencer import Sequencer
@@ -182,7 +182,7 @@ class Run:
             reason = "The program was interrupted."
             try:
                 sequencer.run()
-                ending, reason = self._verdict()
+                ending, reason = verdict_of(self._store)
             except Pausing as pausing:
                 reason = str(pausing)
             except Stopping:
@@ -229,17 +229,6 @@ class Run:
                 self._trouble = error.sentence
                 return error
         return None
-
-    def _verdict(self) -> tuple[State, str]:
-        counts = self._store.counts()
-        if not counts.get("measured"):
-            return State.FAILED, "Not one pose could be measured."
-        remarks = []
-        if skipped := counts.get("skipped", 0):
-            remarks.append(f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped.")
-        if (stations := self._store.campaign["station"]) > 1:
-            remarks.append(f"The instrument was moved: its readings come from {stations} stations.")
-        return State.SUCCEEDED, " ".join(remarks)
 
     def _check_disk(self) -> None:
         if shutil.disk_usage(self.folder).free < LEAST_FREE_BYTES:
@@ -393,7 +382,7 @@ class Run:
 
     @property
     def changes(self) -> int:
-        """How often this object has changed the record; asks no disk and waits for nobody."""
+        """Number of times that this object has changed the record; asks no disk and waits for nobody."""
         return self._store.changes
 
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:

@@ -30,7 +30,8 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
 from acquisition.errors import Displaced, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned, Store
+from acquisition.record.planned import Planned
+from acquisition.record.store import Store
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
@@ -272,7 +273,7 @@ class Sequencer:
                 self._ask(moved)
 
     def _length(self, planned: Planned, base_target: str) -> LengthReading:
-        """Raises OtherBalls for what cannot be the leg."""
+        """Measured length of a leg. Raises OtherBalls for what cannot be the leg."""
         try:
             reading = self._rig.measure_length(planned.target, base_target, self._campaign.samples)
         except OutOfRange:
@@ -283,7 +284,7 @@ class Sequencer:
         return reading
 
     def _point(self, planned: Planned) -> PointReading:
-        """Raises Misplaced and WronglySeated for what cannot be the target."""
+        """Measured point of a target. Raises Misplaced and WronglySeated for what cannot be the target."""
         if self._nests.world is None or planned.visit.kind == "nest":
             return self._rig.measure(planned.target, self._campaign.samples, None)
         expected = Expectation(self._cell, planned)

@@ -5,28 +5,18 @@ from calib.model.check import check_effect
 from calib.model.effect import Effect, effect
 from calib.model.model import Design, RobotModel
 from calib.model.regressors import (
-    Constant,
-    Cosine,
-    JointAngle,
     Regressor,
-    Side,
-    Sine,
 )
 from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
 
 __all__ = [
     "FLANGE",
     "Axis",
-    "Constant",
-    "Cosine",
     "Design",
     "Drawn",
     "Effect",
-    "JointAngle",
     "Regressor",
     "RobotModel",
-    "Side",
-    "Sine",
     "StatedConditions",
     "check_effect",
     "conditions_at",

@@ -22,7 +22,7 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class Shared:
-    """Of n readings of k rows: visit (n,), and A as scatter (N, k, n), a matrix a joint; zero where none is shared."""
+    """Visits of n readings of k rows: visit (n,); A as scatter (N, k, n), one matrix a joint, 0: none shared."""
 
     visit: NDArray[np.int64]
     scatter: Array

@@ -28,7 +28,7 @@ class ClockSet:
 
 
 def set_at_gap(robot: Speeds, tracker: Speeds) -> ClockSet | None:
-    """Where one clock was set forward in the longest gap of its stream; None where none was."""
+    """The longest gap of a stream, where one clock was set forward in it; None where none was."""
     for cut, other, sign in ((robot, tracker, 1.0), (tracker, robot, -1.0)):
         parts = _parted(cut)
         if parts is None:

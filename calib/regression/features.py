@@ -111,7 +111,7 @@ def evaluate(products: tuple[str, ...], joints: Array) -> Array:
 
 
 def independent(features: Array, tolerance: float = 1e-9) -> int:
-    """How many of the columns of (n, p) features, their means taken off, are independent on these readings."""
+    """Number of columns of (n, p) features, their means taken off, that are independent on these readings."""
     if not features.size:
         return 0
     sizes = np.linalg.svd(features - features.mean(axis=0), compute_uv=False)

@@ -2,9 +2,9 @@
 
 from calib.scan.fixed import Candidate
 from calib.scan.harmonics import Harmonics
-from calib.scan.scores import Family, Score, Scores
+from calib.scan.scores import Family, Scores
 from calib.scan.shapes import Shapes
 from calib.scan.space import Space
 from calib.scan.steps import Steps
 
-__all__ = ["Candidate", "Family", "Harmonics", "Score", "Scores", "Shapes", "Space", "Steps"]
+__all__ = ["Candidate", "Family", "Harmonics", "Scores", "Shapes", "Space", "Steps"]

@@ -65,7 +65,7 @@ class FixedScores:
         return 0
 
     def alike(self, place: int) -> int:
-        """One place, one try."""
+        """Number of places that are as likely as this one: itself."""
         return 1
 
     def place_of(self, effect: Effect) -> int:

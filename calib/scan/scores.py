@@ -71,7 +71,7 @@ class FamilyScores(Protocol):
         ...
 
     def alike(self, place: int) -> int:
-        """How many places are as likely as this one."""
+        """Number of places that are as likely as this one."""
         ...
 
     def place_of(self, effect: Effect) -> int:

@@ -28,7 +28,7 @@ class Steps:
 
     @property
     def ranks(self) -> Array:
-        """Those that are scanned."""
+        """Ranks that are scanned."""
         return self.every[:: max(1, len(self.every) // self.scanned)]
 
     def scores(self, space: Space) -> FamilyScores:

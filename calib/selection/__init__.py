@@ -3,7 +3,7 @@
 from calib.selection.choose import SHARE, Choice, choose
 from calib.selection.curve import STEP, WORTH, Curve, curve_of
 from calib.selection.exchange import select
-from calib.selection.indices import Observability, observability
+from calib.selection.indices import observability
 from calib.selection.information import Candidates, Setup, candidates_of
 from calib.selection.lengths import Balls, Lengths, uncertainty_of
 
@@ -16,7 +16,6 @@ __all__ = [
     "Choice",
     "Curve",
     "Lengths",
-    "Observability",
     "Setup",
     "candidates_of",
     "choose",

@@ -1,5 +1,5 @@
 """Sweeps: what single joints show of themselves while they alone turn."""
 
-from calib.sweeps.joint import AxisDifference, JointSweep, analyse
+from calib.sweeps.joint import JointSweep, analyse
 
-__all__ = ["AxisDifference", "JointSweep", "analyse"]
+__all__ = ["JointSweep", "analyse"]

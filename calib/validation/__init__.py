@@ -1,14 +1,13 @@
 """Validation: what a calibration is worth on readings that took no part in it."""
 
-from calib.validation.ballbar import LengthRepeats, SphereTest, over_the_fixture, sphere_tests
+from calib.validation.ballbar import SphereTest, over_the_fixture, sphere_tests
 from calib.validation.compare import Difference, apart, differences, refuse_incomparable
 from calib.validation.groups import Grouping
 from calib.validation.holdout import HeldOut, hold_outs
 from calib.validation.iso9283 import VISITS_OF_THE_STANDARD, DistanceFigures, PoseFigures
 from calib.validation.judge import Judgement, Repeats, judge, judge_repeats, refuse_other_robot
-from calib.validation.pairs import pair_errors
 from calib.validation.place import place, targets_in_base
-from calib.validation.summary import Summary, summarise
+from calib.validation.summary import Summary
 
 __all__ = [
     "VISITS_OF_THE_STANDARD",
@@ -17,7 +16,6 @@ __all__ = [
     "Grouping",
     "HeldOut",
     "Judgement",
-    "LengthRepeats",
     "PoseFigures",
     "Repeats",
     "SphereTest",
@@ -28,11 +26,9 @@ __all__ = [
     "judge",
     "judge_repeats",
     "over_the_fixture",
-    "pair_errors",
     "place",
     "refuse_incomparable",
     "refuse_other_robot",
     "sphere_tests",
-    "summarise",
     "targets_in_base",
 ]

@@ -64,7 +64,7 @@ class Columns:
 
     @property
     def freedom(self) -> int:
-        """How many directions the readings show."""
+        """Number of directions that the readings show."""
         return len(self.strengths)
 
     @property

@@ -38,7 +38,7 @@ class Smallest:
 
 
 def smallest(seen: Seen, rate: float = RATE) -> tuple[tuple[Smallest, ...], tuple[str, ...]]:
-    """Of every cause, and the labels of those that these poses do not show at all."""
+    """Smallest change seen of every cause, and the labels of those that these poses do not show at all."""
     whiten, odds = odds_of(seen)
     limit = odds.limit(rate)
     rng = np.random.default_rng(7)

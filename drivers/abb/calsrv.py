@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from typing import Unpack
 
 from drivers.abb.conversation import DECIMALS, AbbConversation, Numbered
 from drivers.errors import (
@@ -28,6 +29,7 @@ from drivers.errors import (
 )
 from drivers.interfaces import RobotStatus
 from drivers.read_back import apart_deg
+from drivers.waiting import Waiting
 
 JOINTS = 6
 SET, JOINTS_NOW, STATE, STOP, CONDITIONS, GO = 201, 202, 205, 207, 208, 209
@@ -79,7 +81,7 @@ class CalSrv:
 
     def go(self, proof: int, seconds: float, meanwhile: Callable[[], None]) -> None:
         """Go to the target that was shown; back when the robot is there. Raises LinkError, and refusals."""
-        self._ask(self._main, GO, (proof,), "move_s", seconds, meanwhile)
+        self._ask(self._main, GO, (proof,), deadline="move_s", seconds=seconds, meanwhile=meanwhile)
 
     def joints(self) -> tuple[tuple[float, ...], bytes]:
         """Joint angles (deg) as read back now, and the reply. Raises LinkError."""
@@ -91,14 +93,14 @@ class CalSrv:
         with self._back.lock:
             stop_s = self._back.deadlines.stop_s
             try:
-                self._ask(self._back, STOP, (), "stop_s", stop_s)
+                self._ask(self._back, STOP, deadline="stop_s", seconds=stop_s)
             except LinkError:  # a stop is worth a second try on a fresh connection
                 self._back.link.open(connect_s=stop_s)
-                self._ask(self._back, STOP, (), "stop_s", stop_s)
+                self._ask(self._back, STOP, deadline="stop_s", seconds=stop_s)
 
     def status(self) -> RobotStatus:
         """State of the controller, from the background task. Raises LinkError."""
-        answer = self._ask(self._back, STATE, (), "stop_s", self._back.deadlines.stop_s)
+        answer = self._ask(self._back, STATE, deadline="stop_s", seconds=self._back.deadlines.stop_s)
         fields, raw = answer.fields, answer.raw
         if len(fields) != 6 or not all(re.fullmatch(rb"\d{1,5}", field) for field in fields):
             raise self._damaged("not six whole numbers", STATE, raw)
@@ -110,7 +112,7 @@ class CalSrv:
         )
 
     def raise_if_unfit(self, status: RobotStatus, command: str) -> None:
-        """Raises EmergencyStop, WrongMode, and in a move EnableLost."""
+        """Check what a status says. Raises EmergencyStop, WrongMode, and in a move EnableLost."""
         if status.emergency_stop:
             raise EmergencyStop("emergency stop pressed", device=self._name, command=command, raw=status.raw)
         if status.mode != "auto":
@@ -146,16 +148,10 @@ class CalSrv:
         return ProtocolError(message, device=self._name, command=str(code), raw=raw)
 
     def _ask(
-        self,
-        talk: AbbConversation,
-        code: int,
-        values: Sequence[float] = (),
-        deadline: str = "reply_s",
-        seconds: float | None = None,
-        meanwhile: Callable[[], None] | None = None,
+        self, talk: AbbConversation, code: int, values: Sequence[float] = (), **waiting: Unpack[Waiting]
     ) -> Numbered:
         """A numbered question; a refusal is raised as what it means."""
-        answer = talk.ask_numbered(code, values, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        answer = talk.ask_numbered(code, values, **waiting)
         if answer.errno:
             raise self._refusal(answer, code)
         return answer

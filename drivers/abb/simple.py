@@ -224,7 +224,7 @@ class AbbSimpleArm:
                 )
 
     def position(self) -> JointReading:
-        """Where the robot is: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        """Joint angles read back: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
         return _reading(self._state_at_rest("position"))
 
     def _state_at_rest(self, command: str) -> AbbState:

@@ -119,7 +119,7 @@ def parse_reply(raw: bytes) -> bool:
 
 
 def raise_if_unfit(state: AbbState, device: str, command: str) -> None:
-    """Raises EmergencyStop, WrongMode, and in a move EnableLost and ProtectiveStop, before one NotReady.
+    """Check a state. Raises EmergencyStop, WrongMode, and in a move EnableLost and ProtectiveStop, before one NotReady.
 
     What the controller does not know to be well is not well.
     """

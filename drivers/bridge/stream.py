@@ -61,7 +61,7 @@ def _samples(session: MbpSession, device: str) -> Iterator[Sample | None]:
 
 
 def _sample(message: mbp.Message, last_t_s: float) -> Sample:
-    """Raises ProtocolError for what is no sample of a tracker."""
+    """Sample of a message. Raises ProtocolError for what is no sample of a tracker."""
     x, y, z = (mbp.number(message, axis, -FARTHEST_MM, FARTHEST_MM) for axis in "xyz")
     t_s = mbp.number(message, "t", -1e12, 1e12)
     doubt = ""

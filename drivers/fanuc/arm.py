@@ -179,7 +179,7 @@ class FanucArm:
         return reached
 
     def position(self) -> JointReading:
-        """Where the robot is: two readings, `gap_s` apart, that agree.
+        """Joint angles read back: two readings, `gap_s` apart, that agree.
 
         Raises LinkError, Busy (it goes on moving).
         """

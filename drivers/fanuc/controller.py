@@ -133,7 +133,7 @@ def ended(status: int) -> tuple[type[AcquisitionError], str]:
 
 
 def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
-    """Raises EmergencyStop, WrongMode, EnableLost (in a move) for what a status says. None is no reason."""
+    """Check a status; None is no reason. Raises EmergencyStop, WrongMode, EnableLost (in a move)."""
     where = {"device": device, "command": command}
     if status.emergency_stop:
         raise EmergencyStop("emergency stop pressed", **where, raw=status.raw)

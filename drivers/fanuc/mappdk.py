@@ -18,6 +18,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
+from typing import Unpack
 
 from drivers.errors import (
     AcquisitionError,
@@ -56,6 +57,7 @@ from drivers.fanuc.mappdk_link import (
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import TcpLink, beside
 from drivers.read_back import apart_deg
+from drivers.waiting import Waiting
 
 _WATCHDOG_MS = 2000
 _MOVED_DEG = 0.01  # between two looks; less is rest
@@ -214,7 +216,7 @@ class MappdkController:
         return at_joints if self._ours is None else at_state
 
     def halt(self) -> None:
-        """Raises LinkError."""
+        """Halt the robot. Raises LinkError."""
         try:
             self._numbered(self._logger, self._request(b"calstop"), DONE)
         except LinkError:  # a stop is worth a second try on a fresh connection
@@ -236,17 +238,10 @@ class MappdkController:
         return b":".join((what, b"%04d" % next(self._numbers), *rest))
 
     def _numbered(
-        self,
-        talk: MappdkLink,
-        request: bytes,
-        form: Form,
-        *,
-        deadline: str = "reply_s",
-        seconds: float | None = None,
-        meanwhile: Callable[[], None] | None = None,
+        self, talk: MappdkLink, request: bytes, form: Form, **waiting: Unpack[Waiting]
     ) -> re.Match[bytes]:
         """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
-        found = talk.ask(request, form, deadline=deadline, seconds=seconds, meanwhile=meanwhile)
+        found = talk.ask(request, form, **waiting)
         what, number, *_ = request.split(b":")
         if found[1] != number or not sealed(found[0]):
             talk.link.close()

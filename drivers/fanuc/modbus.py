@@ -105,7 +105,7 @@ class ModbusRegisters:
         self._wire.deadlines = deadlines
 
     def open(self) -> None:
-        """Raises LinkError."""
+        """Connect to the controller. Raises LinkError."""
         with self._lock:
             self.link.open(connect_s=self.deadlines.connect_s)
 
@@ -184,7 +184,7 @@ class ModbusController:
         return ""
 
     def open(self) -> None:
-        """Raises LinkError."""
+        """Connect to the controller. Raises LinkError."""
         self._registers.open()
 
     def close(self) -> None:
@@ -274,7 +274,7 @@ class ModbusController:
         self._profile.beat(self._registers, self._beats)
 
     def halt(self) -> None:
-        """Raises LinkError."""
+        """Halt the robot. Raises LinkError."""
         try:
             self._profile.halt(self._registers)
         except LinkError:  # a stop is worth a second try on a fresh connection

@@ -102,7 +102,7 @@ def command(number: int, *arguments: float) -> bytes:
 
 
 def rest_of(header: bytes) -> int:
-    """How many bytes follow these 8. Raises ProtocolError for a header that no packet of ours can have."""
+    """Number of bytes that follow these 8. Raises ProtocolError for a header that no packet of ours can have."""
     size, kind = HEADER.unpack(header)
     known = {
         COMMAND: range(16, _LONGEST_ANSWER + 1),

@@ -126,7 +126,7 @@ class UrArm:
 
     @property
     def feed(self) -> str:
-        """Where the last connect found states: `rtde` or `realtime`."""
+        """Feed in which the last connect found states: `rtde` or `realtime`."""
         return "rtde" if self._feed is self._rtde else "realtime"
 
     @property

@@ -101,7 +101,7 @@ class UrState:
 
 
 def check_state(state: UrState) -> None:
-    """Raises ProtocolError for what no arm can report: not finite, out of range, unknown modes."""
+    """Check a state. Raises ProtocolError for what no arm can report: not finite, out of range, unknown modes."""
     angles, speeds = state.target_rad + state.actual_rad, state.target_rad_s + state.actual_rad_s
     good = (
         math.isfinite(state.t_s)

@@ -259,12 +259,12 @@ def _export_streams(record: Path, out: Path, json: str | None) -> None:
 
 
 def _accepted(serial: str, reason: str) -> Acceptance | None:
-    """Raises ConfigError where one is given without the other."""
+    """The other device that the options accept. Raises ConfigError where one is given without the other."""
     return Acceptance(serial, reason, "terminal") if serial or reason else None
 
 
 def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
-    """Raises RecordError where DIR holds a campaign: what it measures was settled when it was begun."""
+    """Refuse a DIR that holds a campaign: what it measures was settled when it was begun. Raises RecordError."""
     if not (record / RECORD_FILE).is_file():
         return
     store = Store.open(record, writer=False)

@@ -41,7 +41,7 @@ def docs_command(
 
 
 def pages_folder() -> Path:
-    """Where the pages are: beside the sources, or where the wheel put them. Raises DataError where it did not."""
+    """Folder of the pages: beside the sources, or where the wheel put them. Raises DataError where it did not."""
     if (SOURCES / "index.md").is_file():
         return SOURCES
     for path in metadata.files("truepose") or ():

@@ -14,7 +14,7 @@ class SimulatedRobot(Protocol):
     port: int
 
     def joints_deg(self) -> Sequence[float]:
-        """Where the arm truly is."""
+        """Joint angles at which the arm truly is."""
         ...
 
     def targets_deg(self) -> Sequence[Sequence[float]]:
@@ -34,7 +34,7 @@ class SimulatedRobot(Protocol):
         ...
 
     def restart(self) -> None:
-        """As after switching off and on: nothing moves, and what a person has to confirm is confirmed."""
+        """Switch off and on: nothing moves, and what a person has to confirm is confirmed."""
         ...
 
 
@@ -48,7 +48,7 @@ class SimulatedInstrument(Protocol):
         ...
 
     def restart(self) -> None:
-        """As after switching off and on."""
+        """Switch off and on."""
         ...
 
 

@@ -21,7 +21,7 @@ class Heard:
     bytes: dict[str, int] = field(default_factory=dict)
 
     def record(self, device: str, direction: str, data: bytes) -> None:
-        """As `drivers.WireSink`."""
+        """Keep what goes over the wire, as a `drivers.WireSink`."""
         self.bytes[direction] = self.bytes.get(direction, 0) + len(data)
 
 

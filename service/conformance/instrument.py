@@ -119,7 +119,7 @@ def rig(bench: InstrumentBench) -> Iterator[Rig]:
 
 
 def has_every_verb(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver has the verbs of its kind. Raises Broken."""
     wanted = LengthMeter if on.declared.measures_lengths else PointMeter
     meter = on.meter()
     hold(isinstance(meter, wanted), f"it lacks a verb of drivers.interfaces.{wanted.__name__}")
@@ -127,24 +127,24 @@ def has_every_verb(on: InstrumentTrial) -> None:
 
 
 def refuses_what_it_cannot_use(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver refuses addresses that it cannot use. Raises Broken."""
     common.refuses_wrong_addresses(on.meter)
 
 
 def nobody_there(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver says so when nobody answers at its address. Raises Broken."""
     common.nobody_there(on.meter, on.url)
 
 
 def says_who_it_is(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver names its device once connected. Raises Broken."""
     meter = on.meter()
     meter.connect()
     common.says_who_it_is(meter)
 
 
 def measures_only_armed(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver measures only while it is armed. Raises Broken."""
     meter = on.meter()
     meter.connect()
     refused(NotArmed, "a reading before arm", partial(on.miss, meter, 0))
@@ -189,7 +189,7 @@ def stops_at_any_time(on: InstrumentTrial) -> None:
 
 
 def puts_bytes_on_record(on: InstrumentTrial) -> None:
-    """Raises Broken."""
+    """The driver hands every byte of the wire to its record. Raises Broken."""
     heard = common.Heard()
     on.miss(on.ready(wire=heard), 0)
     common.puts_bytes_on_record(heard)

@@ -123,7 +123,7 @@ def rig(bench: RobotBench) -> Iterator[Rig]:
 
 
 def has_every_verb(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """The driver has the verbs of a robot. Raises Broken."""
     arm = on.arm()
     hold(isinstance(arm, RobotArm), "it lacks a verb of drivers.interfaces.RobotArm")
     hold(isinstance(arm.unverified_on_hardware, bool), "unverified_on_hardware is neither True nor False")
@@ -137,12 +137,12 @@ def refuses_what_it_cannot_use(on: RobotTrial) -> None:
 
 
 def nobody_there(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """The driver says so when nobody answers at its address. Raises Broken."""
     common.nobody_there(on.arm, on.url)
 
 
 def says_who_it_is(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """The driver names its robot once connected. Raises Broken."""
     arm = on.arm()
     arm.connect()
     common.says_who_it_is(arm)
@@ -165,7 +165,7 @@ def nothing_moves_by_itself(on: RobotTrial) -> None:
 
 
 def moves_only_armed(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """The driver moves only while it is armed. Raises Broken."""
     arm = on.arm()
     move = partial(arm.move_to, on.goal(1))
     arm.connect()
@@ -244,7 +244,7 @@ def stops_at_any_time(on: RobotTrial) -> None:
 
 
 def disconnect_ends_a_move(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """A move ends when the driver disconnects. Raises Broken."""
     arm = on.ready()
     on.robot.pace(SLOW)
     move = _under_way(on, arm)
@@ -253,7 +253,7 @@ def disconnect_ends_a_move(on: RobotTrial) -> None:
 
 
 def puts_bytes_on_record(on: RobotTrial) -> None:
-    """Raises Broken."""
+    """The driver hands every byte of the wire to its record. Raises Broken."""
     heard = common.Heard()
     on.ready(wire=heard).position()
     common.puts_bytes_on_record(heard)

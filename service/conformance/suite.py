@@ -13,10 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
 from multiprocessing.connection import Connection
 
-from drivers import ConfigError
+from drivers import ConfigError, installed
 from mocks.faultproxy import FAULTS, REQUEST_FAULTS
 from service.conformance import faults, instrument, robot
 from service.conformance.bench import InstrumentBench, RobotBench, StepsClock
@@ -51,7 +50,7 @@ class Finding:
 
 def benches() -> dict[str, Bench]:
     """The benches of the installed packages by the names of their drivers. Raises ConfigError for a broken package."""
-    return {bench.driver: bench for point in entry_points(group=GROUP) for bench in _benches_of(point)}
+    return {bench.driver: bench for bench in installed(GROUP, "BENCHES")}
 
 
 def bench_of(driver: str) -> Bench:
@@ -144,17 +143,6 @@ def tried_once(promise: Promise) -> Finding:
         return Finding(promise.text, True, "", seconds)
     seen = str(error) if isinstance(error, Broken) else f"{type(error).__name__}: {error}"
     return Finding(promise.text, False if promise.binding else None, seen, seconds)
-
-
-def _benches_of(point: EntryPoint) -> Iterable[Bench]:
-    package = point.dist.name if point.dist is not None else point.value
-    try:
-        return point.load().BENCHES
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(
-            f"benches '{point.name}' of the package {package} cannot be loaded: {error}",
-            what_to_do="Repair or remove the package.",
-        ) from error
 
 
 def _on_robot(bench: RobotBench, act: Callable[[robot.RobotTrial], None]) -> None:

@@ -82,7 +82,7 @@ class Service:
 
     @property
     def cell(self) -> Cell:
-        """Raises Problem 404 where the service has none."""
+        """The cell of this service. Raises Problem 404 where it has none."""
         if self.settings.cell is None:
             raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
         return self.settings.cell

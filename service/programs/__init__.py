@@ -3,22 +3,17 @@
 `read_program` and `compensate` are the doors; a dialect is one file.
 """
 
-from service.programs.compensation import Compensation, TargetOutcome, compensate
+from service.programs.compensation import Compensation, compensate
 from service.programs.frames import KnownFrames, named_frames
-from service.programs.program import Driven, Program, Target, rewritten
-from service.programs.read import parse, read_program
+from service.programs.program import rewritten
+from service.programs.read import read_program
 from service.programs.text import write_text
 
 __all__ = [
     "Compensation",
-    "Driven",
     "KnownFrames",
-    "Program",
-    "Target",
-    "TargetOutcome",
     "compensate",
     "named_frames",
-    "parse",
     "read_program",
     "rewritten",
     "write_text",

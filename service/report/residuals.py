@@ -97,7 +97,7 @@ class Sample:
         return self._seen([effect], lambda _: amounts, law)
 
     def of_share(self, effect: Effect) -> Seen:
-        """How much of the fitted effect a reading shows: 1 is all of it. For laws with several drivers."""
+        """Share of the fitted effect that a reading shows: 1 is all of it. For laws with several drivers."""
 
         def amounts(part: Readings) -> dict[str, Array | float]:
             slots: dict[str, Array | float] = {}

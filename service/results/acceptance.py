@@ -143,7 +143,7 @@ class Acceptance:
         return list(dict.fromkeys(each.zone for each in self.criteria if each.zone is not None))
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it; an uncertainty that is unknown is null."""
+        """Document of the verdict, as JSON has it; an uncertainty that is unknown is null."""
         return {
             "verdict": self.verdict,
             "model": self.model,

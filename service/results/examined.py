@@ -12,7 +12,7 @@ FORMAT = "truepose-doctor/1"
 
 
 def document_of(found: Examination) -> dict[str, Any]:
-    """As `doctor --json` and the service have it."""
+    """Document of an examination, as `doctor --json` and the service have it."""
     return {
         "format": FORMAT,
         "cell": found.cell,

@@ -61,7 +61,7 @@ class Identified:
         return Identified(dataset, found, nominal, placed, before, after, verdict)
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it (`truepose-identification/1`)."""
+        """Document of the result (`truepose-identification/1`)."""
         document = documents.of_identification(
             self.dataset, self.found, self.error_nominal, self.error_identified
         )

@@ -149,7 +149,7 @@ def _finite(u: float) -> float | None:
 
 
 def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> Hexapod:
-    """Raises DataError for a cell without a ballbar, and for balls that it does not have or that carry no tool."""
+    """Block of a search. Raises DataError for a cell without a ballbar, for balls not in it or without a tool."""
     if not cell.instrument.declared.measures_lengths:
         raise DataError(
             f"the {cell.instrument.name} is no ballbar.",

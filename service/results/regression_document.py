@@ -70,7 +70,7 @@ def waypoints(comparison: Comparison) -> int:
 
 
 def columns_of(comparison: Comparison) -> dict[str, int]:
-    """How many columns the features have, and how many are independent at these samples."""
+    """Numbers of columns that the features have, and that are independent at these samples."""
     joints = comparison.dataset.conditions.joints[comparison.rows]
     products = products_of(comparison.plan.wanted.features, comparison.dataset.header.robot)
     return {"columns": len(products), "independent_columns": independent(evaluate(products, joints))}

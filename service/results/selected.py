@@ -89,7 +89,7 @@ class Selected:
         return "\n".join(lines) + "\n"
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Document of the result, as JSON has it."""
         choice, curve, o = self.choice, self.curve, self.choice.observability
         index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
         wanted = self.asked.wanted_u

@@ -114,7 +114,7 @@ class Validated:
         )
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Document of the result, as JSON has it."""
         comparison = None
         if len(self.names) > 2:
             comparison = validation_document.comparison_of(self.names[1:], self.parameters, self.between)

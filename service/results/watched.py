@@ -129,7 +129,7 @@ class Planned:
         return f"# Check poses of {self.model.name}, by truepose watch plan.\n{tomli_w.dumps(table)}"
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Document of the plan, as JSON has it."""
         return finite(
             {
                 "format": PLAN_FORMAT,
@@ -247,7 +247,7 @@ class Watched:
         return CODES[self.verdict.kind]
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Document of the verdict, as JSON has it."""
         verdict = self.verdict
         return finite(
             {

@@ -42,7 +42,7 @@ class Zone:
 
     @property
     def box(self) -> str:
-        """Where the box is, in words."""
+        """Place of the box, in words."""
         spans = (f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", self.low, self.high, strict=True))
         return f"{', '.join(spans)} mm in the base frame"
 

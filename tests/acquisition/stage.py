@@ -13,14 +13,7 @@ from acquisition.record.store import Store
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import Run
 from drivers.errors import AcquisitionError
-from tests.acquisition.fakes import (
-    Bench,
-    JumpingClock,
-    SeatingOperator,
-    a_campaign,
-    a_cell,
-    devices_of,
-)
+from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
 
 def fill_disk(store: Store) -> None:

@@ -35,16 +35,8 @@ from tests.acquisition.fakes import (
     devices_of,
 )
 
-OFF_DEG = (
-    0.1,
-    -0.15,
-    0.2,
-    -0.1,
-    0.25,
-    0.1,
-)  # the legs are then off by 0.8 mm on the average, by 2.5 mm at most
-
-
+# The legs are then off by 0.8 mm on the average, by 2.5 mm at most.
+OFF_DEG = (0.1, -0.15, 0.2, -0.1, 0.25, 0.1)
 TWO_STAGES = {"kind": "hexapod", "set": "calibration", "count": 24}  # a fit determines the robot by these
 
 

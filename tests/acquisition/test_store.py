@@ -20,8 +20,9 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import IllegalTransition, StorageError
 from acquisition.record.attempts import Attempts
 from acquisition.record.database import FILE
+from acquisition.record.planned import Planned
 from acquisition.record.states import TRANSITIONS, State, check_transition
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import Store
 from acquisition.run.status import status_of
 from drivers.errors import LinkLost
 from drivers.interfaces import JointReading, PointReading, Prompt

@@ -6,13 +6,15 @@ import time
 from collections.abc import Callable
 
 
-def seconds(call: Callable[[], object], tries: int = 5) -> float:
-    """Least processor time of `call`."""
+def seconds(
+    call: Callable[[], object], tries: int = 5, clock: Callable[[], float] = time.process_time
+) -> float:
+    """Least time of `call` by a clock, that of the processor where no other is given."""
     least = float("inf")
     for _ in range(tries):
-        begin = time.process_time()
+        begin = clock()
         call()
-        least = min(least, time.process_time() - begin)
+        least = min(least, clock() - begin)
     return least
 
 

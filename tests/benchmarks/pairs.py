@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from calib.validation.pairs import pair_errors
-from tests.benchmarks.clock import line
+from tests.benchmarks.clock import line, seconds
 
 POINTS = 9905
 WANTED = 1.0
@@ -24,12 +24,7 @@ _TRIES = 7
 
 
 def _elapsed(call: Callable[[], object]) -> float:
-    least = float("inf")
-    for _ in range(_TRIES):
-        begin = time.perf_counter()
-        call()
-        least = min(least, time.perf_counter() - begin)
-    return least
+    return seconds(call, _TRIES, time.perf_counter)
 
 
 def run() -> bool:

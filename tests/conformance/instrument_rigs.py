@@ -6,10 +6,20 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from drivers import CTrack, EmsconTracker, FaroTracker, InstrumentDeadlines, LeicaTracker, Qc20w
+from drivers import (
+    CTrack,
+    EmsconTracker,
+    FaroTracker,
+    InstrumentDeadlines,
+    LeicaTracker,
+    PointReading,
+    PoseReading,
+    Qc20w,
+)
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -31,21 +41,30 @@ def _cell(
     return cell, stack.enter_context(FaultProxy(cell.port(device), boundary=boundary, device=cell.do))
 
 
+def _asks(meter: Any, miss: Callable[[Any], float]) -> Callable[[int], float]:
+    """Question i: one of six names, and by how much its reading misses."""
+
+    def ask(i: int) -> float:
+        name = NAMES[i % len(NAMES)]
+        reading = meter.measure(name, samples=10)
+        assert reading.target == name
+        return miss(reading)
+
+    return ask
+
+
 def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], device: str) -> Rig:
     """Question i: one of six targets, metres apart compared with the tolerance."""
     cell, proxy = _cell(stack, device)
     tracker = driver(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
     stack.callback(tracker.disconnect)
 
-    def ask(i: int) -> float:
-        name = NAMES[i % len(NAMES)]
-        reading = tracker.measure(name, samples=10)
-        assert reading.target == name
+    def miss(reading: PointReading) -> float:
         assert cell.cell is not None
         simulated = cell.cell.tracker if device == "faro" else cell.cell.at960
-        return math.dist(reading.xyz_mm, simulated.to_tracker(simulated.true_world(name)))
+        return math.dist(reading.xyz_mm, simulated.to_tracker(simulated.true_world(reading.target)))
 
-    return Rig(tracker, proxy, cell.do, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return Rig(tracker, proxy, cell.do, _asks(tracker, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
 def emscon_rig(stack: ExitStack) -> Rig:
@@ -72,18 +91,15 @@ def ctrack_rig(stack: ExitStack) -> Rig:
     meter = CTrack(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
     stack.callback(meter.disconnect)
 
-    def ask(i: int) -> float:
-        name = NAMES[i % len(NAMES)]
-        reading = meter.measure(name, samples=10)
-        assert reading.target == name
+    def miss(reading: PoseReading) -> float:
         assert cell.cell is not None
         device = cell.cell.ctrack.device
-        true = device.to_reference(device.frame(name))
+        true = device.to_reference(device.frame(reading.target))
         w, x, y, z = reading.rot_wxyz
         along_x = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
         return max(math.dist(reading.xyz_mm, true[:3, 3]), 100.0 * math.dist(along_x, true[:3, 0]))
 
-    return Rig(meter, proxy, cell.do, ask, 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return Rig(meter, proxy, cell.do, _asks(meter, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
 def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:

@@ -87,26 +87,14 @@ class PymodbusServer:
         self.port = 0
 
     async def _hmi(
-        self,
-        function: int,
-        start: int,
-        address: int,
-        count: int,
-        words: list[int],
-        given: Any,
+        self, function: int, start: int, address: int, count: int, words: list[int], given: Any
     ) -> None:
         if given and address == 62 and given[0] == words[61] + 1000:
             words[0:19], words[64] = words[20:39], words[61]
             given[0] = 0  # the program takes `go` back
 
     async def _io(
-        self,
-        function: int,
-        start: int,
-        address: int,
-        count: int,
-        words: list[int],
-        given: Any,
+        self, function: int, start: int, address: int, count: int, words: list[int], given: Any
     ) -> None:
         if given and address == 0 and given[0] & 1:
             words[103:115], words[100] = words[3:15], 0b101010 | given[0] & 0xFF00

@@ -22,6 +22,9 @@ BALLS = {  # 300 mm from T1 at rest, and too near, and too far
     "B2": tuple(map(float, PLACE + np.array([0.0, 0.0, -298.5]))),
     "B3": tuple(map(float, PLACE + np.array([0.0, 301.5, 0.0]))),
 }
+# A target that looks one way, and the joints at which it looks at the instrument.
+ONE_SIDED = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
+FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)
 
 
 def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:

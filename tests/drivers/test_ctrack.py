@@ -8,28 +8,19 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers import (
-    ConfigError,
-    CTrack,
-    NotReady,
-    PoseReading,
-    TargetNotSeen,
-)
+from drivers import ConfigError, CTrack, NotReady, PoseReading, TargetNotSeen
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.creaform.ctrack import quaternion
 from mocks.shared.mbp import line
 from mocks.world.transforms import turn
 from tests.drivers.expected import Pair, converse, shapes
-from tests.drivers.instrument_bench import CTRACK
-
-FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
-FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)  # T1 looks at the cameras
+from tests.drivers.instrument_bench import CTRACK, FACING, ONE_SIDED
 
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[CellThread]:
-    with CellThread(FAST, devices=("ctrack",)) as cell:
+    with CellThread(ONE_SIDED, devices=("ctrack",)) as cell:
         assert cell.cell is not None
         cell.cell.arm.start(FACING, 1e6, 1e9)
         yield cell

@@ -230,24 +230,25 @@ SUM_IO, VERSION_IO = "14d1", " 0002"  # 7919, then for every word times 31 plus 
 def io_conversation() -> list[Pair]:
     ready, done = "0028 0000 0000", "012a 0000 0002"  # fit and running; done and number 1
     frames = Frames()
+
+    def stands_still(order: str, state: str) -> None:
+        """Twice the order in force and the state, then two readings of the joints."""
+        for _ in range(2):
+            frames.read("0000", order)
+            frames.read("0064", state + VERSION_IO)
+        frames.read("0064", state + VERSION_IO)
+        frames.read("0064", state + VERSION_IO)
+
     frames.read("0064", ready + HERE_IO + VERSION_IO)
     frames.read("0064", ready + HERE_IO + VERSION_IO)
     frames.read("0064", ready + HERE_IO + VERSION_IO)  # arm: status
-    for _ in range(2):
-        frames.read("0000", "0000")
-        frames.read("0064", ready + HERE_IO + VERSION_IO)
-    frames.read("0064", ready + HERE_IO + VERSION_IO)
-    frames.read("0064", ready + HERE_IO + VERSION_IO)
+    stands_still("0000", ready + HERE_IO)
     frames.poke("0002", "0001")  # beat
     frames.write("0000", "0100")  # number
     frames.write("0001", "0002")  # speed
     frames.write("0003", f"{TARGET_IO} {SUM_IO}")
     frames.write("0000", "0101")  # go
-    for _ in range(2):
-        frames.read("0000", "0101")
-        frames.read("0064", done + TARGET_IO + VERSION_IO)
-    frames.read("0064", done + TARGET_IO + VERSION_IO)
-    frames.read("0064", done + TARGET_IO + VERSION_IO)
+    stands_still("0101", done + TARGET_IO)
     frames.poke("0000", "0102")  # stop
     return frames.pairs
 

@@ -18,21 +18,17 @@ from drivers import (
     TargetNotSeen,
 )
 from mocks.cell import CellThread
-from mocks.cell_file import CellFile
 from mocks.leica.device import LeicaDevice
 from mocks.shared.at_rest import hidden_by
 from mocks.shared.mbp import line
 from tests.drivers.expected import ExpectedDevice, Pair, converse, shapes
-from tests.drivers.instrument_bench import LEICA, truth
+from tests.drivers.instrument_bench import FACING, LEICA, ONE_SIDED, truth
 from tests.drivers.waiting import until
-
-FAST = CellFile(time_scale=10_000.0, effects=("none",), normals={"T1": (0.0, 0.0, 1.0)})
-FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)  # T1 looks at the tracker
 
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[CellThread]:
-    with CellThread(FAST, devices=("leica",)) as cell:
+    with CellThread(ONE_SIDED, devices=("leica",)) as cell:
         yield cell
 
 

@@ -107,11 +107,15 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
         yield Equipment(cell, devices, SteppedCampaignClock(clock), simulated=True)
 
 
-def cell_file(folder: Path, *, time_scale: float, effects: Sequence[str] = ("none",)) -> Path:
-    """The example's cell, faster and with these effects."""
+def cell_file(
+    folder: Path, *, time_scale: float, effects: Sequence[str] = ("none",), one_smr: bool = False
+) -> Path:
+    """The example's cell, faster and with these effects; `one_smr`: a person seats it for every target."""
     text = (EXAMPLE / "cell.toml").read_text(encoding="utf-8")
     text = text.replace("effects = []", f"effects = {json.dumps(list(effects))}")
     text = text.replace("time_scale = 200.0", f"time_scale = {time_scale}")
+    if one_smr:
+        text = text.replace("one_smr = false", "one_smr = true")
     path = folder / "cell.toml"
     path.write_text(text, encoding="utf-8")
     return path

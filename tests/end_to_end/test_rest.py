@@ -27,8 +27,7 @@ READINGS = 90  # 28 poses of three targets, and the reference pose twice for eac
 
 def one_smr(folder: Path) -> tuple[Path, Path]:
     """A cell whose only SMR a person moves, and a small campaign."""
-    cell = cell_file(folder, time_scale=1000.0, effects=("backlash:j4",))
-    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
+    cell = cell_file(folder, time_scale=1000.0, effects=("backlash:j4",), one_smr=True)
     campaign = campaign_file(folder, calibration=22, validation=6, warm_up_s=60.0, samples=20)
     return cell, campaign
 

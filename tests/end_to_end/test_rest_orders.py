@@ -51,8 +51,7 @@ def events(service: Served, run: str) -> list[dict[str, Any]]:
 
 
 def test_answers_and_stations_keep_their_reasons(tmp_path: Path) -> None:
-    cell = cell_file(tmp_path, time_scale=500.0)
-    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
+    cell = cell_file(tmp_path, time_scale=500.0, one_smr=True)
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
         client = service.client
         service.lease()

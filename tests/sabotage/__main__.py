@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, calib, drivers, motion, service, watch
+from tests.sabotage import acquisition, calib, drivers, fit, motion, service, watch
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
@@ -24,6 +24,7 @@ CHANGES: tuple[Change, ...] = (
     *acquisition.CHANGES,
     *service.CHANGES,
     *calib.CHANGES,
+    *fit.CHANGES,
     *motion.CHANGES,
     *watch.CHANGES,
 )

@@ -10,7 +10,9 @@ import pytest
 from acquisition.examination import meeting
 from service.cli import main
 from tests.service.benches import Bench, bench
+from tests.service.browser import Page, browser
 from tests.service.campaigns import write_data
+from tests.service.test_http_support import Served
 
 
 @pytest.fixture
@@ -24,6 +26,13 @@ def faro(tmp_path: Path) -> Iterator[Bench]:
 def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two looks at a clock lie closer together than for people, who have half a second."""
     monkeypatch.setattr(meeting, "APART_S", 0.05)
+
+
+@pytest.fixture(scope="module")
+def window(service: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A browser at the module's `service`, the page in its first tab; every tab has a token of its own."""
+    with browser(f"{service.url}/", tmp_path_factory.mktemp("browser") / "profile") as page:
+        yield page
 
 
 @pytest.fixture(scope="session")

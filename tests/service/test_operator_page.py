@@ -10,6 +10,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,7 @@ in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("page")
-    cell = cell_file(folder, time_scale=40.0)
-    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
+    cell = cell_file(folder, time_scale=40.0, one_smr=True)
     with served(folder / "record", "--cell", str(cell), "--simulate") as running:
         yield running
 
@@ -76,6 +76,18 @@ def enter(page: Page) -> None:
     page.type(TOKEN)
     page.press("Enter")
     until(lambda: page.value("!document.querySelector('#desk').hidden"), 20.0)
+
+
+@contextmanager
+def at_the_page(folder: Path) -> Iterator[tuple[Served, Page]]:
+    """A service whose cell has one SMR, and a page at it that has been entered."""
+    cell = cell_file(folder, time_scale=40.0, one_smr=True)
+    with (
+        served(folder / "record", "--cell", str(cell), "--simulate") as service,
+        browser(f"{service.url}/", folder / "browser") as page,
+    ):
+        enter(page)
+        yield service, page
 
 
 def run_of(service: Served, folder: Path) -> str:

@@ -15,7 +15,7 @@ import pytest
 from service.http.routes.pages.page import FOLDER
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
-from tests.service.browser import Page, browser
+from tests.service.browser import Page
 from tests.service.campaigns import write_data
 from tests.service.robot_programs import RAPID
 from tests.service.test_http_support import Served, served
@@ -28,17 +28,11 @@ HOSTILE = """<img src=x onerror="window.ran=1">'&{name}$&"""
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("names")
-    cell = cell_file(folder, time_scale=200.0)
+    cell = cell_file(folder, time_scale=200.0, one_smr=True)
     text = cell.read_text("utf-8").replace('name = "irb120-faro"', f"name = '''{HOSTILE}'''")
-    cell.write_text(text.replace("one_smr = false", "one_smr = true"), "utf-8")
+    cell.write_text(text, "utf-8")
     with served(folder / "record", "--cell", str(cell), "--simulate") as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def window(service: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with browser(f"{service.url}/", tmp_path_factory.mktemp("browser") / "profile") as page:
-        yield page
 
 
 def click(page: Page, selector: str) -> None:

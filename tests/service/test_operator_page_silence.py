@@ -10,10 +10,8 @@ import signal
 from pathlib import Path
 
 from tests.drivers.waiting import until
-from tests.end_to_end.simulated import cell_file
-from tests.service.browser import Page, browser
-from tests.service.test_http_support import served
-from tests.service.test_operator_page import enter, in_a_browser, run_of
+from tests.service.browser import Page
+from tests.service.test_operator_page import at_the_page, in_a_browser, run_of
 
 ALARM = "NOT stopped: no connection. Use the emergency stop"
 
@@ -32,13 +30,7 @@ def on_top(page: Page, selector: str) -> bool:
 
 @in_a_browser
 def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path: Path) -> None:
-    cell = cell_file(tmp_path, time_scale=40.0)
-    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
-    with (
-        served(tmp_path / "record", "--cell", str(cell), "--simulate") as service,
-        browser(f"{service.url}/", tmp_path / "browser") as page,
-    ):
-        enter(page)
+    with at_the_page(tmp_path) as (service, page):
         until(lambda: page.value("Boolean(document.querySelector('#name'))"))
         page.value("document.querySelector('#name').focus()")
         page.type("bert")

@@ -13,10 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.drivers.waiting import until
-from tests.end_to_end.simulated import cell_file
-from tests.service.browser import Page, browser
-from tests.service.test_http_support import Served, served
-from tests.service.test_operator_page import ARMED, enter, in_a_browser, run_of
+from tests.service.browser import Page
+from tests.service.test_http_support import Served
+from tests.service.test_operator_page import ARMED, at_the_page, in_a_browser, run_of
 from tests.service.test_operator_page_silence import shown
 
 LATENCY_MS, BYTES_PER_S = 400, 50_000
@@ -26,13 +25,7 @@ LATE_MS = 1500  # beyond the second in which a stop is answered
 @contextmanager
 def asked(folder: Path) -> Iterator[tuple[Served, Page, str]]:
     """A service with a run that asks for the first nest, and a page at it that holds the lease."""
-    cell = cell_file(folder, time_scale=40.0)
-    cell.write_text(cell.read_text("utf-8").replace("one_smr = false", "one_smr = true"), "utf-8")
-    with (
-        served(folder / "record", "--cell", str(cell), "--simulate") as service,
-        browser(f"{service.url}/", folder / "browser") as page,
-    ):
-        enter(page)
+    with at_the_page(folder) as (service, page):
         service.lease()
         run = run_of(service, folder)
         until(lambda: "N1" in page.text("#question"))

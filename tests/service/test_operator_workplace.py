@@ -19,7 +19,7 @@ import pytest
 from service.http.routes.pages.page import FOLDER, MODULES
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
-from tests.service.browser import Page, browser
+from tests.service.browser import Page
 from tests.service.test_http_support import Served, served
 from tests.service.test_operator_page import ARMED, enter, in_a_browser
 from tests.service.workplace import audit, enter_on, open_view, reachable, tab_to
@@ -29,8 +29,8 @@ HOSTILE = "<img src=x onerror=alert(1)>"
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cell = cell_file(tmp_path_factory.mktemp("workplace"), time_scale=200.0)
-    text = cell.read_text("utf-8").replace("one_smr = false", "one_smr = true")
+    cell = cell_file(tmp_path_factory.mktemp("workplace"), time_scale=200.0, one_smr=True)
+    text = cell.read_text("utf-8")
     cell.write_text(text.replace("keep_out = []", "keep_out = [[[250, 350, 20], [450, 500, 220]]]"), "utf-8")
     return cell
 
@@ -39,13 +39,6 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def service(cell: Path) -> Iterator[Served]:
     with served(cell.parent / "record", "--cell", str(cell), "--simulate") as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def window(service: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    """A browser with the page in its first tab; every test has a tab, and so a token, of its own."""
-    with browser(f"{service.url}/", tmp_path_factory.mktemp("browser") / "profile") as page:
-        yield page
 
 
 def campaign(folder: Path, name: str) -> Path:

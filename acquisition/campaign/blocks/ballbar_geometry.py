@@ -79,7 +79,7 @@ class BallbarGeometry:
 
 
 def read(table: TomlTable, folder: Path | None) -> BallbarGeometry:
-    """Raises ConfigError."""
+    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     return BallbarGeometry(
         base=table.names("base"),
         repeats=table.whole("repeats", 1, low=1, high=100),

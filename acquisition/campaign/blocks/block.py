@@ -143,7 +143,7 @@ class Recipe(Protocol):
     def lengths(self) -> bool: ...
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        """Raises ConfigError for what this cell cannot do."""
+        """Visits of the block in a cell. Raises ConfigError for what this cell cannot do."""
         ...
 
 

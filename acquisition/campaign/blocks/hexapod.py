@@ -138,7 +138,7 @@ def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def read(table: TomlTable, folder: Path | None) -> Hexapod:
-    """Raises ConfigError."""
+    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     return Hexapod(
         base=table.names("base"),
         count=table.whole("count", low=1) if "count" in table.values else None,
@@ -149,7 +149,7 @@ def read(table: TomlTable, folder: Path | None) -> Hexapod:
 
 
 def _branches(table: TomlTable) -> tuple[str, ...] | None:
-    """Raises ConfigError for a name with which no branch begins."""
+    """Names of branches to be used, None for all. Raises ConfigError for a name with which no branch begins."""
     named = table.names("branches")
     for name in named or ():
         if not any(branch == name or branch.startswith(f"{name}/") for branch in BRANCHES):

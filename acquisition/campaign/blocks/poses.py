@@ -84,7 +84,10 @@ class Poses:
 
 
 def read(table: TomlTable, folder: Path | None) -> Poses:
-    """Raises ConfigError. `folder`: where pose files are; None: they are not read again."""
+    """The block of a table of the campaign. Raises ConfigError.
+
+    folder: where pose files are; None: they are not read again.
+    """
     source = read_source(table, folder)
     return Poses(replace(source, sides=_sides(table, source)))
 

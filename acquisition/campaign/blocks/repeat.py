@@ -40,7 +40,10 @@ class Repeat:
 
 
 def read(table: TomlTable, folder: Path | None) -> Repeat:
-    """Raises ConfigError. `folder`: where pose files are; None: they are not read again."""
+    """The block of a table of the campaign. Raises ConfigError.
+
+    folder: where pose files are; None: they are not read again.
+    """
     return Repeat(
         source=poses.read_source(table, folder, POSES),
         visits=table.whole("visits", VISITS, low=2, high=10_000),

@@ -129,7 +129,7 @@ def _moved(before: Joints, after: Joints, usual: tuple[int, ...]) -> tuple[int, 
 
 
 def read(table: TomlTable, folder: Path | None) -> Sphere:
-    """Raises ConfigError."""
+    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     centre = table.numbers("centre_deg")
     if centre is None:
         raise table.refuse(

@@ -176,7 +176,7 @@ def _no_joint(site: Site, joint: int) -> ConfigError:
 
 
 def read_sweep(table: TomlTable, folder: Path | None) -> Sweep:
-    """Raises ConfigError."""
+    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     ends = table.numbers("range_deg")
     if ends is not None and (len(ends) != 2 or ends[0] >= ends[1]):
         raise table.refuse("range_deg", f"is {list(ends)!r}.", "Give the lower and the upper end.")
@@ -193,7 +193,7 @@ def read_sweep(table: TomlTable, folder: Path | None) -> Sweep:
 
 
 def read_circle_point(table: TomlTable, folder: Path | None) -> CirclePoint:
-    """Raises ConfigError."""
+    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     least = LEAST_RANGE / DEG
     circle = CirclePoint(
         joints=_joint_numbers(table),

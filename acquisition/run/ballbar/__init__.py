@@ -1,1 +1,1 @@
-"""What only a ballbar needs in a run: lengths judged, cups placed as touched, the second stage."""
+"""Runs with a ballbar: lengths judged, cups placed as touched, the second stage."""

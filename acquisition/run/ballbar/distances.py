@@ -17,8 +17,9 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.errors import OtherBalls
 from acquisition.record.individuals import Individuals, series_among
+from acquisition.record.planned import Planned
 from acquisition.record.readings import spans_of
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import Store
 from calib.model import Design, StatedConditions, conditions_at
 from calib.saved import SavedModel, load_model
 from drivers.interfaces import LengthReading
@@ -69,7 +70,7 @@ class BallbarChecks:
         return float(np.linalg.norm(point - ball)), max(LEAST_MM, SIGMAS * rms_mm)
 
     def refuse_others(self, planned: Planned, length_mm: float | None) -> None:
-        """Raises OtherBalls for a leg that is not as long as it must be. length_mm None: it is out of stroke."""
+        """Check the length of a leg, None: out of stroke. Raises OtherBalls where it is not as long as it must be."""
         found = self.expected(planned)
         if found is None:
             return

@@ -23,7 +23,8 @@ from acquisition.cell.carried import with_nests
 from acquisition.cell.cell import Cell
 from acquisition.cell.reach import configurations
 from acquisition.errors import CupsDisagree
-from acquisition.record.store import Planned, Store
+from acquisition.record.planned import Planned
+from acquisition.record.store import Store
 from acquisition.record.touches import Taught, block_of_touches, taught_of
 from calib.arm import forward, nearest_branch
 from calib.errors import DataError
@@ -128,7 +129,7 @@ class Placing:
         return True
 
     def _plan(self, there: Cell) -> tuple[int, int]:
-        """How many poses were planned anew for the cell, and how many were left out."""
+        """Plan the poses anew for the cell `there`: how many were planned, and how many were left out."""
         visits: dict[int, list[Planned]] = {}
         for planned in self._store.plan():
             if planned.visit.kind == "pose":

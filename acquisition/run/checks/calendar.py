@@ -17,7 +17,7 @@ class Calendar:
         self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
 
     def look(self) -> None:
-        """Raises ClockJumped when it stepped since the last look."""
+        """Look at both clocks. Raises ClockJumped when the calendar stepped since the last look."""
         calendar, steady = self._clock.utc(), self._clock.now() / self._clock.time_scale
         before, self._looked = self._looked or (calendar, steady), (calendar, steady)
         passed = steady - before[1]

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, WronglySeated
-from acquisition.record.store import Planned
+from acquisition.record.planned import Planned
 from drivers.interfaces import PointReading
 
 
@@ -30,7 +30,7 @@ class Expectation:
         return self._targets_mm[self._names.index(self._target)]
 
     def refuse_another(self, reading: PointReading, world_mm: Array) -> None:
-        """Raises Misplaced, or WronglySeated in a cell where a person seats the SMR, for a point (3,) elsewhere."""
+        """Check the place of a point (3,). Raises Misplaced; WronglySeated where a person seats the SMR."""
         off = np.linalg.norm(self._targets_mm - world_mm, axis=1)
         from_target = float(off[self._names.index(self._target)])
         limit = self._cell.instrument.expected_within_mm

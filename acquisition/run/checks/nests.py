@@ -16,7 +16,8 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.station import change_of, covariance_of
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NestsDisagree
-from acquisition.record.store import Planned, Store
+from acquisition.record.planned import Planned
+from acquisition.record.store import Store
 from calib.fit import judge_points
 
 

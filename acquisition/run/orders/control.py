@@ -87,7 +87,7 @@ class Control:
             watcher()
 
     def check(self) -> None:
-        """Raises Stopping or Pausing."""
+        """Check whether the run is to end. Raises Stopping or Pausing."""
         self.check_stop()
         if self._any.is_set():
             raise Pausing(self._reason)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
 from acquisition.cell.picture import scene
-from acquisition.record.store import Planned
+from acquisition.record.planned import Planned
 from acquisition.run.prompts.picture import Ask, Picture
 from drivers.interfaces import Answer
 

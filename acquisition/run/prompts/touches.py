@@ -18,7 +18,7 @@ from acquisition.cell.transit import home_of
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import TouchedElsewhere
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned
+from acquisition.record.planned import Planned
 from acquisition.record.touches import is_touch
 from acquisition.run.prompts.picture import WORDS_ALONE, Ask, Picture
 from acquisition.run.rig.rig import Rig
@@ -28,7 +28,7 @@ from drivers.errors import AcquisitionError, Refused
 from drivers.interfaces import Answer, JointReading, LengthReading
 
 WITHIN_MM = 25.0
-"""By which a cup may stand elsewhere than the cell file says. Farther off, what was checked before is not checked."""
+"""Largest distance of a cup from its place in the cell file. Farther off, what was checked before is not checked."""
 _TURNS = 24  # about the vertical, in which a posture over a cup is looked for
 
 

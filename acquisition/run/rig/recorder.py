@@ -93,7 +93,7 @@ class Recorder:
             self._raise_first(errors)
 
     def wait_until_both_flow(self) -> None:
-        """Raises TargetNotSeen, and what a stream raised."""
+        """Wait for the first sample of both streams. Raises TargetNotSeen, and what a stream raised."""
         for feed in self.feeds.values():
             feed.flows.wait(SILENT_S)
         self.look()

@@ -28,12 +28,12 @@ from acquisition import (
     read_status,
 )
 from acquisition.campaign import Visit
-from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
+from acquisition.errors import RecordError, RecordInUse, StorageError
 from acquisition.record import Acceptance
 from acquisition.run import ON_REQUEST
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, refused
-from service.http.runs.damage import document_of, holds_a_record, look_through, unreadable
+from service.http.runs.damage import Damaged, holds_a_record, look_through, unreadable
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import Execution
 from service.http.runs.forecasts import Forecasts
@@ -70,7 +70,7 @@ class Book:
         self._runs: dict[str, Run] = {}
         self._errors: dict[str, AcquisitionError] = {}
         self._dry_runs = DryRuns(folder)
-        self._damaged: dict[str, dict[str, Any]] = {}  # found so when the book was opened
+        self._damaged = Damaged(folder)
         self._execution: Execution | None = None
         folder.mkdir(parents=True, exist_ok=True)
         for name in self.ids():
@@ -88,16 +88,9 @@ class Book:
             return  # the command line runs it; it can be looked at
         except AcquisitionError as error:
             if holds_a_record(folder):
-                self._set_aside(name, error)
+                self._damaged.set_aside(name, error)
         except OSError as error:
-            self._set_aside(name, unreadable(folder, error))
-
-    def _set_aside(self, name: str, error: AcquisitionError) -> dict[str, Any]:
-        """A damaged run is listed with what can be saved, and keeps nothing else from running."""
-        document = document_of(self._folder / name, error)
-        if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
-            self._damaged[name] = document  # else it may be another thing the next time
-        return document
+            self._damaged.set_aside(name, unreadable(folder, error))
 
     def _look(self, name: str) -> RunStatus:
         return read_status(self._folder / name)
@@ -122,8 +115,8 @@ class Book:
         at_once: without waiting for a run that is just ending, for the answer to a stop.
         """
         self._known(name)
-        if name in self._damaged:
-            return self._damaged[name]
+        if (known := self._damaged.document(name)) is not None:
+            return known
         if not at_once:
             self._let_finish(name)
         with self._mutex:
@@ -133,7 +126,7 @@ class Book:
                 return dry
             status = self._look(name) if run is None else run.status()
         except StorageError as damage:  # since the service was started
-            return self._set_aside(name, damage)
+            return self._damaged.set_aside(name, damage)
         return run_document(name, status, error=error)
 
     def _let_finish(self, name: str) -> None:
@@ -230,7 +223,7 @@ class Book:
         self.refuse_busy()
 
     def refuse_busy(self) -> None:
-        """Raises Problem 409 with the ids of the run and the loop that use the robot, 503 when the service ends."""
+        """Refuse new work. Raises Problem 409 with the ids of run and loop in hand, 503 when the service ends."""
         if self._closed:
             raise ending()
         execution = self._execution
@@ -377,9 +370,10 @@ class Book:
             line = trail.note_run(document, self._folder / name, by, reason, events=run is not None)
             if run is not None:
                 run.close()
-            for known in (self._runs, self._errors, self._damaged):
-                known.pop(name, None)
-            self._dry_runs.forget(name)
+            self._runs.pop(name, None)
+            self._errors.pop(name, None)
+            for known in (self._damaged, self._dry_runs):
+                known.forget(name)
             take_away(self._folder / name)
         return line
 

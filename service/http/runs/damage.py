@@ -35,6 +35,29 @@ def unreadable(folder: Path, error: Exception) -> DamagedRecord:
     return DamagedRecord(f"{folder}: cannot be read ({error})")
 
 
+class Damaged:
+    """The runs of a folder that are set aside: they keep nothing else from running."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._documents: dict[str, dict[str, Any]] = {}
+
+    def set_aside(self, name: str, error: AcquisitionError) -> dict[str, Any]:
+        """The document of a run, kept for the next time where its record is damaged for good."""
+        document = document_of(self._folder / name, error)
+        if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
+            self._documents[name] = document  # else it may be another thing the next time
+        return document
+
+    def document(self, name: str) -> dict[str, Any] | None:
+        """The document of a run that was set aside; None of any other."""
+        return self._documents.get(name)
+
+    def forget(self, name: str) -> None:
+        """Forget a run that is deleted."""
+        self._documents.pop(name, None)
+
+
 def document_of(folder: Path, error: AcquisitionError) -> dict[str, Any]:
     """The document of a damaged run. It has failed: nothing can be done with it but a rescue."""
     saved, measured, name = 0, 0, folder.name

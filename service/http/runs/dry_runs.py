@@ -30,13 +30,13 @@ def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]
 
 
 def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
-    """How many visits and readings of poses a campaign has. Raises ConfigError, UnsafePlan."""
+    """Numbers of visits and of readings of poses in a campaign. Raises ConfigError, UnsafePlan."""
     _, visits = planned(cell, table)
     return len(visits), readings_in(visits)
 
 
 def readings_in(visits: Sequence[Visit]) -> int:
-    """How many readings of poses a plan has."""
+    """Number of readings of poses in a plan."""
     return sum(len(visit.targets) for visit in visits if visit.counted)
 
 
@@ -79,7 +79,7 @@ class DryRuns:
         self._known: dict[str, dict[str, Any]] = {}
 
     def forget(self, name: str) -> None:
-        """The folder of a run goes."""
+        """Forget a run whose folder goes."""
         self._known.pop(name, None)
 
     def document(self, name: str) -> dict[str, Any] | None:

@@ -136,7 +136,7 @@ class Loops:
     # -- orders -------------------------------------------------------------------------------------------
 
     def pause(self, name: str, by: str) -> None:
-        """Raises Problem 404, 409 where the loop has ended."""
+        """Let a loop rest after the reading in hand. Raises Problem 404, 409 where the loop has ended."""
         self._going_on(name).pause(by)
 
     def pause_all(self, by: str, reason: str) -> None:
@@ -146,7 +146,7 @@ class Loops:
             work.pause(by, reason)
 
     def resume(self, name: str, lease: Lease, accepted: Acceptance | None) -> None:
-        """Raises Problem 404, 409 where the loop is not paused."""
+        """Let a loop go on. Raises Problem 404, 409 where the loop is not paused."""
         self._going_on(name).resume(lease, accepted)
 
     def stop(self, name: str, by: str) -> list[AcquisitionError]:

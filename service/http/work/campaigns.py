@@ -70,7 +70,7 @@ class Shelf:
         return document
 
     def get(self, name: str) -> dict[str, Any]:
-        """Raises Problem 404."""
+        """The campaign of that id. Raises Problem 404."""
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)

@@ -65,7 +65,7 @@ class Datasets:
         return keep_dataset(self._folder, write, name or read_status(first).name, run_id=first.name)
 
     def get(self, name: str) -> dict[str, Any]:
-        """Raises Problem 404."""
+        """The data set of that id. Raises Problem 404."""
         return read_kept(self.path(name) / ABOUT, DatasetShown)
 
     def path(self, name: str) -> Path:

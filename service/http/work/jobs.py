@@ -195,7 +195,7 @@ class Jobs:
         return self.document(kind, name)["version"]
 
     def counts(self) -> dict[str, int]:
-        """How many jobs wait, and how many are worked on."""
+        """Numbers of jobs that wait, and that are worked on."""
         with self._changed:
             return {"waiting": len(self._waiting), "working": int(self._current is not None)}
 

@@ -6,7 +6,6 @@ from service.http.wire.bodies.asked import (
     NewCampaign,
     NewLoop,
     NewRun,
-    OfDataset,
     RegressionAsked,
     Resume,
     ResumeBody,
@@ -14,7 +13,6 @@ from service.http.wire.bodies.asked import (
     TakeLeaseOver,
     TargetsToCorrect,
     ToJudge,
-    Why,
     WhyBody,
 )
 from service.http.wire.bodies.campaign import CampaignTable
@@ -35,7 +33,6 @@ from service.http.wire.bodies.jobs import (
     DiagnosisShown,
     IdentificationShown,
     JobKept,
-    JobShown,
     JobsShown,
     PlacementsShown,
     ProblemKept,
@@ -53,19 +50,17 @@ from service.http.wire.bodies.runs import (
     Loops,
     LoopShown,
     Prompts,
-    PromptShown,
     Runs,
     RunShown,
 )
 from service.http.wire.bodies.selections import SelectionAsked
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets
-from service.http.wire.bodies.told import Answered, Body
+from service.http.wire.bodies.told import Answered
 from service.http.wire.bodies.validations import ValidationAsked
 
 __all__ = [
     "AlignmentShown",
     "Answered",
-    "Body",
     "CampaignShown",
     "CampaignTable",
     "Campaigns",
@@ -86,7 +81,6 @@ __all__ = [
     "Health",
     "IdentificationShown",
     "JobKept",
-    "JobShown",
     "JobsShown",
     "LeaseShown",
     "LoopKept",
@@ -97,12 +91,10 @@ __all__ = [
     "NewCampaign",
     "NewLoop",
     "NewRun",
-    "OfDataset",
     "PlacementsAsked",
     "PlacementsShown",
     "ProblemKept",
     "ProblemShown",
-    "PromptShown",
     "Prompts",
     "RegressionAsked",
     "RegressionShown",
@@ -118,6 +110,5 @@ __all__ = [
     "ToJudge",
     "ValidationAsked",
     "ValidationShown",
-    "Why",
     "WhyBody",
 ]
