@@ -107,6 +107,16 @@ class Robot:
         return tuple(f"{axis}_{unit}" for axis, unit in zip(self.axes, self.units, strict=True))
 
     @cached_property
+    def previous_columns(self) -> tuple[str, ...]:
+        """The column of where every joint was before: `prev1_deg`, `prev_e1_mm`."""
+        return tuple(f"prev{_tail(axis)}_{unit}" for axis, unit in zip(self.axes, self.units, strict=True))
+
+    @cached_property
+    def approach_columns(self) -> tuple[str, ...]:
+        """The column of the side from which every joint arrived: `approach1`, `approach_e1`."""
+        return tuple(f"approach{_tail(axis)}" for axis in self.axes)
+
+    @cached_property
     def joint_units(self) -> Array:
         """(N,) one unit of every joint as it is read and written, inside: joints / joint_units is for people."""
         return np.array([FACTORS[kind] for kind in self.kinds])
@@ -158,6 +168,10 @@ class Robot:
             return model
         joint_matrix = self.joint_matrices[coupling]
         return (model - np.array(joint_matrix.offset)) @ np.linalg.inv(np.array(joint_matrix.matrix)).T
+
+
+def _tail(axis: str) -> str:
+    return axis[1:] if axis.startswith("j") else f"_{axis}"
 
 
 def built_in_robots() -> list[str]:

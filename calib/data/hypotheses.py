@@ -201,48 +201,49 @@ def _of_table(meaning: Meaning, robot: Robot, what: str, do: str) -> Hypothesis:
 
 
 def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
-    """A joint turns in the other direction, has its zero a quarter turn off, is in radians, or is in its neighbour's
-    column."""
-    angles, last = meaning.angles, meaning.angles.shape[1]
+    """A joint moves in the other direction, has its zero a quarter turn off, is in radians or metres, or is in its
+    neighbour's column."""
+    angles, last, robot = meaning.angles, meaning.angles.shape[1], meaning.robot
+    numbers = [axis.removeprefix("j") for axis in robot.axes]
     for k in range(last):
-        name = f"j{k + 1}_deg"
+        name, slides = robot.joint_columns[k], robot.kinds[k] == "slides"
         other = angles.copy()
         other[:, k] *= -1.0
         yield Hypothesis(
-            f"joint {k + 1} turns in the other direction than the robot has it",
+            f"joint {numbers[k]} {robot.kinds[k]} in the other direction than the robot has it",
             f"Change the sign of the column {name}, or of the joint in the robot file.",
             "data",
             name,
             replace(meaning, angles=other),
         )
-        for off, sign in ((_QUARTER, "+"), (-_QUARTER, "-")):
+        for off, sign in () if slides else ((_QUARTER, "+"), (-_QUARTER, "-")):
             other = angles.copy()
             other[:, k] += off
             tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
             yield Hypothesis(
-                f"the zero of joint {k + 1} is 90 deg off",
+                f"the zero of joint {numbers[k]} is 90 deg off",
                 f"Add {sign}90 to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
                 "data",
                 name,
                 replace(meaning, angles=other),
             )
         other = angles.copy()
-        other[:, k] /= DEG
+        other[:, k] = other[:, k] * 1000.0 if slides else other[:, k] / DEG
         yield Hypothesis(
-            f"joint {k + 1} is given in radians",
-            f"Write the column {name} in degrees.",
+            f"joint {numbers[k]} is given in {'metres' if slides else 'radians'}",
+            f"Write the column {name} in {'mm' if slides else 'degrees'}.",
             "data",
             name,
             replace(meaning, angles=other),
         )
-        if k + 1 < last:
+        if k + 1 < last and robot.kinds[k + 1] == robot.kinds[k]:
             other = angles.copy()
             other[:, [k, k + 1]] = angles[:, [k + 1, k]]
             yield Hypothesis(
-                f"joints {k + 1} and {k + 2} are in each other's column",
-                f"Swap the columns {name} and j{k + 2}_deg.",
+                f"joints {numbers[k]} and {numbers[k + 1]} are in each other's column",
+                f"Swap the columns {name} and {robot.joint_columns[k + 1]}.",
                 "data",
-                f"{name}, j{k + 2}_deg",
+                f"{name}, {robot.joint_columns[k + 1]}",
                 replace(meaning, angles=other),
             )
 
