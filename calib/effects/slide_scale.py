@@ -13,8 +13,8 @@ KINDS = (
         "slide_scale",
         words="scale of slide {joint}",
         check=(
-            "Compare the pitch of rack, screw or belt of axis {joint} in the controller with its drawing, and drive the "
-            "whole travel beside a laser or a tape."
+            "Compare the pitch of rack, screw or belt of axis {joint} in the controller with its drawing, and drive "
+            "the whole travel beside a laser or a tape."
         ),
         apart=(),
     ),
