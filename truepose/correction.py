@@ -37,7 +37,7 @@ class Corrected:
     joints_deg: Array
     wanted_deg: Array
     found: Correction
-    columns: tuple[str, ...]
+    _columns: tuple[str, ...] = ()
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -47,7 +47,7 @@ class Corrected:
     @property
     def targets(self) -> pandas.DataFrame:
         """One row a target: j1_deg and so on to drive, status, why it was refused."""
-        columns: dict[str, Any] = dict(zip(self.columns, self.joints_deg.T, strict=True))
+        columns: dict[str, Any] = dict(zip(self._columns, self.joints_deg.T, strict=True))
         status = [str(status) for status in self.found.status]
         return frame({**columns, "status": status, "reason": list(self.found.reasons)})
 

@@ -291,7 +291,7 @@ def _twisted(
 ) -> tuple[int, ...]:
     """The links whose beta is the twist of `parallel_axes`, which names axes parallel to the one before them."""
     axes = tuple(int(k) for k in table.get("parallel_axes", ()))
-    behind = 1 if convention == "dh" else 0
+    behind, other = (1, "mdh") if convention == "dh" else (0, "dh")
     for k in axes:
         if not 2 <= k <= len(alpha):
             raise DataError(
@@ -304,7 +304,8 @@ def _twisted(
             raise DataError(
                 f"names axis {k}, but alpha_deg of link {k - behind} says that it leans "
                 f"{alpha[k - 1 - behind] / DEG:g} deg against axis {k - 1}.",
-                do="Name the second of two parallel axes: 3 where axes 2 and 3 are parallel, in both conventions.",
+                do=f'Set convention = "{other}" if these numbers are of that one; else name the second of two parallel '
+                "axes: 3 where axes 2 and 3 are parallel, in both conventions.",
                 file=path,
                 key="parallel_axes",
             )

@@ -2,8 +2,8 @@
 
 A SCARA, a palletizer whose rods couple its joints, an arm of seven joints, six joints on a tilted track and a
 positioner of two axes, simulated by matrices that share no line with the chain under test (`tests/calib/chain.py`). Of
-each every DH number is off, gears yield to gravity, and one thing is wrong that no base model has. The error on held-out
-readings after the diagnosis is compared with the noise alone.
+each every DH number is off, gears yield to gravity, and one thing is wrong that no base model has. The error on
+held-out readings after the diagnosis is compared with the noise alone.
 """
 
 from __future__ import annotations
