@@ -2,8 +2,10 @@
 
 from calib.robot_file.described import Described, axes_of, described
 from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, written_robot
+from calib.robot_file.handful import Handful, read_handful
 from calib.robot_file.import_dh import import_dh
 from calib.robot_file.import_urdf import Imported, import_urdf, in_words
+from calib.robot_file.misread import Mistake, Verdict, held_against
 from calib.robot_file.schema import SCHEMA
 
 __all__ = [
@@ -13,11 +15,16 @@ __all__ = [
     "Described",
     "Draft",
     "DraftLink",
+    "Handful",
     "Imported",
+    "Mistake",
+    "Verdict",
     "axes_of",
     "described",
+    "held_against",
     "import_dh",
     "import_urdf",
     "in_words",
+    "read_handful",
     "written_robot",
 ]

@@ -107,7 +107,7 @@ def _wrist(axes: Array, points: Array) -> tuple[str, list[str]]:
         for (i, j), gap in apart.items()
         if gap < _NEARLY_MM
     ]
-    return f"not spherical: axes {what}", odd
+    return f"not spherical: of axes {names}, {what}", odd
 
 
 def _meeting(axes: Array, points: Array) -> Array:
@@ -120,7 +120,7 @@ def _inverse(robot: Robot) -> str:
     try:
         return f"in closed form, {structure_of(robot).kind}"
     except DataError as error:
-        return error.what
+        return error.what.rstrip(".")
 
 
 def _oddities(robot: Robot, axes: Array, points: Array, span: float) -> list[str]:

@@ -7,17 +7,38 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
-from calib.arm import built_in_robots, load_robot
+from calib.arm import Robot, built_in_robots, load_robot
+from calib.array import Array
 from calib.errors import DataError
-from calib.robot_file import SCHEMA, Draft, described, import_dh, import_urdf, written_robot
-from calib.text import replace_file
+from calib.robot_file import (
+    SCHEMA,
+    Described,
+    Draft,
+    described,
+    held_against,
+    import_dh,
+    import_urdf,
+    read_handful,
+    written_robot,
+)
+from calib.text import read_text, replace_file
+from service import exit_codes
 from service.commands import options
 from service.commands.robot_answers import Asked, ask_draft
 from service.files import STANDARD_OUTPUT, write_json
-from service.printed.robot_tables import described_lines, document_of, link_table, posture_table
+from service.printed.robot_tables import (
+    described_lines,
+    document_of,
+    link_table,
+    posture_table,
+    verdict_document,
+    verdict_lines,
+)
 from service.printed.terminal import Terminal
+from service.report.arm_picture import arm_svg
 
 app = typer.Typer(help="Write, import and check the file of a robot of your own.")
 
@@ -135,6 +156,57 @@ def import_command(
     _write(draft, out)
 
 
+@app.command("check")
+def check_command(
+    robot: RobotArgument,
+    data: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[DATA.csv]", help="A handful of readings, 20 or so: joints and measured points."
+        ),
+    ] = None,
+    home: Annotated[
+        str | None,
+        typer.Option(metavar="J1,J2,...", help="A posture of your own to be shown too, deg or mm."),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="OUT.svg", help="Draw the arm into this file.")
+    ] = None,
+    posture: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw it in 'zero', 'middle' or 'home'. Default: home, else zero."),
+    ] = None,
+    json: options.Json = None,
+) -> None:
+    """Draw a robot, say where its flange is and what is odd; with readings, name the usual mistakes.
+
+    Exit code 3 where the readings show a mistake, or nothing explains them."""
+    path = Path(robot)
+    options.check_outputs({"--picture": picture, "--json": json}, inputs=(path, *options.files_of(data)))
+    found = load_robot(robot)
+    at_home = None if home is None else _posture(home, found)
+    about = described(found, at_home)
+    verdict = None
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        if data is not None:
+            terminal.say(f"holding {robot} against {data}")
+            text = read_text(path) if path.is_file() else ""
+            verdict = held_against(path, text, read_handful(found, data))
+        terminal.rest()
+        terminal.out.print(link_table(found))
+        terminal.out.print(posture_table(found, about))
+        for line in (*described_lines(about), *(() if verdict is None else verdict_lines(verdict))):
+            terminal.out.print(line, soft_wrap=True)
+        if picture is not None:
+            name = _drawn(posture, about)
+            replace_file(picture, arm_svg(found, about.postures[name][0], f"{found.name}, {name}"))
+            terminal.note(f"picture: {picture}")
+    document = document_of(found, about)
+    write_json(document if verdict is None else document | {"readings": verdict_document(verdict)}, json)
+    if verdict is not None and not verdict.explained:
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
 @app.command("list")
 def list_command(json: options.Json = None) -> None:
     """List the robots that are built in, with their source."""
@@ -172,6 +244,30 @@ def _refuse_existing(out: Path) -> None:
     options.check_outputs({"robot file": out})
     if out.exists():
         raise DataError("exists already.", do="Name another file, or move it away.", file=out)
+
+
+def _posture(text: str, robot: Robot) -> Array:
+    """(N,) joints of a posture in words, rad or mm. Raises DataError."""
+    try:
+        counted = np.array([float(word) for word in text.replace(";", ",").split(",")])
+    except ValueError:
+        counted = np.array([])
+    if len(counted) != robot.joints or not np.all(np.isfinite(counted)):
+        names = ", ".join(robot.joint_columns)
+        raise DataError(f"is '{text}'.", do=f"Give {robot.joints} numbers: {names}.", key="--home")
+    return counted * robot.joint_units
+
+
+def _drawn(posture: str | None, about: Described) -> str:
+    names = {"zero": "all zero", "middle": "middle of the ranges", "home": "home"}
+    name = (
+        names.get(posture, "")
+        if posture is not None
+        else ("home" if "home" in about.postures else "all zero")
+    )
+    if name not in about.postures:
+        raise DataError(f"is '{posture}'.", do="Say zero, middle, or home with --home.", key="--posture")
+    return name
 
 
 def _refuse_of_table(given: dict[str, object]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from calib.arm import Robot
-from calib.robot_file import Described, in_words
+from calib.robot_file import Described, Verdict, in_words
 from calib.units import DEG
 
 
@@ -44,6 +44,35 @@ def described_lines(found: Described) -> Iterator[str]:
     yield f"Wrist: {found.wrist}."
     yield f"Inverse kinematics: {found.inverse}."
     yield from (f"Look: {remark}" for remark in found.remarks)
+
+
+def verdict_lines(verdict: Verdict) -> Iterator[str]:
+    """What a handful of readings says of a robot file, a line each."""
+    tool = " (the tool comes out of them)" if verdict.tool_unknown else ""
+    yield (
+        f"{verdict.readings} readings{tool}: the nominal robot misses them by {verdict.miss_mm:.3g} mm (median) over "
+        f"{verdict.extent_mm:.0f} mm."
+    )
+    if verdict.explained:
+        yield "The file explains the readings: no usual mistake is in it."
+    elif not verdict.mistakes:
+        yield "No usual mistake alone explains them: hold table, zeros and directions against the data sheet."
+    for number, mistake in enumerate(verdict.mistakes):
+        which = f"Mistake, {verdict.left_mm:.3g} mm when mended" if not number else "As likely"
+        yield f"{which}: {mistake.what}."
+        yield from (f"    {line}" for line in mistake.lines)
+
+
+def verdict_document(verdict: Verdict) -> dict[str, Any]:
+    """The same as a document, lengths mm."""
+    return {
+        "count": verdict.readings,
+        "miss_mm": verdict.miss_mm,
+        "left_mm": verdict.left_mm,
+        "extent_mm": verdict.extent_mm,
+        "explained": verdict.explained,
+        "mistakes": [{"what": each.what, "lines": list(each.lines)} for each in verdict.mistakes],
+    }
 
 
 def document_of(robot: Robot, found: Described | None = None) -> dict[str, Any]:
