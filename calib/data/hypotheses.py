@@ -87,7 +87,10 @@ class Meaning:
 
 @dataclass(frozen=True)
 class Counting:
-    """How the joints would be counted: joint of the robot = matrix (N, N) @ joint of the file + offset (N,), rad."""
+    """How the joints would be counted: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
+
+    rad, and mm of joints that slide.
+    """
 
     matrix: Array
     offset: Array
@@ -251,60 +254,60 @@ def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
 def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
     """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
     or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
-    last = meaning.angles.shape[1]
+    robot, last = meaning.robot, meaning.angles.shape[1]
     plain = Counting(np.eye(last), np.zeros(last))
 
     def counted(what: str, do: str, key: str, counting: Counting) -> Hypothesis:
         return Hypothesis(what, do, "data", key, counting.of(meaning), counting)
 
-    yield replace(
-        counted(
-            "all joints are given in radians",
-            "Write the joints in degrees.",
-            "j1_deg",
-            replace(plain, matrix=plain.matrix / DEG),
-        ),
-        counting=None,
+    everything = Counting(
+        np.diag([1.0 / DEG if unit == "deg" else 1.0 for unit in robot.units]), plain.offset
     )
-    for k in range(last):
-        name = f"j{k + 1}_deg"
+    whole = counted(
+        "all joints are given in radians", "Write the joints in degrees.", robot.joint_columns[0], everything
+    )
+    # A robot file has no radians: these are in the data.
+    yield replace(whole, counting=None)
+    for k, (axis, name, unit) in enumerate(zip(robot.axes, robot.joint_columns, robot.units, strict=True)):
+        joint = f"joint {axis.removeprefix('j')}"
         yield counted(
-            f"joint {k + 1} turns in the other direction than the robot has it",
+            f"{joint} turns in the other direction than the robot has it",
             f"Change the sign of the column {name}, or of the joint in the robot file.",
             name,
             replace(plain, matrix=_with(plain.matrix, k, k, -1.0)),
         )
-        for turn, ways in _OFF.items():
+        for turn, ways in _OFF.items() if unit == "deg" else ():
             for off, sign in ways:
                 tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
                 yield counted(
-                    f"the zero of joint {k + 1} is {turn} deg off",
+                    f"the zero of {joint} is {turn} deg off",
                     f"Add {sign} to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
                     name,
                     replace(plain, offset=off * DEG * plain.matrix[k]),
                 )
-        # A robot file has no radians: this one is in the data.
-        radians = counted(
-            f"joint {k + 1} is given in radians",
-            f"Write the column {name} in degrees.",
+        written, factor, meant = ("radians", 1.0 / DEG, "degrees") if unit == "deg" else ("metres", 1e3, "mm")
+        other = counted(
+            f"{joint} is given in {written}",
+            f"Write the column {name} in {meant}.",
             name,
-            replace(plain, matrix=_with(plain.matrix, k, k, 1.0 / DEG)),
+            replace(plain, matrix=_with(plain.matrix, k, k, factor)),
         )
-        yield replace(radians, counting=None)
-        if k + 1 == last:
+        yield replace(other, counting=None)
+        if k + 1 == last or unit != robot.units[k + 1]:
             continue
-        order = [*range(k), k + 1, k, *range(k + 2, last)]
+        following, order = robot.joint_columns[k + 1], [*range(k), k + 1, k, *range(k + 2, last)]
         yield counted(
-            f"joints {k + 1} and {k + 2} are in each other's column",
-            f"Swap the columns {name} and j{k + 2}_deg.",
-            f"{name}, j{k + 2}_deg",
+            f"joints {axis.removeprefix('j')} and {robot.axes[k + 1].removeprefix('j')} are in each other's column",
+            f"Swap the columns {name} and {following}.",
+            f"{name}, {following}",
             replace(plain, matrix=plain.matrix[order]),
         )
         for share, how in ((1.0, "plus"), (-1.0, "minus")):
             yield counted(
-                f"joint {k + 2} of the robot is the controller's {how} its joint {k + 1}: the two are coupled",
+                f"joint {robot.axes[k + 1].removeprefix('j')} of the robot is the controller's {how} its {joint}: the "
+                "two are coupled",
                 f"Use a joint matrix that has {share:g} in row {k + 2}, column {k + 1}.",
-                f"j{k + 2}_deg",
+                following,
                 replace(plain, matrix=_with(plain.matrix, k + 1, k, share)),
             )
 

@@ -1,7 +1,7 @@
 """A handful of readings that a robot file is held against: joints, points, and which target of the tool was seen.
 
 A data set has a header beside it; of it only the tool targets and the joint matrix are taken, since nothing else
-matters before a fit. Without a header, or where it frees the tool, the targets are unknown and come out of the readings.
+matters before a fit. Without a header, or where it frees the tool, they are unknown and come out of the readings.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ __all__ = [
     "read_json",
     "read_text",
     "read_toml",
-    "refuse_unknown",
     "read_xml",
+    "refuse_unknown",
     "replace_file",
     "rows_of",
 ]
