@@ -265,7 +265,7 @@ def _joint_matrix(entry: dict[str, Any], kinds: Sequence[JointKind], path: Path,
     refuse_unknown(entry, _MATRIX_KEYS, path, f"{key}.")
     offset = [0.0] * len(kinds)
     for kind, unit in UNITS.items():
-        given = [float(x) for x in entry.get(f"offset_{unit}", offset)]
+        given = [float(x) for x in entry.get(f"offset_{unit}", [0.0] * len(kinds))]
         misplaced = [
             k for k, x in enumerate(given, start=1) if x and k <= len(kinds) and kinds[k - 1] != kind
         ]
