@@ -178,9 +178,11 @@ def check_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Draw a robot, say where its flange is and what is odd; with readings, name the usual mistakes.
+    """Check a robot file; readings name usual mistakes.
 
-    Exit code 3 where the readings show a mistake, or nothing explains them."""
+    Says where the flange is in named postures, reach, wrist, inverse kinematics and what is odd; draws the arm. Exit
+    code 3 where the readings show a mistake, or nothing explains them.
+    """
     path = Path(robot)
     options.check_outputs({"--picture": picture, "--json": json}, inputs=(path, *options.files_of(data)))
     found = load_robot(robot)
@@ -234,7 +236,7 @@ def show_command(robot: RobotArgument, json: options.Json = None) -> None:
 
 @app.command("schema")
 def schema_command() -> None:
-    """Print the JSON schema of robot files, for editors and other programs."""
+    """Print the JSON schema of robot files."""
     typer.echo(notation.dumps(SCHEMA, indent=1))
 
 

@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import forward
@@ -98,7 +99,7 @@ def arms() -> dict[str, Robot]:
     return out
 
 
-def readings_of(robot: Robot, seed: int) -> tuple[Array, Array, Array]:
+def readings_of(robot: Robot, seed: int) -> tuple[Array, NDArray[np.int64], Array]:
     """Joints (n, N), index of the target (n,) and points (n, 3), mm, of a real arm of this build, somewhere."""
     rng = np.random.default_rng(seed)
     real = replace(
@@ -115,7 +116,7 @@ def readings_of(robot: Robot, seed: int) -> tuple[Array, Array, Array]:
         np.where(turning, np.minimum(high, np.pi), high),
     )
     joints = rng.uniform(low, high, (READINGS, robot.joints))
-    which = np.arange(READINGS) % len(TARGETS)
+    which = np.arange(READINGS, dtype=np.int64) % len(TARGETS)
     flange = forward(real, joints)
     points = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], TARGETS[which])
     turn = Rotation.random(rng=rng).as_matrix()
@@ -182,7 +183,13 @@ def mistakes(robot: Robot, joints: Array, points: Array) -> Iterator[tuple[str, 
         coupled[k + 1, k] = 1.0
         words = f"joint {name[k + 1]} of the robot is the controller's plus"
         if (name[k], name[k + 1]) == ("2", "3"):
-            yield "coupling of 2 and 3", robot, counted(np.linalg.inv(coupled)), points, words
+            yield (
+                "coupling of 2 and 3",
+                robot,
+                counted(np.linalg.inv(coupled).astype(np.float64)),
+                points,
+                words,
+            )
     for k in range(count - 1):
         order = [*range(k), k + 1, k, *range(k + 2, count)]
         numbers = {key: tuple(getattr(robot, key)[i] for i in order) for key in ("alpha", "a", "theta", "d")}
@@ -195,9 +202,9 @@ def _free(robot: Robot) -> int:
     return 0 if robot.units[0] == "deg" else -1
 
 
-def named(robot: Robot, joints: Array, which: Array, points: Array) -> tuple[str, ...]:
+def named(robot: Robot, joints: Array, which: NDArray[np.int64], points: Array) -> tuple[str, ...]:
     """What the check says is wrong."""
-    everything = Meaning(robot, "none", joints, which.astype(np.int64), points)
+    everything = Meaning(robot, "none", joints, which, points)
     usable = np.ones(len(joints), dtype=bool)
     handful = Handful(everything, np.flatnonzero(usable), usable, TARGETS, tool_unknown=False)
     return tuple(each.what for each in held_against(Path("own.toml"), "", handful).mistakes)
