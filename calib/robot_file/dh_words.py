@@ -26,6 +26,8 @@ _UNITS = {
     "mm": ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
     "m": ("m", "metre", "metres", "meter", "meters"),
 }
+_LONGEST = 60
+"""No heading or number has more letters."""
 _UNIT = re.compile(r"[\s_(\[/,]+([a-zµ°]+)[\])]?\s*$")
 _INDEX = re.compile(r"_?(?:\{?(?:i|k|j|n)(?:\s*-\s*1)?\}?)$")
 _JOINT = re.compile(r"(?<![a-zθ])(?:q|θ|theta|th|d|s)_?\d+\*?(?!\d)|\bq\b|\bvar(?:iable)?\b|^\*$")
@@ -54,6 +56,8 @@ class Cell:
 
 def heading(text: str) -> Heading:
     """What the name of a column says: `alpha_{i-1} [deg]` is alpha in degrees."""
+    if len(text) > _LONGEST:
+        return Heading(None, "")
     word, unit = text.strip().lower().replace("−", "-"), ""
     if found := _UNIT.search(word):
         unit = next((unit for unit, words in _UNITS.items() if found[1] in words), "")
@@ -69,6 +73,8 @@ def heading(text: str) -> Heading:
 
 def cell(text: str) -> Cell | None:
     """The number that a cell means; None where it means none. Empty and a dash are 0."""
+    if len(text) > _LONGEST:
+        return None
     word = text.strip().lower().replace("−", "-").replace("–", "-")
     if word in ("", "-"):
         return Cell(0.0)

@@ -66,7 +66,7 @@ class Draft:
         return "\n".join(self._lines()) + "\n"
 
     def _lines(self) -> Iterator[str]:
-        yield from (f"# {line}" for remark in self.remarks for line in remark.splitlines())
+        yield from (f"# {_plain(remark)}" for remark in self.remarks)
         yield f'format = "{FORMAT}"'
         yield f"name = {_quoted(self.name)}"
         yield f"maker = {_quoted(self.maker)}"
@@ -80,7 +80,7 @@ class Draft:
             yield from matrix_lines(name, matrix, offset, [link.slides for link in self.links])
         for number, link in enumerate(self.links, start=1):
             yield ""
-            yield f"[[link]]   # {number}{': ' + link.comment if link.comment else ''}"
+            yield f"[[link]]   # {number}{': ' + _plain(link.comment) if link.comment else ''}"
             yield from (f'joint = "{kind}"' for kind in ["slides"] * link.slides)
             for key in ("alpha_deg", "a_mm", "theta_deg", "d_mm"):
                 yield f"{key} = {_number(getattr(link, key))}"
@@ -119,4 +119,9 @@ def _number(value: float) -> str:
 
 def _quoted(text: str) -> str:
     """A TOML basic string: JSON's, whose escapes TOML shares, of one line."""
-    return json.dumps(" ".join(text.split()), ensure_ascii=False)
+    return json.dumps(_plain(text), ensure_ascii=False)
+
+
+def _plain(text: str) -> str:
+    """One line without the control characters that TOML does not allow."""
+    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))

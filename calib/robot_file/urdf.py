@@ -25,6 +25,7 @@ _KINDS = (*MOVING, "fixed", "floating", "planar")
 _FARTHEST_M = 100.0
 _MOST_TURN = 25.0  # rad: four turns; a limit beyond is one in degrees
 _EIGHTH = math.pi / 4.0
+_MOST_DIGITS = 15
 
 
 @dataclass(frozen=True)
@@ -224,9 +225,12 @@ def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -
 
 def _exact(word: str, angle: float, rounded: dict[str, float]) -> float:
     """The multiple of 45 deg of which `word` has the first digits; else the angle as it is."""
+    if abs(angle) > _MOST_TURN:
+        return angle
     multiple = round(angle / _EIGHTH)
     meant = multiple * _EIGHTH
     digits = len(word.lower().partition("e")[0].partition(".")[2])
+    digits = min(digits, _MOST_DIGITS)
     cut = math.trunc(meant * 10.0**digits) / 10.0**digits
     if multiple == 0 or digits < 2 or min(abs(angle - round(meant, digits)), abs(angle - cut)) > 1e-14:
         return angle

@@ -93,7 +93,7 @@ def _links(chain: SerialChain, numbers: DhChain) -> tuple[DraftLink, ...]:
                 float(low),
                 float(high),
                 chain.slides[k],
-                " ".join(name.split()),
+                name,
             )
         )
     return tuple(out)

@@ -92,7 +92,15 @@ def arms() -> dict[str, Robot]:
     out = {name: load_robot(name) for name in ("abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10")}
     for name, (convention, rows) in BUILDS.items():
         links = tuple(
-            DraftLink(*row[:4], *((0.0, 600.0) if row[4:] else (-120.0, 120.0)), bool(row[4:]))
+            DraftLink(
+                row[0],
+                row[1],
+                row[2],
+                row[3],
+                0.0 if row[4:] else -120.0,
+                600.0 if row[4:] else 120.0,
+                bool(row[4:]),
+            )
             for row in rows
         )
         out[name] = written_robot(Draft(name, "x", "dh" if convention == "dh" else "mdh", "bench", links))
