@@ -271,7 +271,7 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
     for k, (axis, name, unit) in enumerate(zip(robot.axes, robot.joint_columns, robot.units, strict=True)):
         joint = f"joint {axis.removeprefix('j')}"
         yield counted(
-            f"{joint} turns in the other direction than the robot has it",
+            f"{joint} {robot.kinds[k]} in the other direction than the robot has it",
             f"Change the sign of the column {name}, or of the joint in the robot file.",
             name,
             replace(plain, matrix=_with(plain.matrix, k, k, -1.0)),

@@ -169,7 +169,7 @@ def mistakes(robot: Robot, joints: Array, points: Array) -> Iterator[tuple[str, 
             robot,
             counted(change),
             points,
-            f"joint {name[k]} turns in the other direction",
+            f"joint {name[k]} {robot.kinds[k]} in the other",
         )
         if abs(np.sin(robot.alpha[k])) > 0.1:
             mirrored = tuple(-x if i == k else x for i, x in enumerate(robot.alpha))
