@@ -20,6 +20,7 @@ FACTORS: dict[str, float] = {
     "1e-6 rad/(N.mm)": 1e-6,
     "1e-6 rad/(N.m)": 1e-9,
     "1e-15 rad/(N.mm)^3": 1e-15,
+    "um/N": 1e-3,
     "mm/h": 1.0 / 3600.0,
     "deg/h": DEG / 3600.0,
     "kg": 1.0,

@@ -36,6 +36,7 @@ class Option:
 class RobotDriver:
     """A driver of robots: one protocol or dialect. `make` takes URL, speeds and limits of the cell, and a wire log.
 
+    joints: how many it drives, all of which turn; a cell with another robot is refused before anything connects.
     takes_reach: `make` takes `reach_mm` as well, and keeps the speed of the path with it.
     details: what a connected robot says of itself beyond the status that it has just answered; raises LinkError.
     clock_s: the controller's own clock, None where the protocol does not say; raises LinkError.
@@ -44,6 +45,7 @@ class RobotDriver:
 
     name: str
     make: Callable[..., RobotArm]
+    joints: int = 6
     takes_reach: bool = False
     streams: bool = False
     details: Callable[[Any, RobotStatus], Details] = _nothing_more

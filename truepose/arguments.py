@@ -12,19 +12,18 @@ import numpy as np
 from calib.array import Array
 from calib.errors import DataError
 from calib.saved import SavedModel
-from calib.units import DEG
 
 _MANY = 5  # targets, within so small angles that they look like radians
 
 
 def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
-    """(n, N) model angles, rad, of angles as the controller counts them, deg, an array or a DataFrame (n, N).
+    """(n, N) model joints, rad or mm, of joints as the controller counts them, deg or mm, an array or a DataFrame.
 
     Raises DataError for another shape or numbers that are not finite. Warns of degrees that look like radians.
     """
     robot = saved.model.robot
     if hasattr(joints_deg, "columns"):
-        names = [f"j{k + 1}_deg" for k in range(robot.joints)]
+        names = list(robot.joint_columns)
         missing = [name for name in names if name not in joints_deg.columns]
         if missing:
             raise DataError(
@@ -45,9 +44,10 @@ def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
         )
     if not np.all(np.isfinite(angles)):
         raise DataError("holds numbers that are not finite.", do="Leave those rows out.", key="joints_deg")
-    if len(angles) >= _MANY and np.any(angles) and np.max(np.abs(angles)) <= math.pi:
+    turning = angles[:, [kind == "turns" for kind in robot.kinds]]
+    if len(angles) >= _MANY and np.any(turning) and np.max(np.abs(turning)) <= math.pi:
         warnings.warn("joints_deg: all angles lie within 3.15 deg; radians?", stacklevel=3)
-    return robot.model_angles(angles * DEG, saved.coupling)
+    return robot.model_angles(angles * robot.joint_units, saved.coupling)
 
 
 def number_of(value: float | None, usual: float, low: float, high: float, key: str) -> float:
@@ -77,5 +77,6 @@ def refuse_no_model(model: object, wanted: type) -> None:
 
 
 def angles_of(joints: Array, saved: SavedModel) -> Array:
-    """(n, N) angles as the controller counts them, deg, of model angles, rad."""
-    return saved.model.robot.controller_angles(joints, saved.coupling) / DEG
+    """(n, N) joints as the controller counts them, deg or mm, of model joints, rad or mm."""
+    robot = saved.model.robot
+    return robot.controller_angles(joints, saved.coupling) / robot.joint_units

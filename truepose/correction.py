@@ -37,6 +37,7 @@ class Corrected:
     joints_deg: Array
     wanted_deg: Array
     found: Correction
+    _columns: tuple[str, ...] = ()
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -46,9 +47,7 @@ class Corrected:
     @property
     def targets(self) -> pandas.DataFrame:
         """One row a target: j1_deg and so on to drive, status, why it was refused."""
-        columns: dict[str, Any] = {
-            f"j{k + 1}_deg": self.joints_deg[:, k] for k in range(self.joints_deg.shape[1])
-        }
+        columns: dict[str, Any] = dict(zip(self._columns, self.joints_deg.T, strict=True))
         status = [str(status) for status in self.found.status]
         return frame({**columns, "status": status, "reason": list(self.found.reasons)})
 
@@ -94,9 +93,11 @@ def compensate(
         series=series,
         approach_rad=approach_deg * DEG,
     )
-    limits = None if limits_deg is None else np.asarray(limits_deg, dtype=np.float64) * DEG
+    limits = None if limits_deg is None else np.asarray(limits_deg, dtype=np.float64)
     if limits is not None and limits.shape != (count, 2):
         raise DataError(f"has the shape {limits.shape}.", do=f"Give ({count}, 2).", key="limits_deg")
+    if limits is not None:
+        limits = limits * saved.model.robot.joint_units[:, None]
     try:
         found = (nominal_of if inverse else correct)(
             saved.model,
@@ -112,7 +113,9 @@ def compensate(
         if isinstance(error, DataError):
             raise
         raise DataError(f"{error}.", do="Use one of those.", key="target") from error
-    return Corrected(angles_of(found.joints, saved), angles_of(joints, saved), found)
+    return Corrected(
+        angles_of(found.joints, saved), angles_of(joints, saved), found, saved.model.robot.joint_columns
+    )
 
 
 def _sides(side: tuple[int, ...] | int, model: Model) -> tuple[float, ...]:

@@ -13,7 +13,6 @@ import tomli_w
 from calib.data import Dataset, dataset_of, header_of, read_dataset, read_header
 from calib.errors import DataError
 from calib.text import Columns
-from calib.units import DEG
 from truepose.frames import frame
 
 if TYPE_CHECKING:
@@ -52,15 +51,16 @@ class Data:
 
     @property
     def readings(self) -> pandas.DataFrame:
-        """One row a reading, by reading_id, in the columns of its file: deg as the controller counts, mm, s, degC."""
+        """One row a reading, by reading_id, in the columns of its file: joints as the controller counts, mm, s, °C."""
         of, conditions = self.dataset, self.dataset.conditions
-        angles = of.header.robot.controller_angles(conditions.joints, of.header.coupling) / DEG
+        robot = of.header.robot
+        joints = robot.controller_angles(conditions.joints, of.header.coupling) / robot.joint_units
         columns: dict[str, Any] = {
             "set": of.sets,
             "status": of.status,
             "series": np.array(conditions.series_names)[conditions.series],
             "tool_target": np.array(conditions.target_names)[conditions.target],
-            **{f"j{k + 1}_deg": angles[:, k] for k in range(angles.shape[1])},
+            **dict(zip(robot.joint_columns, joints.T, strict=True)),
             **{f"{axis}_mm": of.points[:, k] for k, axis in enumerate("xyz")},
             "length_mm": of.lengths,
             "t_s": conditions.time,

@@ -219,6 +219,8 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
     model = table.text("model")
     with as_config_error(f"{table.file}, key 'robot.model': "):
         robot = load_robot(model, beside)
+    driver = table.text("driver")
+    _refuse_undriven(table, robot, driver)
     own = [(low / DEG, high / DEG) for low, high in zip(robot.lower, robot.upper, strict=True)]
     rows = table.rows("limits_deg", 2, default=own)
     if len(rows) != robot.joints:
@@ -237,7 +239,7 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
     return RobotSection(
         model=robot,
         coupling=table.text("joint_coupling", usual, allowed=("none", *robot.joint_matrices)),
-        driver=table.text("driver"),
+        driver=driver,
         url=table.text("url"),
         speed_mm_s=table.number("speed_mm_s", SPEED_CAP_MM_S, low=1.0, high=SPEED_CAP_MM_S),
         speed_deg_s=table.number("speed_deg_s", SPEED_CAP_DEG_S, low=0.1, high=SPEED_CAP_DEG_S),
@@ -247,6 +249,31 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
     )
+
+
+def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
+    """Refuse a robot with joints that its driver does not drive: mm must never be sent where degrees are meant."""
+    slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
+    do = (
+        "Drive it by its own controller, write joints and readings into a data set (NAME.csv, NAME.toml) and identify "
+        "from that; or give the robot file without that axis where it stands still."
+    )
+    if slides:
+        raise table.refuse(
+            "model",
+            f"'{robot.name}' has joints that slide ({', '.join(slides)}), and no driver moves those.",
+            do,
+        )
+    try:
+        joints = robot_driver(driver).joints
+    except ConfigError:
+        return  # whoever needs the driver says so
+    if robot.joints != joints:
+        raise table.refuse(
+            "model",
+            f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {joints}.",
+            do,
+        )
 
 
 def _home(table: TomlTable, limits_deg: Sequence[Sequence[float]]) -> tuple[float, ...] | None:

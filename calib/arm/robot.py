@@ -107,6 +107,16 @@ class Robot:
         return tuple(f"{axis}_{unit}" for axis, unit in zip(self.axes, self.units, strict=True))
 
     @cached_property
+    def previous_columns(self) -> tuple[str, ...]:
+        """The column of where every joint was before: `prev1_deg`, `prev_e1_mm`."""
+        return tuple(f"prev{_tail(axis)}_{unit}" for axis, unit in zip(self.axes, self.units, strict=True))
+
+    @cached_property
+    def approach_columns(self) -> tuple[str, ...]:
+        """The column of the side from which every joint arrived: `approach1`, `approach_e1`."""
+        return tuple(f"approach{_tail(axis)}" for axis in self.axes)
+
+    @cached_property
     def joint_units(self) -> Array:
         """(N,) one unit of every joint as it is read and written, inside: joints / joint_units is for people."""
         return np.array([FACTORS[kind] for kind in self.kinds])
@@ -158,6 +168,10 @@ class Robot:
             return model
         joint_matrix = self.joint_matrices[coupling]
         return (model - np.array(joint_matrix.offset)) @ np.linalg.inv(np.array(joint_matrix.matrix)).T
+
+
+def _tail(axis: str) -> str:
+    return axis[1:] if axis.startswith("j") else f"_{axis}"
 
 
 def built_in_robots() -> list[str]:
@@ -251,7 +265,7 @@ def _joint_matrix(entry: dict[str, Any], kinds: Sequence[JointKind], path: Path,
     refuse_unknown(entry, _MATRIX_KEYS, path, f"{key}.")
     offset = [0.0] * len(kinds)
     for kind, unit in UNITS.items():
-        given = [float(x) for x in entry.get(f"offset_{unit}", offset)]
+        given = [float(x) for x in entry.get(f"offset_{unit}", [0.0] * len(kinds))]
         misplaced = [
             k for k, x in enumerate(given, start=1) if x and k <= len(kinds) and kinds[k - 1] != kind
         ]
@@ -277,7 +291,7 @@ def _twisted(
 ) -> tuple[int, ...]:
     """The links whose beta is the twist of `parallel_axes`, which names axes parallel to the one before them."""
     axes = tuple(int(k) for k in table.get("parallel_axes", ()))
-    behind = 1 if convention == "dh" else 0
+    behind, other = (1, "mdh") if convention == "dh" else (0, "dh")
     for k in axes:
         if not 2 <= k <= len(alpha):
             raise DataError(
@@ -290,7 +304,8 @@ def _twisted(
             raise DataError(
                 f"names axis {k}, but alpha_deg of link {k - behind} says that it leans "
                 f"{alpha[k - 1 - behind] / DEG:g} deg against axis {k - 1}.",
-                do="Name the second of two parallel axes: 3 where axes 2 and 3 are parallel, in both conventions.",
+                do=f'Set convention = "{other}" if these numbers are of that one; else name the second of two parallel '
+                "axes: 3 where axes 2 and 3 are parallel, in both conventions.",
                 file=path,
                 key="parallel_axes",
             )

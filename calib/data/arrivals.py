@@ -34,23 +34,23 @@ def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
 def arrivals_of(
     table: Columns, header: Header, joints: Array, order: NDArray[np.int64], series: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Side of approach (n, N), +1 from below or -1 from above, and previous model angles (n, N), rad.
+    """Side of approach (n, N), +1 from below or -1 from above, and previous model joints (n, N), rad or mm.
 
     Raises DataError for a recorded side that is neither.
     """
-    count = header.robot.joints
+    robot = header.robot
     in_time = np.argsort(order)
     begins = np.append(True, series[in_time[1:]] != series[in_time[:-1]])
     before = np.empty_like(joints)
     before[in_time[1:]] = joints[in_time[:-1]]
     before[in_time[begins]] = joints[in_time[begins]]
-    recorded = np.column_stack([table.numbers(f"prev{k}_deg") for k in range(1, count + 1)]) * DEG
-    recorded = header.robot.model_angles(recorded, header.coupling)
+    recorded = np.column_stack([table.numbers(name) for name in robot.previous_columns]) * robot.joint_units
+    recorded = robot.model_angles(recorded, header.coupling)
     previous = np.where(np.isfinite(recorded), recorded, before)
-    side = np.column_stack([table.numbers(f"approach{k}") for k in range(1, count + 1)])
+    side = np.column_stack([table.numbers(name) for name in robot.approach_columns])
     for i, k in np.argwhere(np.isfinite(side) & ~np.isin(side, (-1.0, 1.0))):
         raise table.refuse(
-            int(i), f"approach{k + 1}", f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)"
+            int(i), robot.approach_columns[k], f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)"
         )
     if header.coupling != "none":
         matrix = np.array(header.robot.joint_matrices[header.coupling].matrix)

@@ -1,6 +1,7 @@
 """Under which conditions every reading was taken: what drives an effect, as arrays over n readings.
 
-Angles are model angles (behind the joint matrix), rad; times s; temperatures degC; torques and moments N.mm.
+Joints are those of the model (behind the joint matrix), rad, or mm of one that slides; times s; temperatures degC;
+torques and moments N.mm, forces along a slide N.
 A quantity nobody recorded is NaN; regressors that need it are then not offered.
 """
 
@@ -42,6 +43,8 @@ class Conditions:
     series_names: tuple[str, ...]
     target_names: tuple[str, ...]
     anchor_names: tuple[str, ...] = ()
+    axis_names: tuple[str, ...] = ()  # what the joints are called, "e1"; empty: j1, j2, ...
+    unit_names: tuple[str, ...] = ()  # in which they are read, "deg" or "mm"; empty: all deg
 
     def __len__(self) -> int:
         return len(self.joints)

@@ -54,7 +54,7 @@ _KEYS = {
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
 _NOISE_KEYS = {
     *("kind", "sigma_mm", "station_mm", "range_mm", "range_ppm", "transverse_mm", "transverse_ppm"),
-    *("rotation_mrad", "length_mm", "repeatability_deg"),
+    *("rotation_mrad", "length_mm", "repeatability_deg", "repeatability_mm"),
 }
 
 _NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
@@ -293,6 +293,7 @@ def _noise(table: TomlTable) -> Noise:
         repeatability=table.number("repeatability_deg", 0.0, low=0.0) * DEG,
         rotation=table.number("rotation_mrad", 0.0, low=0.0) * 1e-3,
         length_mm=table.number("length_mm", 0.0, low=0.0),
+        repeatability_mm=table.number("repeatability_mm", 0.0, low=0.0),
     )
     for key, value in table.values.items():
         if key in _NOISE_KEYS and isinstance(value, float) and 0.0 < value < LEAST:

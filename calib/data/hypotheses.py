@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, built_in_robots, load_robot
+from calib.arm.robot import Convention, Robot, built_in_robots, load_robot
 from calib.arm.start import base_and_tool, base_target
 from calib.array import Array
 from calib.units import DEG
@@ -33,8 +33,10 @@ _EXPLAINED = 0.03  # the same, that a believed hypothesis may leave
 _ALIKE = 1.5  # ratio of misses within which two hypotheses count as alike
 _UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 _LATEST = 3  # rows by which a column may have slipped
+_SEEN = 1e-3  # sine of alpha from which on its sign shows
 _METRES = 20.0  # mm: an arm with a smaller reach is written in metres
-_QUARTER = 90.0 * DEG
+# Zeros that are off by a quarter or a half turn, and what has to be added
+_OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
 
 File = Literal["data", "header"]
 
@@ -84,14 +86,33 @@ class Meaning:
 
 
 @dataclass(frozen=True)
+class Counting:
+    """How the joints would be counted: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
+
+    rad, and mm of joints that slide.
+    """
+
+    matrix: Array
+    offset: Array
+
+    def of(self, meaning: Meaning) -> Meaning:
+        """The same readings, their joints counted in this way."""
+        return replace(meaning, angles=meaning.angles @ self.matrix.T + self.offset)
+
+
+@dataclass(frozen=True)
 class Hypothesis:
-    """A hypothesis about the files: what is wrong, what to do, and in which file under which key."""
+    """A hypothesis about the files: what is wrong, what to do, and in which file under which key.
+
+    counting: of the joints, where the hypothesis is about them and a robot file could say it too.
+    """
 
     what: str
     do: str
     file: File
     key: str
     meaning: Meaning
+    counting: Counting | None = None
 
 
 @dataclass(frozen=True)
@@ -167,84 +188,134 @@ def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
                 "joint_coupling",
                 replace(meaning, coupling=coupling),
             )
-    if robot in built_in.values():
-        return
+    if robot not in built_in.values():
+        yield from of_table(meaning)
+
+
+def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
+    """The table of the robot file is misread: its units, its convention, signs, columns or rows in another's place."""
+    robot = meaning.robot
+
+    def misread(what: str, do: str, **changes: tuple[float, ...] | Convention) -> Hypothesis:
+        return Hypothesis(
+            f"the file of the robot {robot.name} {what}",
+            do,
+            "header",
+            "robot",
+            replace(meaning, robot=replace(robot, **changes)),
+        )
+
     if reach(robot) < _METRES:
-        longer = replace(robot, a=tuple(1000.0 * x for x in robot.a), d=tuple(1000.0 * x for x in robot.d))
-        yield _of_table(meaning, longer, "has its lengths in metres", "Multiply every a_mm and d_mm by 1000.")
-    wider = replace(
-        robot, alpha=tuple(x / DEG for x in robot.alpha), theta=tuple(x / DEG for x in robot.theta)
+        yield misread(
+            "has its lengths in metres",
+            "Multiply every a_mm and d_mm by 1000.",
+            a=tuple(1000.0 * x for x in robot.a),
+            d=tuple(1000.0 * x for x in robot.d),
+        )
+    yield misread(
+        "has its angles in radians",
+        "Write alpha_deg and theta_deg in degrees.",
+        alpha=tuple(x / DEG for x in robot.alpha),
+        theta=tuple(x / DEG for x in robot.theta),
     )
-    yield _of_table(meaning, wider, "has its angles in radians", "Write alpha_deg and theta_deg in degrees.")
     written, convention = ("modified", "dh") if robot.convention == "mdh" else ("standard", "mdh")
-    yield _of_table(
-        meaning,
-        replace(robot, convention=convention),
+    yield misread(
         f"does not hold {written} DH numbers, as its convention says",
         f'Set convention = "{convention}" in the robot file.',
+        convention=convention,
     )
-    for k, alpha in enumerate(robot.alpha):
-        if abs(np.sin(alpha)) > 1e-3:
-            turned = (*robot.alpha[:k], -alpha, *robot.alpha[k + 1 :])
-            yield _of_table(
-                meaning,
-                replace(robot, alpha=turned),
-                f"has alpha_deg of link {k + 1} with the wrong sign",
-                f"Write alpha_deg = {-alpha / DEG:g} for link {k + 1}.",
-            )
-
-
-def _of_table(meaning: Meaning, robot: Robot, what: str, do: str) -> Hypothesis:
-    return Hypothesis(
-        f"the file of the robot {robot.name} {what}", do, "header", "robot", replace(meaning, robot=robot)
-    )
+    yield misread("has a_mm and d_mm in each other's place", "Exchange a_mm and d_mm.", a=robot.d, d=robot.a)
+    for k, (alpha, a, d) in enumerate(zip(robot.alpha, robot.a, robot.d, strict=True)):
+        for key, value, unit, there in (
+            ("alpha", alpha, "deg", abs(np.sin(alpha)) > _SEEN),
+            ("a", a, "mm", bool(a)),
+            ("d", d, "mm", bool(d)),
+        ):
+            if there:
+                numbers = getattr(robot, key)
+                shown = -value / DEG if unit == "deg" else -value
+                yield misread(
+                    f"has {key}_{unit} of link {k + 1} with the wrong sign",
+                    f"Write {key}_{unit} = {shown:g} for link {k + 1}.",
+                    **{key: (*numbers[:k], -value, *numbers[k + 1 :])},
+                )
+    for k in range(robot.joints - 1):
+        order = [*range(k), k + 1, k, *range(k + 2, robot.joints)]
+        yield misread(
+            f"has links {k + 1} and {k + 2} in each other's place",
+            f"Exchange the tables [[link]] of links {k + 1} and {k + 2}.",
+            alpha=tuple(robot.alpha[i] for i in order),
+            a=tuple(robot.a[i] for i in order),
+            theta=tuple(robot.theta[i] for i in order),
+            d=tuple(robot.d[i] for i in order),
+        )
 
 
 def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
-    """A joint turns in the other direction, has its zero a quarter turn off, is in radians, or is in its neighbour's
-    column."""
-    angles, last = meaning.angles, meaning.angles.shape[1]
-    for k in range(last):
-        name = f"j{k + 1}_deg"
-        other = angles.copy()
-        other[:, k] *= -1.0
-        yield Hypothesis(
-            f"joint {k + 1} turns in the other direction than the robot has it",
+    """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
+    or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
+    robot, last = meaning.robot, meaning.angles.shape[1]
+    plain = Counting(np.eye(last), np.zeros(last))
+
+    def counted(what: str, do: str, key: str, counting: Counting) -> Hypothesis:
+        return Hypothesis(what, do, "data", key, counting.of(meaning), counting)
+
+    everything = Counting(
+        np.diag([1.0 / DEG if unit == "deg" else 1.0 for unit in robot.units]), plain.offset
+    )
+    whole = counted(
+        "all joints are given in radians", "Write the joints in degrees.", robot.joint_columns[0], everything
+    )
+    # A robot file has no radians: these are in the data.
+    yield replace(whole, counting=None)
+    for k, (axis, name, unit) in enumerate(zip(robot.axes, robot.joint_columns, robot.units, strict=True)):
+        joint = f"joint {axis.removeprefix('j')}"
+        yield counted(
+            f"{joint} {robot.kinds[k]} in the other direction than the robot has it",
             f"Change the sign of the column {name}, or of the joint in the robot file.",
-            "data",
             name,
-            replace(meaning, angles=other),
+            replace(plain, matrix=_with(plain.matrix, k, k, -1.0)),
         )
-        for off, sign in ((_QUARTER, "+"), (-_QUARTER, "-")):
-            other = angles.copy()
-            other[:, k] += off
-            tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
-            yield Hypothesis(
-                f"the zero of joint {k + 1} is 90 deg off",
-                f"Add {sign}90 to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
-                "data",
-                name,
-                replace(meaning, angles=other),
-            )
-        other = angles.copy()
-        other[:, k] /= DEG
-        yield Hypothesis(
-            f"joint {k + 1} is given in radians",
-            f"Write the column {name} in degrees.",
-            "data",
+        for turn, ways in _OFF.items() if unit == "deg" else ():
+            for off, sign in ways:
+                tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
+                yield counted(
+                    f"the zero of {joint} is {turn} deg off",
+                    f"Add {sign} to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
+                    name,
+                    replace(plain, offset=off * DEG * plain.matrix[k]),
+                )
+        written, factor, meant = ("radians", 1.0 / DEG, "degrees") if unit == "deg" else ("metres", 1e3, "mm")
+        other = counted(
+            f"{joint} is given in {written}",
+            f"Write the column {name} in {meant}.",
             name,
-            replace(meaning, angles=other),
+            replace(plain, matrix=_with(plain.matrix, k, k, factor)),
         )
-        if k + 1 < last:
-            other = angles.copy()
-            other[:, [k, k + 1]] = angles[:, [k + 1, k]]
-            yield Hypothesis(
-                f"joints {k + 1} and {k + 2} are in each other's column",
-                f"Swap the columns {name} and j{k + 2}_deg.",
-                "data",
-                f"{name}, j{k + 2}_deg",
-                replace(meaning, angles=other),
+        yield replace(other, counting=None)
+        if k + 1 == last or unit != robot.units[k + 1]:
+            continue
+        following, order = robot.joint_columns[k + 1], [*range(k), k + 1, k, *range(k + 2, last)]
+        yield counted(
+            f"joints {axis.removeprefix('j')} and {robot.axes[k + 1].removeprefix('j')} are in each other's column",
+            f"Swap the columns {name} and {following}.",
+            f"{name}, {following}",
+            replace(plain, matrix=plain.matrix[order]),
+        )
+        for share, how in ((1.0, "plus"), (-1.0, "minus")):
+            yield counted(
+                f"joint {robot.axes[k + 1].removeprefix('j')} of the robot is the controller's {how} its {joint}: the "
+                "two are coupled",
+                f"Use a joint matrix that has {share:g} in row {k + 2}, column {k + 1}.",
+                following,
+                replace(plain, matrix=_with(plain.matrix, k + 1, k, share)),
             )
+
+
+def _with(matrix: Array, row: int, column: int, value: float) -> Array:
+    out = matrix.copy()
+    out[row, column] = value
+    return out
 
 
 def of_points(meaning: Meaning) -> Iterator[Hypothesis]:

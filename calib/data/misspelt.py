@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from difflib import get_close_matches
+from itertools import chain
 
+from calib.arm.robot import Robot
 from calib.errors import DataError
 from calib.text.columns import Columns
 
@@ -36,17 +38,17 @@ _ONCE = (
     ),
     *("t_air_c", "waypoint", "visit", "status"),
 )
-_OF_JOINT = ("j{}_deg", "approach{}", "prev{}_deg")
-_FOR_PEOPLE = re.compile(r"j\d+_read_deg|t_.+_c")
+_FOR_PEOPLE = re.compile(r"[je]\d+_read_(deg|mm)|t_.+_c")
 _DIGITS = re.compile(r"\d+")
 
 
-def refuse_misspelt(table: Columns, joints: int) -> None:
+def refuse_misspelt(table: Columns, robot: Robot) -> None:
     """Raise DataError for a column that nobody reads and that must be a known one, mistyped.
 
-    joints: number of the robot's. One that differs in its number alone is meant as it stands: a seventh axis.
+    One that differs in its number alone is meant as it stands: a seventh axis.
     """
-    known = [*_ONCE, *(name.format(k) for name in _OF_JOINT for k in range(1, joints + 1))]
+    of_joint = zip(robot.joint_columns, robot.approach_columns, robot.previous_columns, strict=True)
+    known = [*_ONCE, *chain.from_iterable(zip(*of_joint, strict=True))]
     absent = [name for name in known if name not in table]
     for name in table.names:
         if name in known or _FOR_PEOPLE.fullmatch(name):

@@ -6,12 +6,14 @@ The robot's repeatability enters through the joint Jacobian. Source: Nubiola, th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.joint_kinds import JointKind
 from calib.array import Array
 
 Kind = Literal["tracker", "isotropic", "per-row"]
@@ -19,7 +21,10 @@ Kind = Literal["tracker", "isotropic", "per-row"]
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of an instrument: one sigma per axis; lengths mm, repeatability rad, rotation rad."""
+    """The noise of an instrument: one sigma per axis; lengths mm, rotation rad.
+
+    repeatability, repeatability_mm: of the robot's joints that turn, rad, and of those that slide.
+    """
 
     kind: Kind
     sigma_mm: float = 0.0
@@ -31,6 +36,11 @@ class Noise:
     repeatability: float = 0.0
     rotation: float = 0.0
     length_mm: float = 0.0
+    repeatability_mm: float = 0.0
+
+    def of_each_joint(self, kinds: Sequence[JointKind]) -> Array:
+        """(N,) repeatability of joints of these kinds, rad or mm."""
+        return np.array([self.repeatability_mm if kind == "slides" else self.repeatability for kind in kinds])
 
     def of_points(self, points: Array, per_row: Array) -> Array:
         """(n, 3, 3) covariance of measured points (n, 3), mm2; rows of `per_row` (n, 3) that are finite override it."""
@@ -48,9 +58,12 @@ class Noise:
         covariance[given] = per_row[given][:, :, None] ** 2 * np.eye(3)
         return covariance
 
-    def of_joints(self, columns: Array) -> Array:
+    def of_joints(self, columns: Array, kinds: Sequence[JointKind]) -> Array:
         """(n, k, k) covariance that the repeatability of the joints causes; columns (N, k, n), one row a joint."""
-        return self.repeatability**2 * np.einsum("jkn,jln->nkl", columns, columns)
+        if "slides" not in kinds:
+            return self.repeatability**2 * np.einsum("jkn,jln->nkl", columns, columns)
+        scattered = self.of_each_joint(kinds)[:, None, None] * columns
+        return np.einsum("jkn,jln->nkl", scattered, scattered)
 
 
 def whitener(covariance: Array, measured: NDArray[np.bool_]) -> Array:

@@ -24,12 +24,11 @@ from calib.data.dataset import Dataset
 from calib.data.header import Header
 from calib.data.hypotheses import FEWEST, Meaning, explained, of_joints, of_points, of_robot, of_rows
 from calib.errors import DataError
-from calib.units import DEG
 
 # Miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
 _GOOD = 0.05
 _BETTER = 0.1  # share of the miss that may be left when it is explained
-_NARROW = 20.0 * DEG
+_NARROW = 20.0  # deg or mm
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 _ENOUGH = 300  # readings of a series that show what the files mean
 _MOST_RIVALS = 2
@@ -184,17 +183,19 @@ def remarks(dataset: Dataset) -> list[str]:
             f"{len(twice)} {'reading repeats' if len(twice) == 1 else 'readings repeat'} an earlier one to the last "
             f"digit, joints and measured numbers ({ids}): counted twice, they make errors look smaller."
         )
-    joints = dataset.conditions.joints[rows]
-    low, high = joints.min(axis=0) / DEG, joints.max(axis=0) / DEG
-    for k in np.flatnonzero(np.ptp(joints, axis=0) < _NARROW):
+    robot = dataset.header.robot
+    numbers = [axis.removeprefix("j") for axis in robot.axes]
+    joints = dataset.conditions.joints[rows] / robot.joint_units
+    low, high = joints.min(axis=0), joints.max(axis=0)
+    for k in np.flatnonzero(high - low < _NARROW):
         out.append(
-            f"Joint {k + 1} moves only from {low[k]:.1f} to {high[k]:.1f} deg: its parameters are hardly seen, and "
-            "poses beyond are a guess."
+            f"Joint {numbers[k]} moves only from {low[k]:.1f} to {high[k]:.1f} {robot.units[k]}: its parameters are "
+            "hardly seen, and poses beyond are a guess."
         )
     side = dataset.conditions.side[rows]
     one_sided = np.flatnonzero(np.ptp(side, axis=0) == 0.0)
     if len(one_sided):
-        names = ", ".join(str(k + 1) for k in one_sided)
+        names = ", ".join(numbers[k] for k in one_sided)
         out.append(
             f"{'Joint' if len(one_sided) == 1 else 'Joints'} {names} always arrived from the same side: backlash "
             "there is invisible, and the result holds for that approach."

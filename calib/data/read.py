@@ -6,12 +6,14 @@ What cannot be trusted is refused by file, line and column.
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm.kinematics import statics
+from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.arrivals import arrivals_of, order_of
 from calib.data.conditions import Conditions
@@ -26,9 +28,9 @@ from calib.data.visits import with_visits
 from calib.errors import DataError
 from calib.text.columns import Columns
 from calib.text.toml_table import FARTHEST_MM
-from calib.units import DEG
 
 _MOST_DEG = 1e5
+_OF_AXIS = re.compile(r"([je]\d+)_(?:deg|mm)")
 _MOST_WAYPOINTS = 1e9
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 
@@ -41,8 +43,8 @@ def read_dataset(path: Path | str) -> Dataset:
 
 def dataset_of(table: Columns, header: Header) -> Dataset:
     """The data set of a table and its header. Raises DataError (file, line or key, what to do)."""
-    _refuse_without_units(table)
-    refuse_misspelt(table, header.robot.joints)
+    _refuse_without_units(table, header.robot)
+    refuse_misspelt(table, header.robot)
     _refuse_without_ids(table)
     spans, table = take_spans(table, header)
     if not len(table):
@@ -91,6 +93,8 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         series_names=tuple(str(name) for name in series_names),
         target_names=tuple(str(name) for name in target_names),
         anchor_names=anchor_names,
+        axis_names=header.robot.axes,
+        unit_names=header.robot.units,
     )
     conditions = with_visits(conditions, table.text("visit"))
     dataset = Dataset(
@@ -107,7 +111,9 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         u_length=table.numbers("u_length_mm"),
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
         sha256=hashlib.sha256((table.sha256 + header.text).encode()).hexdigest(),
-        arrivals_told="approach1" in table or "prev1_deg" in table,
+        arrivals_told=any(
+            name in table for name in (header.robot.approach_columns[0], header.robot.previous_columns[0])
+        ),
         spans=spans,
     )
     refuse_unfit(dataset, table)
@@ -117,11 +123,12 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
     return dataset
 
 
-def _refuse_without_units(table: Columns) -> None:
+def _refuse_without_units(table: Columns, robot: Robot) -> None:
+    of_joints = dict(zip(robot.axes, robot.units, strict=True))
     for name in table.names:
         stem = name.lower()
-        if stem in _UNITLESS or (stem.startswith("j") and stem[1:].isdigit()):
-            unit = {"t": "s", "t_air": "c"}.get(stem, "deg" if stem.startswith("j") else "mm")
+        if stem in _UNITLESS or stem in of_joints or (stem.startswith("j") and stem[1:].isdigit()):
+            unit = {"t": "s", "t_air": "c", **of_joints}.get(stem, "deg" if stem.startswith("j") else "mm")
             raise DataError(
                 f"column '{name}' has no unit in its name.",
                 do=f"Name it '{name}_{unit}' if its values are in that unit; convert them first if not.",
@@ -129,7 +136,7 @@ def _refuse_without_units(table: Columns) -> None:
                 line=1,
             )
         for wrong, right in (("_rad", "_deg"), ("_m", "_mm")):
-            known = any(stem.startswith(start) for start in ("j", "x", "y", "z", "length"))
+            known = any(stem.startswith(start) for start in ("j", "x", "y", "z", "length", *robot.axes))
             if known and stem.endswith(wrong) and not stem.endswith("_mm") and len(stem.split("_")) == 2:
                 raise DataError(
                     f"column '{name}' is not in the unit of the format.",
@@ -153,31 +160,56 @@ def _refuse_without_ids(table: Columns) -> None:
 
 
 def _joints(table: Columns, header: Header) -> Array:
-    count = header.robot.joints
-    for k in range(1, count + 1):
-        table.require(
-            f"j{k}_deg", f"The robot {header.robot.name} has {count} joints: give j1_deg to j{count}_deg."
-        )
-    if f"j{count + 1}_deg" in table:
+    robot = header.robot
+    _refuse_other_axes(table, robot)
+    first, last = robot.joint_columns[0], robot.joint_columns[-1]
+    for name in robot.joint_columns:
+        table.require(name, f"The robot {robot.name} has {robot.joints} joints: give {first} to {last}.")
+    shown = np.column_stack([table.numbers(name, required=True) for name in robot.joint_columns])
+    degrees = shown[:, [kind == "turns" for kind in robot.kinds]]
+    if len(degrees) >= 5 and degrees.size and np.max(np.abs(degrees)) <= 2.0 * np.pi + 1e-3:
+        name = robot.joint_columns[robot.kinds.index("turns")]
         raise DataError(
-            f"column 'j{count + 1}_deg' is there, but the robot {header.robot.name} has {count} joints.",
+            f"no joint angle exceeds {np.max(np.abs(degrees)):.3f}: these can only be radians.",
+            do=f"Columns {name}... hold degrees: multiply by 180/pi.",
+            file=table.path,
+            key=name,
+        )
+    for i, k in np.argwhere(np.abs(shown) > _MOST_DEG):
+        unit = "degrees" if robot.kinds[k] == "turns" else "mm"
+        raise table.refuse(
+            int(i), robot.joint_columns[k], f"is {shown[i, k]:g}", f"Give {unit}, not encoder counts"
+        )
+    return robot.model_angles(shown * robot.joint_units, header.coupling)
+
+
+def _refuse_other_axes(table: Columns, robot: Robot) -> None:
+    """Raise DataError for a joint that the robot does not have or has in another unit.
+
+    An external axis that never moved is no part of the arm, and may be there.
+    """
+    kinds = dict(zip(robot.axes, robot.kinds, strict=True))
+    for name in table.names:
+        if name in robot.joint_columns or not (match := _OF_AXIS.fullmatch(name)):
+            continue
+        axis = match[1]
+        if axis in kinds:
+            right = robot.joint_columns[robot.axes.index(axis)]
+            raise DataError(
+                f"column '{name}' is there, but {axis} of the robot {robot.name} {kinds[axis]}.",
+                do=f"Give {right}, or correct the robot file.",
+                file=table.path,
+                line=1,
+            )
+        if axis.startswith("e") and np.ptp(np.nan_to_num(table.numbers(name))) == 0.0:
+            continue
+        raise DataError(
+            f"column '{name}' is there, but the robot {robot.name} has {robot.joints} joints: "
+            f"{', '.join(robot.axes)}.",
             do="Correct the robot in the header, or remove the column.",
             file=table.path,
             line=1,
         )
-    degrees = np.column_stack([table.numbers(f"j{k}_deg", required=True) for k in range(1, count + 1)])
-    if len(degrees) >= 5 and np.max(np.abs(degrees)) <= 2.0 * np.pi + 1e-3:
-        raise DataError(
-            f"no joint angle exceeds {np.max(np.abs(degrees)):.3f}: these can only be radians.",
-            do="Columns j1_deg... hold degrees: multiply by 180/pi.",
-            file=table.path,
-            key="j1_deg",
-        )
-    for i, k in np.argwhere(np.abs(degrees) > _MOST_DEG):
-        raise table.refuse(
-            int(i), f"j{k + 1}_deg", f"is {degrees[i, k]:g}", "Give degrees, not encoder counts"
-        )
-    return header.robot.model_angles(degrees * DEG, header.coupling)
 
 
 def _status(table: Columns) -> NDArray[np.str_]:

@@ -8,23 +8,24 @@ from calib.data.dataset import Dataset
 from calib.data.header import LEAST
 from calib.errors import DataError
 from calib.text.columns import Columns
-from calib.units import DEG
 
 _FEWEST_A_SERIES = 3
-_BEYOND_DEG = 2.0  # by which a joint may exceed its limit: limits are set a little apart in many a controller
+_BEYOND = 2.0  # deg or mm, by which a joint may exceed its limit: limits are set a little apart in many a controller
 
 
 def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
     """Raise DataError where no robot goes: a typing error, or another robot."""
     robot, conditions = dataset.header.robot, dataset.conditions
-    angles = robot.controller_angles(conditions.joints, dataset.header.coupling) / DEG
-    lower, upper = np.array(robot.lower) / DEG, np.array(robot.upper) / DEG
-    beyond = (angles < lower - _BEYOND_DEG) | (angles > upper + _BEYOND_DEG)
+    units = robot.joint_units
+    shown = robot.controller_angles(conditions.joints, dataset.header.coupling) / units
+    lower, upper = np.array(robot.lower) / units, np.array(robot.upper) / units
+    beyond = (shown < lower - _BEYOND) | (shown > upper + _BEYOND)
     for i, k in np.argwhere(beyond & dataset.usable[:, None])[:1]:
         raise table.refuse(
             int(i),
-            f"j{k + 1}_deg",
-            f"is {angles[i, k]:g}, and joint {k + 1} of {robot.name} goes from {lower[k]:g} to {upper[k]:g} deg",
+            robot.joint_columns[k],
+            f"is {shown[i, k]:g}, and joint {robot.axes[k].removeprefix('j')} of {robot.name} goes from "
+            f"{lower[k]:g} to {upper[k]:g} {robot.units[k]}",
             "Correct it, or write beyond_limits = true in the header where the robot really went there",
         )
 
@@ -47,7 +48,7 @@ def refuse_unfit(dataset: Dataset, table: Columns) -> None:
             "all calibration readings are the same.",
             do="Measure poses all over the joint ranges.",
             file=table.path,
-            key="j1_deg.. x_mm..",
+            key=f"{dataset.header.robot.joint_columns[0]}.. x_mm..",
         )
     conditions = dataset.conditions
     for s, name in enumerate(conditions.series_names):

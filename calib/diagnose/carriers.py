@@ -23,6 +23,7 @@ from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.diagnose.normal import BLOCKS, Normal, Posterior
 from calib.effects import Survey
+from calib.effects.by_axis import by_axis
 from calib.effects.gear_orders import BANDS, HIGHEST, curve_of, gear_orders, half_octave
 from calib.effects.periodic import periodic
 from calib.fit import robust
@@ -131,7 +132,10 @@ class _Trial:
     def of(cls, named: Identification, sizes: Sizes) -> _Trial:
         """The curves of some joints, with the sizes that a fit before had, or a first guess."""
         orders = _named_orders(named.model.effects)
-        curves = {k: gear_orders(k, of_joint, orders.get(k, ())) for k, of_joint in sizes.items()}
+        robot = named.model.robot
+        curves = {
+            k: by_axis(gear_orders(k, of_joint, orders.get(k, ())), robot) for k, of_joint in sizes.items()
+        }
         model = replace(named.model.append(*curves.values()), curves=())
         start = carry(named.model, named.estimate, model)
         active = np.ones(len(start), dtype=bool)
@@ -179,7 +183,10 @@ class _Trial:
             mine = self.band // BANDS == i
             of_joint[self.band[mine] % BANDS] = np.sqrt(posterior.variance[mine]) / DEG
         orders = _named_orders(named.model.effects)
-        curves = {k: gear_orders(k, of_joint, orders.get(k, ())) for k, of_joint in sizes.items()}
+        robot = named.model.robot
+        curves = {
+            k: by_axis(gear_orders(k, of_joint, orders.get(k, ())), robot) for k, of_joint in sizes.items()
+        }
         model = replace(named.model.append(*curves.values()), curves=())
         count = len(self.start)
         estimate, determined, prior = self.start.copy(), np.zeros(count), np.zeros(count)

@@ -210,7 +210,7 @@ def _advice(rival: Rival, found: Identification) -> list[str]:
 def _noise(found: Identification, conditions: Conditions) -> Array:
     """(n, 3, 3) covariance of a reading at every candidate, for the noise that was found, mm2."""
     header: Header = found.header
-    joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
+    joints = found.model.robot.joint_slots
     frames = Design(found.model, conditions).frames(found.estimate, joints)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     typical = found.readings.observed.alone.whiten
@@ -220,7 +220,7 @@ def _noise(found: Identification, conditions: Conditions) -> Array:
         covariance = np.broadcast_to(np.eye(3) * variance, (len(points), 3, 3))
     else:
         covariance = header.noise.of_points(points, np.full(points.shape, np.nan))
-        covariance = covariance + header.noise.of_joints(frames.velocities(joints))
+        covariance = covariance + header.noise.of_joints(frames.velocities(joints), found.model.robot.kinds)
     return covariance * max(found.noise_scale, 1.0) ** 2
 
 

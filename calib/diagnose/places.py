@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from calib.arm.kinematics import gravity_at_flange, gravity_torques
+from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.scan.space import Space
@@ -32,32 +33,39 @@ _QUICK_FROM, _QUICK, _QUICK_TO = 6, 20.0, 80
 
 def drivers(space: Space) -> dict[str, Array]:
     """Name of each driver -> (n, m) functions of it, mean square falling from 1 with their order."""
-    conditions = space.fitted.readings.conditions
+    conditions, robot = space.fitted.readings.conditions, space.fitted.model.robot
     joints = range(conditions.joints.shape[1])
+    names = [axis.removeprefix("j") for axis in robot.axes]
     moving = [k for k in joints if np.ptp(conditions.joints[:, k]) > _STILL]
     waves = {k: _waves(conditions.joints[:, k], _WAVES) for k in moving}
-    found = {f"joint {k + 1} angle": waves[k] for k in moving}
+    found = {f"joint {names[k]} angle": waves[k] for k in moving}
     for j, k in combinations(moving, 2):
-        found[f"joint {j + 1} and joint {k + 1} angles"] = _products(waves[j][:, :6], waves[k][:, :6])
+        found[f"joint {names[j]} and joint {names[k]} angles"] = _products(waves[j][:, :6], waves[k][:, :6])
     if len(moving) > 2:
-        found[TOGETHER] = _field(conditions.joints[:, moving])
+        found[TOGETHER] = _field(_as_angles(conditions.joints, robot)[:, moving])
     before = gravity_torques(
-        space.fitted.model.robot, conditions.previous, space.fitted.header.loads, space.fitted.header.gravity
+        robot, conditions.previous, space.fitted.header.loads, space.fitted.header.gravity
     )
     for k in joints:
         load = _powers(conditions.torque[:, k], 5)
-        found |= _named(f"torque about joint {k + 1}", load)
-        found |= _named(f"moment across joint {k + 1}", _quadratic(conditions.moment[:, k]))
+        found |= _named(f"torque about joint {names[k]}", load)
+        found |= _named(f"moment across joint {names[k]}", _quadratic(conditions.moment[:, k]))
         if k in waves:
             side = conditions.side[:, k, None]
             beside = np.column_stack([waves[k][:, :8], load[:, :3]])
-            found |= _named(f"side of approach of joint {k + 1}", np.column_stack([side, side * beside]))
+            found |= _named(f"side of approach of joint {names[k]}", np.column_stack([side, side * beside]))
             moved = _powers(conditions.joints[:, k] - conditions.previous[:, k], 4)
-            found |= _named(f"last move of joint {k + 1}", moved)
+            found |= _named(f"last move of joint {names[k]}", moved)
             unloaded = _powers(conditions.torque[:, k] - before[:, k], 4)
-            found |= _named(f"last change of torque about joint {k + 1}", unloaded)
+            found |= _named(f"last change of torque about joint {names[k]}", unloaded)
     found |= _named("overturning moment", _quadratic(conditions.overturning))
     return found | _outside_the_arm(space, conditions)
+
+
+def _as_angles(joints: Array, robot: Robot) -> Array:
+    """(n, N) joints with the whole travel of a slide as half a turn: a field over several is as smooth along each."""
+    travel = np.array(robot.upper) - np.array(robot.lower)
+    return joints * np.where([kind == "slides" for kind in robot.kinds], np.pi / travel, 1.0)
 
 
 def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
@@ -97,8 +105,9 @@ def directions(space: Space) -> dict[str, Array]:
     view = np.broadcast_to(frames.p, (3, n)) - np.array(space.fitted.model.station)[:, None]
     found[SIGHT] = observed.displaced(frames, (view / np.maximum(np.linalg.norm(view, axis=0), 1e-9))[None])
     found[LENGTHS] = _growth(space)[None]
-    for k in range(conditions.joints.shape[1]):
-        found[f"joint {k + 1}"] = observed.column(frames, f"theta{k + 1}")[None]
+    robot = space.fitted.model.robot
+    for axis, slot in zip(robot.axes, robot.joint_slots, strict=True):
+        found[f"joint {axis.removeprefix('j')}"] = observed.column(frames, slot)[None]
     return found
 
 

@@ -25,12 +25,18 @@ from calib.effects import (
     periodic,
     settling,
     shift,
+    slide_backlash,
+    slide_compliance,
+    slide_growth,
+    slide_guide,
+    slide_scale,
     thermal_growth,
     thermal_joint,
     tool,
     tracker_scale,
     warm_up,
 )
+from calib.effects.by_axis import by_axis, family_by_axis
 from calib.effects.installed import installed
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey, compliance_of
@@ -78,10 +84,15 @@ LIBRARY: tuple[Entry, ...] = (
     thermal_growth,
     thermal_joint,
     warm_up,
+    slide_scale,
+    slide_backlash,
+    slide_guide,
+    slide_growth,
+    slide_compliance,
 )
 
 
-SETS_IN = (shift, joint_step, backlash, payload, tracker_scale)
+SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale)
 """Files of effects that can set in between two campaigns."""
 
 
@@ -93,12 +104,13 @@ def entries() -> tuple[Entry, ...]:
 def offers(survey: Survey) -> list[Family]:
     """Everything the library can propose for these readings, less what their base model has already."""
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
-    return [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
+    new = [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
+    return [family_by_axis(p, survey.robot) for p in new]
 
 
 def changes(survey: Survey) -> list[Effect]:
     """What may have set in since a calibration, as these readings could show it."""
-    return [found for entry in SETS_IN for found in entry.changes(survey)]
+    return [by_axis(found, survey.robot) for entry in SETS_IN for found in entry.changes(survey)]
 
 
 def kind_of(label: str) -> Kind:

@@ -44,10 +44,10 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that moved and across whose axis gravity pulls, now more, now less."""
+    """One candidate for each joint or carriage that moved and across whose axis gravity pulls, now more, now less."""
     moment = survey.conditions.moment
     return [
         Candidate(bearing_tilt(k, survey.largest(moment[:, k - 1, :2])))
-        for k in survey.moving
+        for k in (*survey.moving, *survey.sliding)
         if survey.strains(moment[:, k - 1, 0]) or survey.strains(moment[:, k - 1, 1])
     ]

@@ -45,8 +45,10 @@ def pairs(joints: int) -> list[tuple[int, int]]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each pair of which the first joint moved."""
-    joints = survey.conditions.joints
+    """One candidate for each pair that turns and of which the first joint moved."""
+    slides = survey.robot.slides
     return [
-        Candidate(coupling(a, b)) for a, b in pairs(survey.robot.joints) if survey.varies(joints[:, a - 1])
+        Candidate(coupling(a, b))
+        for a, b in pairs(survey.robot.joints)
+        if a in survey.moving and b not in slides
     ]

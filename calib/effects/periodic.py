@@ -66,7 +66,7 @@ def offer(survey: Survey) -> list[Harmonics]:
     beyond = np.arange(gear_orders.HIGHEST + 1.0, HIGHEST + 0.5)
     scans = []
     for joint in survey.joint_numbers:
-        if survey.turns(joint) > 0.0:
+        if survey.turns(joint) > 0.0 and joint not in survey.robot.slides:
             slots = ((f"theta{joint}", 1.0),)
             orders = beyond if joint in survey.curves and survey.turns(joint) <= 1.0 else everywhere
             at = partial(periodic, joint)

@@ -87,7 +87,16 @@ class Survey:
 
     @property
     def moving(self) -> list[int]:
-        """The joints that moved: of one that never did, no reading shows what its gear does."""
+        """The joints that turned: of one that never did, no reading shows what its gear does."""
+        return [k for k in self._moved if k not in self.robot.slides]
+
+    @property
+    def sliding(self) -> list[int]:
+        """The joints that slid."""
+        return [k for k in self._moved if k in self.robot.slides]
+
+    @property
+    def _moved(self) -> list[int]:
         return [k for k in self.joint_numbers if self.varies(self.conditions.joints[:, k - 1])]
 
     def turns(self, joint: int) -> float:

@@ -14,12 +14,11 @@ from calib.fit.identification import Identification
 from calib.fit.readings import Readings, readings_of
 from calib.fit.robust import distances
 from calib.model.model import Design
-from calib.units import DEG
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A reading that took no part: joints as the controller counts them, deg; target; error in mm, and how many
+    """A reading that took no part: joints as the controller counts them, deg or mm; target; error in mm, and how many
     times the declared noise that is (length of the whitened residual)."""
 
     reading_id: str
@@ -50,7 +49,7 @@ def left_out(dataset: Dataset, fitted: Identification) -> tuple[LeftOut, ...]:
     lengths: Array = distances(readings.observed.alone.residual(frames))
     errors = errors_on(dataset, mask, fitted.model, fitted.estimate)
     header, conditions = dataset.header, readings.conditions
-    angles = header.robot.controller_angles(conditions.joints, header.coupling) / DEG
+    angles = header.robot.controller_angles(conditions.joints, header.coupling) / header.robot.joint_units
     return tuple(
         LeftOut(
             dataset.reading_id[readings.rows[i]],

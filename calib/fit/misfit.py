@@ -20,7 +20,7 @@ def refuse_misfit(dataset: Dataset, found: Identification) -> None:
     nothing there explains, is fitted and passes. Where zeros are not freed, such as by `fit = ["base"]`, a far miss may
     be the very finding: nothing is refused.
     """
-    zeros = {f"theta{k}" for k in range(1, found.model.robot.joints + 1)}
+    zeros = set(found.model.robot.joint_slots)
     if found.noise_scale < _NOISE or not zeros & found.model.index.keys():
         return
     points = dataset.points[found.readings.rows]

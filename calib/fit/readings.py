@@ -93,15 +93,16 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
         points, rotations, lengths, np.eye(k)[:, :, None] * np.ones(n), mask.sum(axis=1).astype(np.int64)
     )
     shared = None
-    if noise.repeatability > 0.0:
-        joints = [f"theta{j}" for j in range(1, model.robot.joints + 1)]
+    scatter = noise.of_each_joint(model.robot.kinds)
+    if scatter.any():
+        joints = model.robot.joint_slots
         frames = Design(model, conditions).frames(estimate, joints)
         # The robot scatters about where it is, not about what was measured: the rotation vector there is zero.
         there = raw if rotations is None else replace(raw, rotations=frames.rotation.transpose(1, 2, 0))
         by_joint, several = there.columns(frames, joints), _several(conditions.visit)
-        covariance += noise.of_joints(by_joint) * ~several[:, None, None]
+        covariance += noise.of_joints(by_joint, model.robot.kinds) * ~several[:, None, None]
         if several.any():
-            shared = noise.repeatability * by_joint * several
+            shared = scatter[:, None, None] * by_joint * several
     observed = Observations(points, rotations, lengths, whitener(covariance, mask), raw.freedom)
     if shared is not None:
         observed = replace(observed, shared=Shared(conditions.visit, observed.by_reading(shared)))

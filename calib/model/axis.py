@@ -14,7 +14,7 @@ from calib.units import DEG
 class Axis:
     """A label with its unit, and (n,) values in that unit.
 
-    joint: the joint whose angle it is; None for another quantity. cycles: of a law that repeats so many times a turn.
+    joint: the joint whose place it is; None for another quantity. cycles: of a law that repeats so many times a turn.
     sided: the law is another one on either side of approach.
     """
 
@@ -26,8 +26,17 @@ class Axis:
 
     @classmethod
     def angle(cls, joint: int, conditions: Conditions, *, cycles: float = 0.0, sided: bool = False) -> Axis:
-        """The angle of a joint, deg."""
-        return cls(f"θ{joint}, deg", conditions.joints[:, joint - 1] / DEG, joint, cycles, sided)
+        """Where a joint is: its angle, deg, or its place along its axis, mm."""
+        at = conditions.joints[:, joint - 1]
+        name = (conditions.axis_names or {joint - 1: f"j{joint}"})[joint - 1]
+        if unit_of(joint, conditions) == "mm":
+            return cls(f"{name}, mm", at, joint, cycles, sided)
+        return cls(f"θ{name.removeprefix('j')}, deg", at / DEG, joint, cycles, sided)
+
+
+def unit_of(joint: int, conditions: Conditions) -> str:
+    """In which a joint is read, "deg" or "mm"."""
+    return conditions.unit_names[joint - 1] if conditions.unit_names else "deg"
 
 
 @runtime_checkable

@@ -65,21 +65,29 @@ def parallel_twist(robot: Robot) -> Effect:
 
 
 def compliance(robot: Robot) -> Effect:
-    """Gear compliance of every joint that gravity loads: joints 2..N turn by c x torque."""
-    acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in range(2, robot.joints + 1)}
+    """Gear compliance of every joint that turns and that gravity loads: joints 2..N turn by c x torque."""
+    turning = [k for k in range(2, robot.joints + 1) if k not in robot.slides]
+    acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in turning}
     return effect("compliance", "base model", "robot", "Gears yield to gravity.", acts)
 
 
 def joint_offsets(robot: Robot) -> Effect:
     """Constant offset of joints 2..N (part of `geometry` already: use it alone for a level-1 model)."""
-    acts = {f"offset{k}": ("deg", 3.0, [(f"theta{k}", Constant())]) for k in range(2, robot.joints + 1)}
+    acts = {
+        f"offset{k}": (unit, 3.0, [(slot, Constant())])
+        for k, (unit, slot) in enumerate(zip(robot.units, robot.joint_slots, strict=True), start=1)
+        if k > 1
+    }
     return effect("joint_offsets", "base model", "robot", "Joint zeros are off.", acts)
 
 
 def encoder_scale(robot: Robot) -> Effect:
     """Scale of every joint's encoder."""
-    acts = {f"scale{k}": ("ppm", 1000.0, [(f"theta{k}", JointAngle(k))]) for k in range(1, robot.joints + 1)}
-    return effect("encoder_scale", "base model", "robot", "Joints turn more or less than they count.", acts)
+    acts = {
+        f"scale{k}": ("ppm", 1000.0, [(slot, JointAngle(k))])
+        for k, slot in enumerate(robot.joint_slots, start=1)
+    }
+    return effect("encoder_scale", "base model", "robot", "Joints move more or less than they count.", acts)
 
 
 def base_targets(names: Mapping[str, float | None]) -> Effect:

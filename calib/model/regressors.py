@@ -14,7 +14,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.data.conditions import Conditions
-from calib.model.axis import Axis
+from calib.model.axis import Axis, unit_of
 from calib.units import DEG
 
 
@@ -74,7 +74,7 @@ class ToAnchor:
 
 @dataclass(frozen=True)
 class JointAngle:
-    """theta of a joint, rad."""
+    """theta of a joint, rad; of one that slides, its place along its axis, mm."""
 
     joint: int
 
@@ -206,7 +206,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class LastMove:
-    """The angle by which a joint turned in its last move, rad."""
+    """The angle by which a joint turned in its last move, rad; how far it slid, mm."""
 
     joint: int
 
@@ -216,7 +216,11 @@ class LastMove:
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The move itself."""
-        return Axis(f"last move of joint {self.joint}, deg", self.evaluate(conditions) / DEG)
+        unit = unit_of(self.joint, conditions)
+        return Axis(
+            f"last move of joint {self.joint}, {unit}",
+            self.evaluate(conditions) / (1.0 if unit == "mm" else DEG),
+        )
 
 
 @dataclass(frozen=True)
@@ -265,6 +269,39 @@ class GearCurve:
         for amplitude in reversed(self.amplitudes):  # Horner's rule
             total = total * turn + amplitude
         return np.real(total)
+
+
+@dataclass(frozen=True)
+class HalfWave:
+    """sin or cos (`sine`) of `count` half waves over the travel of a joint that slides, from low to high, mm."""
+
+    joint: int
+    count: int
+    sine: bool
+    low: float
+    high: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        along = (conditions.joints[:, self.joint - 1] - self.low) / (self.high - self.low)
+        phase = np.pi * self.count * along
+        return np.sin(phase) if self.sine else np.cos(phase)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The place along the axis."""
+        return Axis.angle(self.joint, conditions)
+
+
+@dataclass(frozen=True)
+class WarmTravel:
+    """Place of a joint that slides, mm, times the air temperature above `reference_c`, K."""
+
+    joint: int
+    reference_c: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) mm K."""
+        return conditions.joints[:, self.joint - 1] * (conditions.temperature - self.reference_c)
 
 
 @dataclass(frozen=True)
@@ -371,6 +408,8 @@ KINDS = {
         LastMove,
         Cosine,
         Sine,
+        HalfWave,
+        WarmTravel,
         Side,
         LoadedSide,
         Time,

@@ -108,4 +108,6 @@ def conditions_at(
         visit=np.arange(n),
         series_names=tuple(model.targets),
         target_names=target_names,
+        axis_names=model.robot.axes,
+        unit_names=model.robot.units,
     )

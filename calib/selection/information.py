@@ -91,7 +91,7 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
     model = setup.model()
     parts = [_at_target(setup, model, joints, target) for target in setup.targets]
     points, by_joint, noise = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
-    scatter = setup.noise.repeatability * by_joint
+    scatter = setup.noise.of_each_joint(setup.robot.kinds) * by_joint
     rows = _whitened(points, scatter, noise)
     kept, dropped = _independent(rows.reshape(-1, rows.shape[-1]), model.parameters)
     rows, points = rows[:, :, kept], points[..., kept]
@@ -112,7 +112,7 @@ def _at_target(setup: Setup, model: RobotModel, joints: Array, target: str) -> t
     design = Design(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
     frames = design.frames(np.zeros(len(model.parameters)))
     columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
-    by_joint = frames.velocities([f"theta{k}" for k in range(1, setup.robot.joints + 1)])
+    by_joint = frames.velocities(setup.robot.joint_slots)
     by_joint = np.broadcast_to(by_joint, (setup.robot.joints, 3, len(joints))).transpose(2, 1, 0)
     return columns, by_joint, setup.noise.of_points(frames.p.T, np.full((len(joints), 3), np.nan))
 

@@ -99,6 +99,6 @@ def _whitened(design: Design, estimate: Array, noise_mm: float, repeatability: f
     frames = design.frames(estimate)
     nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise_mm)
     lengths = Observations(None, None, nothing, weight, np.ones(n, dtype=np.int64))
-    joints = [f"theta{k}" for k in range(1, design.model.robot.joints + 1)]
+    joints = design.model.robot.joint_slots
     shared = Shared(design.conditions.visit, repeatability * lengths.columns(frames, joints))
     return jacobian(design, replace(lengths, shared=shared), frames)

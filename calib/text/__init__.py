@@ -8,6 +8,7 @@ from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import parse_toml, read_toml
 from calib.text.unknown_keys import refuse_unknown
+from calib.text.xml_text import parse_xml, read_xml
 
 __all__ = [
     "LONGEST_LINE",
@@ -18,10 +19,12 @@ __all__ = [
     "decoded",
     "parse_json",
     "parse_toml",
+    "parse_xml",
     "read_bytes",
     "read_json",
     "read_text",
     "read_toml",
+    "read_xml",
     "refuse_unknown",
     "replace_file",
     "rows_of",

@@ -70,7 +70,7 @@ class Seen:
         frame = frame_effect()
         others = RobotModel(model.robot, (*_apart(causes), frame), model.targets, anchors=model.anchors)
         beside = Design(others, readings.conditions)
-        joints = [f"theta{k}" for k in range(1, model.robot.joints + 1)]
+        joints = model.robot.joint_slots
         frames = design.frames(estimate, {*design.slots, *beside.slots, *joints})
         measured = _measured(readings)
         of_parameters = jacobian(design, readings.observed, frames)[measured]
@@ -142,7 +142,7 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     if not rows.any():
         return 0.0
     conditions, noise = dataset.conditions.take(rows), dataset.header.noise
-    joints = [f"theta{k}" for k in range(1, model.robot.joints + 1)]
+    joints = model.robot.joint_slots
     design = Design(model, conditions)
     frames = design.frames(estimate, joints)
     of_joints = float(np.mean(np.sum(frames.velocities(joints) ** 2, axis=(0, 1))))

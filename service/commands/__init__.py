@@ -13,6 +13,7 @@ from typer.main import get_command
 # name -> where it is, and the first sentence of its help (held against it by a test)
 COMMANDS = {
     "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
+    "robot": ("robot.app", "Write, import and check the file of a robot of your own."),
     "convert": ("convert.convert", "Import foreign data."),
     "align": ("align.align_command", "Align the streams of a moving robot and of a tracker."),
     "identify": ("identify.identify_command", "Identify the robot's parameters, nothing else."),

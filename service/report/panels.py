@@ -74,8 +74,9 @@ def of_effect(sample: Sample, effect: Effect) -> Panel:
     """The panel of one effect."""
     drivers = {term.regressor for term in effect.terms}
     slots = {term.slot for term in effect.terms}
-    if len(slots) == 1 and next(iter(slots)).startswith("theta"):
-        return _on_joint(sample, effect, int(next(iter(slots)).removeprefix("theta")))
+    joints = sample.fitted.model.robot.joint_slots
+    if len(slots) == 1 and (slot := next(iter(slots))) in joints:
+        return _on_joint(sample, effect, joints.index(slot) + 1)
     if len(drivers) == 1 and (axis := _common_axis(sample, effect)) is not None:
         return _by_driver(sample, effect, axis)
     return _by_displacement(sample, effect)
@@ -105,21 +106,22 @@ def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
     if effect.is_curve:
         return _over_a_turn(sample, effect, joint)
     seen = sample.of_joint(joint, [effect])
-    angle = sample.angle(joint)
+    angle, shown = sample.angle(joint), sample.shown(joint)
     axis = _common_axis(sample, effect)
     folded = axis is not None and axis.cycles >= _FOLDED_FROM
     side = None
-    x, x_label = angle / DEG, f"θ{joint}, deg"
+    x, x_label = angle / shown.unit, shown.place
     if axis is None:
         if np.ptp(seen.law) > 0.0:
-            x, x_label = seen.law / MDEG, "fitted law, mdeg"
+            x, x_label = seen.law / shown.error_unit, f"fitted law, {shown.error}"
     elif folded:
         x = np.mod(axis.cycles * angle, 2.0 * np.pi) / DEG
-        x_label = f"{axis.cycles:g} × θ{joint}, folded into one cycle, deg"
+        x_label = f"{axis.cycles:g} × θ{shown.name}, folded into one cycle, deg"
     else:
         x, x_label = axis.values, axis.label
         side = _side(sample, axis)
-    panel = _panel(sample, effect.label, x, x_label, seen, MDEG, f"error of joint {joint}, mdeg", side)
+    y_label = f"error of joint {shown.name}, {shown.error}"
+    panel = _panel(sample, effect.label, x, x_label, seen, shown.error_unit, y_label, side)
     if axis is not None and axis.cycles > 0.0 and not folded:
         # readings may leave gaps that a line through them would cut short
         return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
@@ -130,9 +132,9 @@ def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
     """The curve of a gear over a whole turn about the readings, with the band that its uncertainty leaves (k = 2)."""
     angle = sample.angle(joint)
     seen = sample.of_joint(joint, [effect])
-    panel = _panel(
-        sample, effect.label, angle / DEG, f"θ{joint}, deg", seen, MDEG, f"error of joint {joint}, mdeg"
-    )
+    shown = sample.shown(joint)
+    y_label = f"error of joint {shown.name}, mdeg"
+    panel = _panel(sample, effect.label, angle / DEG, shown.place, seen, MDEG, y_label)
     middle = 0.5 * (angle.min() + angle.max())
     grid = middle + np.linspace(-np.pi, np.pi, _CURVE_POINTS)
     conditions = _turned(sample, joint, grid)
@@ -229,23 +231,25 @@ def _panel(
 
 def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     """The error of one joint over its angle, with everything found on that joint taken out and drawn as lines."""
-    mine = tuple(e for e in effects if {t.slot for t in e.terms} == {f"theta{joint}"})
+    shown = sample.shown(joint)
+    mine = tuple(e for e in effects if {t.slot for t in e.terms} == {shown.slot})
     seen = sample.of_joint(joint, mine)
     angle = sample.angle(joint)
     sided = _gap(sample, mine) > 0.25 * float(np.max(np.abs(seen.law)))
     names = [words_of(e.label) for e in mine]
+    of = "angle" if shown.turns else "position"
     listed = ", ".join(names[:1]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
     return Panel(
-        title=listed or f"joint {joint}",
-        x_label=f"θ{joint}, deg",
-        y_label="error, mdeg",
-        x=angle / DEG,
-        y=seen.y / MDEG,
-        sd=seen.sd / MDEG,
+        title=listed or f"joint {shown.name}",
+        x_label=shown.place,
+        y_label=f"error, {shown.error}",
+        x=angle / shown.unit,
+        y=seen.y / shown.error_unit,
+        sd=seen.sd / shown.error_unit,
         held=sample.held,
         side=sample.side(joint) if sided else None,
         lines=_curves(sample, joint, mine, sided=sided),
-        described=f"Joint {joint}: residual as joint-angle error over the joint angle; found: {listed or 'nothing'}",
+        described=f"Joint {shown.name}: residual as joint-{of} error over the joint {of}; found: {listed or 'nothing'}",
     )
 
 
@@ -262,14 +266,16 @@ def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
 
 def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
     """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
-    angle = sample.angle(joint)
+    angle, shown = sample.angle(joint), sample.shown(joint)
     grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
     model, estimate = sample.fitted.model, sample.fitted.estimate
     # between readings far apart the law is a guess: no line there
     gap = 0.01 * float(np.ptp(angle))
     near = np.sort(angle)
     right = np.clip(np.searchsorted(near, grid), 1, len(near) - 1)
-    apart = np.minimum(np.abs(grid - near[right - 1]), np.abs(near[right] - grid)) > max(gap, 2.0 * DEG)
+    apart = np.minimum(np.abs(grid - near[right - 1]), np.abs(near[right] - grid)) > max(
+        gap, 2.0 * shown.unit
+    )
     curves = []
     for s in (1.0, -1.0) if sided else (0.0,):
         total, conditions = np.zeros(len(grid)), _turned(sample, joint, grid, s)
@@ -279,5 +285,5 @@ def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: b
                 axis = _axis(sample, term.regressor)
                 if axis is not None and axis.joint == joint:
                     total += amount * term.regressor.evaluate(conditions)
-        curves.append((grid / DEG, np.where(apart, np.nan, total / MDEG), s))
+        curves.append((grid / shown.unit, np.where(apart, np.nan, total / shown.error_unit), s))
     return tuple(curves)

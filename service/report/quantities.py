@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm import forward, gravity_at_flange, gravity_torques
+from calib.arm import Robot, forward, gravity_at_flange, gravity_torques
 from calib.array import Array
 from calib.data import Conditions, Header
 from calib.diagnose import QUICK, TOGETHER, pauses
+from calib.model import Axis
 from calib.units import DEG
 
 _N_M = 1000.0  # N.mm
@@ -32,11 +33,10 @@ def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity 
     """What a place of structure is drawn over; None where it has no name we know."""
     if where == TOGETHER:
         moving = [k for k in range(conditions.joints.shape[1]) if np.ptp(conditions.joints[:, k]) > 0.0]
-        return Quantity(conditions.joints[:, moving] / DEG, tuple(f"θ{k + 1}, deg" for k in moving))
+        return _over(moving, conditions)
+    links = _links(where, header.robot)
     if where.startswith("joint ") and where.endswith((" angle", " angles")):
-        joints = [int(word) for word in where.split() if word.isdigit()]
-        values: Array = np.column_stack([conditions.joints[:, k - 1] for k in joints]) / DEG
-        return Quantity(values, tuple(f"θ{k}, deg" for k in joints))
+        return _over(links, conditions)
     if where in ("time", _PAUSE, QUICK, "temperature"):
         return _in_time(where, conditions)
     if "down" in where:
@@ -47,9 +47,21 @@ def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity 
         return Quantity(down, labels, conditions.target, conditions.target_names)
     if where in _VECTORS:
         return _VECTORS[where](conditions, header)
-    if where.split()[-2:-1] == ["joint"] and where[-1].isdigit():
-        return _of_joint(where, conditions, header)
+    if where.split()[-2:-1] == ["joint"] and links:
+        return _of_joint(where, links[-1], conditions, header)
     return None
+
+
+def _links(where: str, robot: Robot) -> list[int]:
+    """Indices of the joints that the words of a place name: "joint 3 and joint e1 angles"."""
+    index = {axis.removeprefix("j"): k for k, axis in enumerate(robot.axes)}
+    return [index[word] for word in where.split() if word in index]
+
+
+def _over(joints: list[int], conditions: Conditions) -> Quantity:
+    """Where some joints are, deg or mm."""
+    axes = [Axis.angle(k + 1, conditions) for k in joints]
+    return Quantity(np.column_stack([axis.values for axis in axes]), tuple(axis.label for axis in axes))
 
 
 def _in_time(where: str, conditions: Conditions) -> Quantity:
@@ -62,28 +74,26 @@ def _in_time(where: str, conditions: Conditions) -> Quantity:
     return Quantity(conditions.order[:, None] + 1.0, ("reading, in order of time",))
 
 
-def _of_joint(where: str, conditions: Conditions, header: Header) -> Quantity | None:
-    joint = int(where.split()[-1])
-    k = joint - 1
+def _of_joint(where: str, k: int, conditions: Conditions, header: Header) -> Quantity | None:
+    slides = header.robot.kinds[k] == "slides"
+    load, scale = ("force, N", 1.0) if slides else ("torque, N.m", _N_M)
     if where.startswith("torque about"):
-        return Quantity(conditions.torque[:, [k]] / _N_M, ("torque, N.m",))
+        return Quantity(conditions.torque[:, [k]] / scale, (load,))
     if where.startswith("moment across"):
         size = np.linalg.norm(conditions.moment[:, k, :2], axis=1)
         return Quantity(size[:, None] / _N_M, ("moment across the joint, N.m",))
     if where.startswith("last move"):
         moved = conditions.joints[:, [k]] - conditions.previous[:, [k]]
-        return Quantity(moved / DEG, ("last move, deg",))
+        return Quantity(moved / header.robot.joint_units[k], (f"last move, {header.robot.units[k]}",))
     if where.startswith("last change of torque"):
         before = gravity_torques(header.robot, conditions.previous, header.loads, header.gravity)
         change = conditions.torque[:, [k]] - before[:, [k]]
-        return Quantity(change / _N_M, ("change of torque in the last move, N.m",))
+        name, _, unit = load.partition(", ")
+        return Quantity(change / scale, (f"change of {name} in the last move, {unit}",))
     if where.startswith("side of approach"):
         side = (conditions.side[:, k] > 0).astype(np.int64)
-        return Quantity(
-            conditions.joints[:, [k]] / DEG,
-            (f"θ{joint}, deg",),
-            side,
-            ("arrived from above", "arrived from below"),
+        return replace(
+            _over([k], conditions), group=side, group_names=("arrived from above", "arrived from below")
         )
     return None
 

@@ -9,7 +9,6 @@ from typing import Any
 from calib.array import Array
 from calib.data import Dataset
 from calib.model import RobotModel
-from calib.units import DEG
 from calib.validation import VISITS_OF_THE_STANDARD, PoseFigures, judge_repeats
 from service import wording
 
@@ -38,12 +37,13 @@ def _summary(poses: Sequence[PoseFigures]) -> str:
 
 
 def _row(dataset: Dataset, pose: PoseFigures) -> tuple[str, str, str, int, int, str, str, str]:
-    """First reading, target, joints in deg, visits, directions, AP, RP, vAP."""
+    """First reading, target, joints in deg or mm, visits, directions, AP, RP, vAP."""
     conditions, row = dataset.conditions, pose.reading
+    joints = conditions.joints[row] / dataset.header.robot.joint_units
     return (
         dataset.reading_id[row],
         conditions.target_names[int(conditions.target[row])],
-        " ".join(f"{angle:.1f}".replace("-", "−") for angle in conditions.joints[row] / DEG),
+        " ".join(f"{angle:.1f}".replace("-", "−") for angle in joints),
         pose.visits,
         pose.directions,
         f"{pose.accuracy:.3f}",

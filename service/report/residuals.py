@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm import Robot
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import Identification, Readings, readings_of
@@ -34,6 +35,28 @@ class Seen:
     y: Array
     sd: Array
     law: Array
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a joint is shown: its name, its slot, one unit of its place and of its error, and what to write on axes."""
+
+    name: str
+    slot: str
+    unit: float
+    place: str
+    error_unit: float
+    error: str
+    turns: bool
+
+    @classmethod
+    def of(cls, robot: Robot, joint: int) -> Shown:
+        """The joint of a link, from 1."""
+        axis, slot = robot.axes[joint - 1], robot.joint_slots[joint - 1]
+        name = axis.removeprefix("j")
+        if robot.kinds[joint - 1] == "slides":
+            return cls(name, slot, 1.0, f"{axis}, mm", 1e-3, "µm", False)
+        return cls(name, slot, DEG, f"θ{name}, deg", MDEG, "mdeg", True)
 
 
 @dataclass(frozen=True)
@@ -61,8 +84,12 @@ class Sample:
         """The model bound to the conditions of each part: many figures ask for it."""
         return tuple(Design(self.fitted.model, part.conditions) for part in self.parts)
 
+    def shown(self, joint: int) -> Shown:
+        """How a joint is shown."""
+        return Shown.of(self.fitted.model.robot, joint)
+
     def angle(self, joint: int) -> Array:
-        """(n,) model angle of a joint, rad."""
+        """(n,) model angle of a joint, rad, or its place along its axis, mm."""
         return np.concatenate([p.conditions.joints[:, joint - 1] for p in self.parts])
 
     def side(self, joint: int) -> Array:
@@ -79,10 +106,9 @@ class Sample:
         return replace(axes[0], values=np.concatenate([axis.values for axis in axes]))
 
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
-        """The error of a joint's angle, rad, with some effects on that joint taken out of the model."""
-        return self._seen(
-            effects, lambda _: {f"theta{joint}": 1.0}, lambda _, design: self._law(design, effects)
-        )
+        """The error of a joint, rad or mm, with some effects on that joint taken out of the model."""
+        slot = self.shown(joint).slot
+        return self._seen(effects, lambda _: {slot: 1.0}, lambda _, design: self._law(design, effects))
 
     def of_driver(self, effect: Effect) -> Seen:
         """The regressor that all terms of an effect share, as each reading sees it."""

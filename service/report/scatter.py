@@ -13,7 +13,7 @@ from service.report.residuals import binned
 
 MOST_DOTS = 500  # a panel: enough to see the cloud, few enough for a file that opens at once
 _SIDE_ROOM = 0.02  # of the width: dots at the edge are seen whole
-_UNSEEN_MDEG = 500.0  # standard error of one reading
+_UNSEEN_MDEG, _UNSEEN_UM = 500.0, 5000.0  # standard error of one reading
 _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
 _SIDE_NAMES = {1.0: "arrived from below", -1.0: "from above"}
 
@@ -35,14 +35,15 @@ def joints_figure(panels: Sequence[Panel]) -> str:
     drawn, places = drawing.figure(8.6, 2.1 * rows, rows, columns)
     for axes, panel in zip(places, panels, strict=False):
         _draw(axes, panel, large=False)
-        if float(np.median(panel.sd)) > _UNSEEN_MDEG:
+        if float(np.median(panel.sd)) > (_UNSEEN_MDEG if panel.y_label.endswith("mdeg") else _UNSEEN_UM):
             axes.text(
                 0.5, 0.84, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
             )
         axes.set_title(panel.title, fontsize=9.0, loc="left", color=drawing.INK)
         axes.set_xlabel(panel.x_label)
-    for axes in places[::columns]:
-        axes.set_ylabel("error, mdeg")
+    for i, (axes, panel) in enumerate(zip(places, panels, strict=False)):
+        if i % columns == 0 or panel.y_label != panels[i - 1].y_label:
+            axes.set_ylabel(panel.y_label)
     for axes in places[len(panels) :]:
         axes.set_visible(False)
     return drawing.as_svg(

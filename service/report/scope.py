@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from acquisition.record import individual_of
+from calib.arm import Robot
 from calib.array import Array
 from calib.data import Dataset
 from calib.units import DEG
@@ -18,8 +19,8 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
     conditions = dataset.conditions.take(rows)
     points = dataset.points[rows]
     lines = [
-        ("Joint ranges", _ranges(conditions.joints)),
-        ("Side of approach", _sides(conditions.side)),
+        ("Joint ranges", _ranges(conditions.joints, dataset.header.robot)),
+        ("Side of approach", _sides(conditions.side, dataset.header.robot)),
         ("Workspace", _workspace(points[dataset.pointed[rows]])),
         ("Tool targets", ", ".join(conditions.target_names)),
         ("Time", _span(conditions.time, 1.0 / 3600.0, "h") or "not recorded"),
@@ -80,20 +81,25 @@ def noise_in_words(dataset: Dataset) -> str:
     text = "; ".join(parts)
     if noise.repeatability > 0.0:
         text += f"; robot repeatability {noise.repeatability / DEG * 1e3:g} mdeg a joint"
+    if noise.repeatability_mm > 0.0:
+        text += f"; {noise.repeatability_mm * 1e3:g} µm a slide"
     return text
 
 
-def _ranges(joints: Array) -> str:
-    low, high = joints.min(axis=0) / DEG, joints.max(axis=0) / DEG
-    return "; ".join(f"J{k + 1} {a:.0f} to {b:.0f}°" for k, (a, b) in enumerate(zip(low, high, strict=True)))
+def _ranges(joints: Array, robot: Robot) -> str:
+    low, high = joints.min(axis=0) / robot.joint_units, joints.max(axis=0) / robot.joint_units
+    signs = [" mm" if unit == "mm" else "°" for unit in robot.units]
+    each = zip(robot.axes, low, high, signs, strict=True)
+    return "; ".join(f"{axis.upper()} {a:.0f} to {b:.0f}{sign}" for axis, a, b, sign in each)
 
 
-def _sides(side: Array) -> str:
+def _sides(side: Array, robot: Robot) -> str:
     below = np.mean(side > 0.0, axis=0)
     if np.all((below > 0.0) & (below < 1.0)):
         return "both sides on every joint"
     names = {1.0: "from below", 0.0: "from above"}
-    return "; ".join(f"J{k + 1} {names.get(float(share), 'both sides')}" for k, share in enumerate(below))
+    each = zip(robot.axes, below, strict=True)
+    return "; ".join(f"{axis.upper()} {names.get(float(share), 'both sides')}" for axis, share in each)
 
 
 def _span(values: Array, factor: float, unit: str) -> str:

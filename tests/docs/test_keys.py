@@ -23,6 +23,7 @@ from calib.arm.robot import BUILT_IN, load_robot
 from calib.data import read_dataset
 from calib.data.header import read_header
 from calib.fit import identify
+from calib.robot_file import SCHEMA
 from calib.saved import save_model
 from calib.text.columns import Columns
 from drivers import INSTRUMENTS
@@ -199,3 +200,18 @@ def test_models(tmp_path: Path) -> None:
         "regression",
         "updates",
     }
+
+
+def test_every_key_of_a_robot_file_has_an_example(tmp_path: Path) -> None:
+    """The pieces of the page, one below the other, are a file that is read; together they have every key."""
+    text = (ROOT / "docs" / "robot-file.md").read_text("utf-8")
+    pieces = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "whole.toml").write_text("\n".join(pieces), "utf-8")
+    robot = load_robot("whole.toml", tmp_path)
+    assert (robot.kinds[0], robot.joint_columns[0]) == ("slides", "e1_mm")
+    properties = SCHEMA["properties"]
+    tables = [properties["link"], properties["loads"], properties["capsule"]]
+    inner = [each["items"]["properties"] for each in tables]
+    inner.append(properties["joint_matrices"]["additionalProperties"]["properties"])
+    keys = {*properties, *(key for each in inner for key in each)}
+    assert {key for key in keys if not re.search(rf"\b{key}\b", "\n".join(pieces))} == set()

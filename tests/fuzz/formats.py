@@ -23,15 +23,19 @@ from calib.motion.read import read_joints, read_points
 from calib.regression.features import evaluate, turns
 from calib.regression.mls_svr import Linear, fit
 from calib.regression.regression import Regression, Wanted
+from calib.robot_file import import_dh, import_urdf
 from calib.saved.model_file import SavedModel, load_model, save_model
 from mocks.campaign import make_campaign
 from service.programs import KnownFrames, compensate
 from service.programs.read import read_program
 from tests.calib.campaigns import write_files
+from tests.calib.test_dh_import import SAME
+from tests.calib.test_urdf_import import six, urdf
 from tests.fuzz.mutations import Mutation, spoil_bytes, spoil_cells, spoil_json, spoil_lines, spoil_toml
 from tests.service.robot_programs import LS, RAPID, SCRIPT, model_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+URDF, DH_TABLE = urdf(*six()), SAME["multiples of pi, metres"]
 ANYTHING: tuple[Mutation, ...] = (spoil_bytes, spoil_lines)
 
 
@@ -67,6 +71,8 @@ def formats(folder: Path) -> dict[str, Format]:
             lambda path: read_dataset(path.with_suffix(".csv")),
         ),
         Format("robot.toml", robot, table, lambda path: load_robot(path.name, path.parent)),
+        Format("arm.urdf", URDF.encode(), ANYTHING, import_urdf),
+        Format("table.csv", DH_TABLE.encode(), cells, lambda path: import_dh(path, "dh")),
         Format("cell.toml", (example / "cell.toml").read_bytes(), table, read_cell),
         Format("campaign.toml", (example / "campaign.toml").read_bytes(), table, read_campaign),
         Format("poses.csv", b"j1_deg,j2_deg,j3_deg\n1,2,3\n4,5,6\n", cells, read_poses),

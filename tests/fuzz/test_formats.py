@@ -29,6 +29,7 @@ NAMES = (
     ),
     *("program.mod", "program.ls", "program.script", "published.csv", "cleaned.csv"),
     *("robot.csv", "tracker.csv", "points.txt"),
+    *("arm.urdf", "table.csv"),
 )
 
 

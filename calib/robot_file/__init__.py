@@ -1,0 +1,30 @@
+"""Robot files: written, imported, described, and held against a few readings."""
+
+from calib.robot_file.description import Described, axes_of, described
+from calib.robot_file.dh_import import import_dh
+from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, written_robot
+from calib.robot_file.handful import Handful, read_handful
+from calib.robot_file.misread import Mistake, Verdict, held_against
+from calib.robot_file.schema import SCHEMA
+from calib.robot_file.urdf_import import Imported, import_urdf, in_words
+
+__all__ = [
+    "CONVENTIONS",
+    "SCHEMA",
+    "Convention",
+    "Described",
+    "Draft",
+    "DraftLink",
+    "Handful",
+    "Imported",
+    "Mistake",
+    "Verdict",
+    "axes_of",
+    "described",
+    "held_against",
+    "import_dh",
+    "import_urdf",
+    "in_words",
+    "read_handful",
+    "written_robot",
+]

@@ -1,0 +1,239 @@
+"""A serial chain out of a tree: the joints from one link to another, fixed ones folded in, mimic joints by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.array import Array
+from calib.errors import DataError
+from calib.robot_file.urdf import METRE, MOVING, Mimic, Urdf, UrdfJoint
+from calib.units import DEG
+
+MOST_JOINTS = 20
+_FULL_TURN = 360.0 * DEG
+HELD = 0.001  # deg or mm: limits of the own part of a joint that follows another
+
+
+@dataclass(frozen=True)
+class SerialChain:
+    """N joints that move, and the constant frames between them.
+
+    names, kinds: (N,); origins: (N, 4, 4) mm, from the joint before (the first from the base link) to each joint's
+    frame; axes: (N, 3) in it, of length 1; tip: (4, 4) behind the last; limits: (N, 2) rad or mm; follows: the mimic of
+    a joint, by number, with the number (0-based) of the joint that it follows; masses: link (1-based), kg and
+    centre (3,) in the joint's frame, mm; remarks: what a person has to know.
+    """
+
+    base: str
+    end: str
+    names: tuple[str, ...]
+    slides: tuple[bool, ...]
+    origins: Array
+    axes: Array
+    tip: Array
+    limits: Array
+    follows: dict[int, tuple[int, Mimic]]
+    masses: tuple[tuple[int, float, Array], ...]
+    remarks: tuple[str, ...]
+
+    def forward(self, joints: Array) -> Array:
+        """(n, 4, 4) poses of the tip in the base link at (n, N) joint values, rad or mm."""
+        pose = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+        for k, (origin, axis) in enumerate(zip(self.origins, self.axes, strict=True)):
+            move = np.broadcast_to(np.eye(4), (len(joints), 4, 4)).copy()
+            if self.slides[k]:
+                move[:, :3, 3] = joints[:, k, None] * axis
+            else:
+                move[:, :3, :3] = Rotation.from_rotvec(joints[:, k, None] * axis).as_matrix()
+            pose = pose @ origin @ move
+        return pose @ self.tip
+
+    def coupled(self) -> NDArray[np.float64] | None:
+        """(N, N) matrix from what a controller counts to the joints, deg or mm; None without mimic joints.
+
+        A joint that follows another has a column of its own, which stays 0: what is left of it when the other is
+        taken off.
+        """
+        if not self.follows:
+            return None
+        matrix = np.eye(len(self.names))
+        for k, (source, mimic) in self.follows.items():
+            matrix[k, source] = mimic.multiplier * self._shown(k) / self._shown(source)
+        return matrix
+
+    def offsets(self) -> Array:
+        """(N,) what mimic joints are at when the joint they follow is at 0, deg or mm."""
+        out = np.zeros(len(self.names))
+        for k, (_, mimic) in self.follows.items():
+            out[k] = mimic.offset * self._shown(k)
+        return out
+
+    def _shown(self, k: int) -> float:
+        """deg or mm for one rad or m of joint k."""
+        return METRE if self.slides[k] else 1.0 / DEG
+
+
+def chain_of(urdf: Urdf, base: str | None = None, tip: str | None = None) -> SerialChain:
+    """The chain from `base` (default: the link that carries all) to `tip` (default: the only end that moves).
+
+    Raises DataError naming what to choose where a tree has several ends, and joints that no chain can hold.
+    """
+    links = {urdf.root, *urdf.joints}
+    for option, link in (("--base", base), ("--tip", tip)):
+        if link is not None and link not in links:
+            raise DataError(
+                f"there is no link '{link}'.",
+                do=f"Use one of {_some(sorted(links))}.",
+                file=urdf.path,
+                key=option,
+            )
+    path = _path(urdf, base or urdf.root, tip or _end(urdf, base or urdf.root))
+    moving = [joint for joint in path if joint.kind in MOVING]
+    for joint in path:
+        if joint.kind in ("floating", "planar"):
+            raise DataError(
+                f"is {joint.kind}: it has several freedoms.",
+                do="Begin behind it with --base, or make it fixed.",
+                file=urdf.path,
+                key=f"joint {joint.name}",
+            )
+    if not 1 <= len(moving) <= MOST_JOINTS:
+        raise DataError(
+            f"has {len(moving)} joints that move between the two links.",
+            do=f"Choose --base and --tip with 1 to {MOST_JOINTS} between them.",
+            file=urdf.path,
+        )
+    origins, masses, here, link = [], [], np.eye(4), 0
+    for joint in path:
+        here = here @ joint.origin
+        if joint.kind in MOVING:
+            origins.append(here)
+            here, link = np.eye(4), link + 1
+        if link and joint.child in urdf.masses:
+            mass, centre = urdf.masses[joint.child]
+            masses.append((link, mass, here[:3, :3] @ centre + here[:3, 3]))
+    limits, remarks = zip(*(_limits(joint) for joint in moving), strict=True)
+    chain = SerialChain(
+        base=path[0].parent,
+        end=path[-1].child,
+        names=tuple(joint.name for joint in moving),
+        slides=tuple(joint.kind == "prismatic" for joint in moving),
+        origins=np.stack(origins),
+        axes=np.stack([joint.axis for joint in moving]),
+        tip=here,
+        limits=np.array(limits),
+        follows=_follows(urdf, moving),
+        masses=tuple(masses),
+        remarks=(*urdf.remarks, *(remark for remark in remarks if remark)),
+    )
+    return _with_mimic(chain)
+
+
+def _path(urdf: Urdf, base: str, tip: str) -> list[UrdfJoint]:
+    path: list[UrdfJoint] = []
+    link = tip
+    while link != base:
+        if link not in urdf.joints or len(path) > len(urdf.joints):
+            raise DataError(
+                f"'{tip}' is not carried by '{base}'.",
+                do="Choose --base and --tip along one branch, from the foot to the tool.",
+                file=urdf.path,
+                key="--tip",
+            )
+        path.append(urdf.joints[link])
+        link = urdf.joints[link].parent
+    if not path:
+        raise DataError("is the base.", do="Choose another link.", file=urdf.path, key="--tip")
+    return path[::-1]
+
+
+def _end(urdf: Urdf, base: str) -> str:
+    """The link at the end of the only branch of joints that move. Raises DataError where there are several ends."""
+    parents = {joint.parent for joint in urdf.joints.values()}
+    ends: dict[str, tuple[str, ...]] = {}
+    for link in urdf.joints:
+        if link in parents:
+            continue
+        moving, at = [], link
+        while at in urdf.joints and at != base:
+            moving += [urdf.joints[at].name] if urdf.joints[at].kind in MOVING else []
+            at = urdf.joints[at].parent
+        if moving and at == base:
+            ends[link] = tuple(moving)
+    if len(ends) == 1:
+        return next(iter(ends))
+    if not ends:
+        raise DataError(
+            "no joint that moves is carried by the base.", do="Choose --base.", file=urdf.path, key="--tip"
+        )
+    raise DataError(
+        f"has {len(ends)} ends: {_some(sorted(ends))}.",
+        do="Choose the link that is the flange: --tip NAME.",
+        file=urdf.path,
+        key="--tip",
+    )
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+
+
+def _limits(joint: UrdfJoint) -> tuple[tuple[float, float], str]:
+    """Limits in rad or mm, and what has to be said of them."""
+    if joint.limits is None:
+        return (
+            (-_FULL_TURN, _FULL_TURN),
+            f"Joint {joint.name} is continuous: -360 to 360 deg were written; correct them by the data sheet.",
+        )
+    unit = METRE if joint.kind == "prismatic" else 1.0
+    return (unit * joint.limits[0], unit * joint.limits[1]), ""
+
+
+def _follows(urdf: Urdf, moving: list[UrdfJoint]) -> dict[int, tuple[int, Mimic]]:
+    """Who follows whom, each by a joint that follows nobody. Raises DataError where that is not linear in the chain."""
+    numbers = {joint.name: k for k, joint in enumerate(moving)}
+    out = {}
+    for k, joint in enumerate(moving):
+        if joint.mimic is None:
+            continue
+        key, mimic, seen = f"joint {joint.name}", joint.mimic, {joint.name}
+        while True:
+            source = moving[numbers[mimic.joint]] if mimic.joint in numbers else None
+            if source is None:
+                raise DataError(
+                    f"follows the joint '{mimic.joint}', which does not lie between the two links.",
+                    do="Choose --base and --tip with both between them, or make it fixed.",
+                    file=urdf.path,
+                    key=key,
+                )
+            if source.name in seen:
+                raise DataError("follows itself.", do="Correct its <mimic>.", file=urdf.path, key=key)
+            if source.mimic is None:
+                break
+            seen.add(source.name)
+            mimic = Mimic(
+                source.mimic.joint,
+                mimic.multiplier * source.mimic.multiplier,
+                mimic.multiplier * source.mimic.offset + mimic.offset,
+            )
+        out[k] = (numbers[mimic.joint], mimic)
+    return out
+
+
+def _with_mimic(chain: SerialChain) -> SerialChain:
+    """The chain with what its mimic joints have to say: the column of each stays at 0."""
+    if not chain.follows:
+        return chain
+    limits, remarks = chain.limits.copy(), list(chain.remarks)
+    for k, (source, mimic) in chain.follows.items():
+        limits[k] = (-HELD, HELD) if chain.slides[k] else (-HELD * DEG, HELD * DEG)
+        remarks.append(
+            f"Joint {chain.names[k]} follows {chain.names[source]} (x {mimic.multiplier:g}): it is in the joint matrix "
+            f"'mimic'; its own column stays 0."
+        )
+    remarks.append('Set joint_coupling = "mimic" in the header of your data and in the cell file.')
+    return replace(chain, limits=limits, remarks=tuple(remarks))

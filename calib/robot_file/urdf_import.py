@@ -1,0 +1,159 @@
+"""A robot file out of a URDF: exact, whatever the axes, up to a constant frame before the first joint and one behind
+the last, both of which are said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calib.arm import Chain, Load, Placement, Robot, forward, nominal_values, propagate
+from calib.array import Array
+from calib.errors import DataError
+from calib.robot_file.draft import Draft, DraftLink, written_robot
+from calib.robot_file.modified_dh import DhChain, modified_dh
+from calib.robot_file.serial_chain import SerialChain, chain_of
+from calib.robot_file.urdf import read_urdf
+from calib.units import DEG
+
+POSTURES = 200
+AGREES_MM = 1e-5
+"""Numbers of a robot file have nine decimals: 1e-9 deg over a reach of 100 m is 2e-6 mm."""
+_NOTHING = 1e-7
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A robot file that was made out of another description.
+
+    base, tool: (4, 4) mm, constant frames of the description before and behind the chain of the file;
+    off_mm, off_rad: the largest difference of both in `POSTURES` random postures. remarks: what a person has to know.
+    """
+
+    draft: Draft
+    robot: Robot
+    base: Array
+    tool: Array
+    off_mm: float
+    off_rad: float
+    remarks: tuple[str, ...]
+
+
+def import_urdf(
+    path: Path,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    name: str | None = None,
+    maker: str = "unknown",
+) -> Imported:
+    """The robot file of a URDF between two links. Raises DataError naming the joint that no robot file can hold."""
+    urdf = read_urdf(path)
+    chain = chain_of(urdf, base, tip)
+    numbers = modified_dh(chain)
+    remarks = (*chain.remarks, *_frames(chain, numbers))
+    matrix = chain.coupled()
+    draft = Draft(
+        name=name or urdf.name,
+        maker=maker,
+        convention="mdh",
+        source=f"URDF {path.name}, from link {chain.base} to {chain.end}",
+        links=_links(chain, numbers),
+        matrices={} if matrix is None else {"mimic": (matrix, chain.offsets())},
+        remarks=("Written by 'truepose robot import'. docs/robot-file.md explains every key.", *remarks),
+    )
+    robot = written_robot(draft)
+    if loads := _loads(chain, numbers, robot):
+        draft = replace(draft, loads=loads)
+        robot = written_robot(draft)
+    off_mm, off_rad = _difference(chain, numbers, robot)
+    if off_mm > AGREES_MM:
+        raise DataError(
+            f"the chain of the robot file misses that of the URDF by {off_mm:.3g} mm.",
+            do="Axes that are parallel but for a rounding have normals far away: write their rpy with more digits.",
+            file=path,
+        )
+    return Imported(draft, robot, numbers.base, numbers.tool, off_mm, off_rad, remarks)
+
+
+def _links(chain: SerialChain, numbers: DhChain) -> tuple[DraftLink, ...]:
+    out = []
+    for k, name in enumerate(chain.names):
+        unit = 1.0 if chain.slides[k] else DEG
+        low, high = np.round(chain.limits[k] / unit, 4)  # 165 deg were 2.8798 rad
+        out.append(
+            DraftLink(
+                float(numbers.alpha[k] / DEG),
+                float(numbers.a[k]),
+                float(numbers.theta[k] / DEG),
+                float(numbers.d[k]),
+                float(low),
+                float(high),
+                chain.slides[k],
+                name,
+            )
+        )
+    return tuple(out)
+
+
+def _loads(chain: SerialChain, numbers: DhChain, robot: Robot) -> tuple[Load, ...]:
+    """The masses of the URDF's links in the frames of the robot file's links, at the zero pose."""
+    zero = np.zeros((1, len(chain.names)))
+    frames = propagate(Chain.of(robot), nominal_values(robot, zero), Placement()).link_frames
+    at, joint_frames = np.eye(4), []
+    for origin in chain.origins:
+        at = at @ origin
+        joint_frames.append(at)
+    out = []
+    for link, mass, centre in chain.masses:
+        x, y, z, p = (np.broadcast_to(v, (3, 1))[:, 0] for v in frames[link - 1])
+        frame = np.eye(4)
+        frame[:3, :3], frame[:3, 3] = np.stack([x, y, z], axis=1), p
+        here = np.linalg.inv(numbers.base @ frame) @ joint_frames[link - 1] @ np.append(centre, 1.0)
+        out.append(Load(link, mass, (float(here[0]), float(here[1]), float(here[2]))))
+    return tuple(out)
+
+
+def _difference(chain: SerialChain, numbers: DhChain, robot: Robot) -> tuple[float, float]:
+    """Largest distance, mm, and turn, rad, of the tip between both chains in random postures."""
+    rng = np.random.default_rng(1)
+    joints = rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (POSTURES, len(chain.names)))
+    ours = numbers.base @ forward(robot, joints) @ numbers.tool
+    theirs = chain.forward(joints)
+    off = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
+    turn = Rotation.from_matrix(ours[:, :3, :3]).inv() * Rotation.from_matrix(theirs[:, :3, :3])
+    return float(off.max()), float(turn.magnitude().max())
+
+
+def _frames(chain: SerialChain, numbers: DhChain) -> Iterator[str]:
+    """Sentences on the constant frames; none where both are the same as the URDF's."""
+    if not _is_nothing(numbers.base):
+        yield f"The base frame of this file stands in the URDF's '{chain.base}' at {in_words(numbers.base)}."
+    if not _is_nothing(numbers.tool):
+        yield (
+            f"The URDF's '{chain.end}' stands in the flange frame of this file at {in_words(numbers.tool)}: "
+            "tool targets are given in the flange frame of this file."
+        )
+
+
+def _is_nothing(pose: Array) -> bool:
+    return float(np.abs(pose - np.eye(4)).max()) < _NOTHING
+
+
+def in_words(pose: Array) -> str:
+    """A pose (4, 4), mm: "xyz = [..] mm, rpy = [..] deg", roll, pitch and yaw about fixed axes."""
+    place = ", ".join(f"{x:.6g}" for x in np.round(pose[:3, 3], 6) + 0.0)
+    turn = ", ".join(f"{x:.6g}" for x in np.round(_angles(pose[:3, :3]), 6) + 0.0)
+    return f"xyz = [{place}] mm, rpy = [{turn}] deg"
+
+
+def _angles(rotation: Array) -> Array:
+    """(3,) roll, pitch, yaw, deg. At a pitch of 90 deg the roll is 0."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+        return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])]) / DEG
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])]) / DEG

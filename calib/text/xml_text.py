@@ -1,0 +1,67 @@
+"""XML as this program takes it: elements and attributes, of a few levels; no document type, so no entities.
+
+Whoever may declare an entity can let ten lines become gigabytes, or have a file of this computer read. Nothing that
+is read here needs one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+from calib.errors import DataError
+from calib.text.plain_values import DEEPEST, too_deep
+from calib.text.text_file import read_text
+
+MOST_BYTES = 32 * 1024 * 1024
+"""The largest descriptions of robots have two megabytes."""
+MOST_ELEMENTS = 200_000
+
+
+def read_xml(path: Path) -> Element:
+    """The root element of an XML file. Raises DataError naming file and line."""
+    return parse_xml(read_text(path, MOST_BYTES), path)
+
+
+def parse_xml(text: str, file: Path | str) -> Element:
+    """The root element of XML text. Raises DataError for what is no XML, has a document type, or is too deep."""
+    builder = TreeBuilder()
+    parser = expat.ParserCreate(encoding="utf-8")  # what the file's first line claims does not count
+    depth = count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > DEEPEST:
+            raise too_deep(file)
+        if count > MOST_ELEMENTS:
+            raise DataError(f"has more than {MOST_ELEMENTS} elements.", do="Check the file.", file=file)
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse_document_type(*_: object) -> None:
+        raise DataError(
+            "declares a document type.",
+            do="Leave <!DOCTYPE ...> and its entities out.",
+            file=file,
+            line=parser.CurrentLineNumber,
+        )
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = refuse_document_type
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        raise DataError(
+            f"is not valid XML ({expat.ErrorString(error.code)}).",
+            do="Correct that place.",
+            file=file,
+            line=error.lineno,
+        ) from error
+    return builder.close()

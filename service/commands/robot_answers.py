@@ -1,0 +1,102 @@
+"""What `truepose robot new` asks for: one question a line, asked again where the answer is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import typer
+
+from calib.errors import DataError
+from calib.robot_file import CONVENTIONS, Convention, Draft, DraftLink
+
+T = TypeVar("T")
+_SLIDES = "slides"
+_ROW = "alpha deg, a mm, theta deg, d mm, lowest, highest"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What options have answered already; None, or too few links, is asked for."""
+
+    name: str | None
+    maker: str | None
+    convention: Convention | None
+    joints: int | None
+    links: list[str]
+    source: str | None
+
+
+def ask_draft(asked: Asked) -> Draft:
+    """The draft of a robot file from options and answers. Raises DataError for an option that cannot be used."""
+    links = [link_of(text) for text in asked.links]
+    if asked.joints is not None and len(links) > asked.joints:
+        raise DataError(
+            f"is given {len(links)} times for {asked.joints} joints.", do="Give one a joint.", key="--link"
+        )
+    name = asked.name or _ask("Name of the robot (my-arm)", _text)
+    maker = asked.maker or _ask("Its maker", _text)
+    convention = asked.convention or _ask_convention()
+    joints = asked.joints or len(links) or _ask("How many joints", _count)
+    if len(links) < joints:
+        typer.echo(f"One row a joint: {_ROW}. '{_SLIDES}' before them where it slides (mm).", err=True)
+    while len(links) < joints:
+        links.append(_ask(f"Joint {len(links) + 1}", link_of))
+    source = asked.source or _ask("Where the numbers come from (drawing, data sheet)", _text)
+    remarks = ("Written by 'truepose robot new'. docs/robot-file.md explains every key.",)
+    return Draft(name, maker, convention, source, tuple(links), remarks=remarks)
+
+
+def link_of(text: str) -> DraftLink:
+    """The link of one row. Raises DataError, saying what a row is."""
+    words = text.replace(",", " ").replace(";", " ").split()
+    slides = bool(words) and words[0].lower() == _SLIDES
+    try:
+        alpha, a, theta, d, low, high = (float(word) for word in words[slides:])
+    except ValueError as error:
+        raise DataError(
+            f"'{text}' is no row of six numbers.",
+            do=f"Give {_ROW}, with blanks between and decimal points: -90 0 0 290 -165 165.",
+            key="--link",
+        ) from error
+    if low >= high:
+        what = "swapped" if low > high else "the same"
+        raise DataError(
+            f"'{text}' has its limits {what}: {low:g} to {high:g}.",
+            do="Give the lower one first.",
+            key="--link",
+        )
+    return DraftLink(alpha, a, theta, d, low, high, slides)
+
+
+def _ask_convention() -> Convention:
+    for name, what in CONVENTIONS.items():
+        typer.echo(f"  {name}: {what}", err=True)
+
+    def known(text: str) -> Convention:
+        if text == "dh" or text == "mdh":
+            return text
+        raise DataError(f"'{text}' is none.", do="Answer dh or mdh.")
+
+    return _ask("Convention of the table (dh, mdh)", known)
+
+
+def _ask(question: str, answer: Callable[[str], T]) -> T:
+    while True:
+        try:
+            return answer(typer.prompt(question, err=True).strip())
+        except DataError as error:
+            typer.echo(f"  {error}", err=True)
+
+
+def _text(text: str) -> str:
+    if not text:
+        raise DataError("is empty.", do="Give text.")
+    return text
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text[:4]) <= 20:
+        raise DataError(f"'{text}' is no count of joints.", do="Give 1 to 20.")
+    return int(text)
