@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from calib.arm.freedoms import Freedoms
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correct import checked, refused
 from calib.compensate.correction import Correction
-from calib.compensate.freedoms import Freedoms
-from calib.compensate.inverse import nominal_inverse
 from calib.compensate.misses import Misses
 from calib.model.model import RobotModel
 from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point

@@ -6,7 +6,7 @@ The controller keeps its nominal model, so it is sent a false target F instead o
 
 until the calibrated robot at IK_nom(F) is in T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
 target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
-(`calib.model.stated`). An arm with fewer than six freedoms (`calib.compensate.freedoms`) is asked for the pose nearest
+(`calib.model.stated`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
 to T that they lead to; what it cannot move or turn is left, and said.
 """
 
@@ -15,13 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.freedoms import SINGULAR, Freedoms
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.arm.jacobian import nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correction import Correction, Status
-from calib.compensate.freedoms import SINGULAR, Freedoms
-from calib.compensate.inverse import nominal_inverse
 from calib.compensate.misses import LANDED_MM, LANDED_RAD, Misses
 from calib.compensate.mixing import Memory
 from calib.model.model import RobotModel

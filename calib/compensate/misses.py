@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.arm.freedoms import Freedoms
 from calib.arm.jacobian import LEVER_MM, nominal_jacobian, pose_difference
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.correction import Correction, Left, Status
-from calib.compensate.freedoms import Freedoms
 
 LANDED_MM, LANDED_RAD = 1e-7, 1e-9
 

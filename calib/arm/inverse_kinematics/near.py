@@ -3,7 +3,7 @@
     J(q) dq = twist from FK(q) to the wanted pose,   q <- q + dq
 
 seeded at the joints in hand, so that the branch (flip, front/back, up/down) is kept, and within the freedoms that the
-arm has (`calib.compensate.freedoms`): what it cannot move or turn is left. Rotations weigh with `LEVER_MM`, which makes
+arm has (`calib.arm.freedoms`): what it cannot move or turn is left. Rotations weigh with `LEVER_MM`, which makes
 the columns of J comparable.
 """
 
@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from calib.arm.freedoms import Freedoms
 from calib.arm.jacobian import LEVER_MM, nominal_jacobian, pose_difference
 from calib.arm.robot import Robot
 from calib.array import Array
-from calib.compensate.freedoms import Freedoms
 
 ITERATIONS = 12
 _REACHED = 1e-13  # rad: the step that no longer changes anything
