@@ -10,6 +10,8 @@ motions before it have made. Each has a name, its *slot*:
     bearingK.rx, bearingK.ry    the bearing of joint K, tilting about the joint's origin just before theta_K: the
                                 origin of frame K (modified DH, where Tz(d) may as well come before Rz(theta)),
                                 of frame K-1 (standard DH)
+    bearingK.x, bearingK.y      of a joint that slides: its carriage, aside of the axis; there all four come just behind
+                                d_K, so that they act where the carriage is, and theta_K is its roll
     tool.x .. tool.rz      the tool at the flange
     target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
     anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
@@ -49,10 +51,13 @@ def _six(name: str) -> tuple[Motion, ...]:
     )
 
 
-def _link(convention: Convention, k: int) -> tuple[Motion, ...]:
+def _link(convention: Convention, k: int, slides: bool) -> tuple[Motion, ...]:
     alpha, beta = Motion(f"alpha{k}", True, 0), Motion(f"beta{k}", True, 1)
     a, theta, d = Motion(f"a{k}", False, 0), Motion(f"theta{k}", True, 2), Motion(f"d{k}", False, 2)
     bearing = Motion(f"bearing{k}.rx", True, 0), Motion(f"bearing{k}.ry", True, 1)
+    if slides:  # Rz(theta) and Tz(d) may change places
+        joint = (d, Motion(f"bearing{k}.x", False, 0), Motion(f"bearing{k}.y", False, 1), *bearing, theta)
+        return (alpha, beta, a, *joint) if convention == "mdh" else (*joint, a, alpha, beta)
     if convention == "mdh":
         return (alpha, beta, a, d, *bearing, theta)
     return (*bearing, theta, d, a, alpha, beta)
@@ -76,7 +81,7 @@ class Chain:
     @staticmethod
     def of(robot: Robot) -> Chain:
         """The chain of `robot`; Nubiola (thesis I.2) puts d_1 before the rotations of the base."""
-        return _chain(robot.convention, robot.base, robot.joints)
+        return _chain(robot.convention, robot.base, robot.joints, robot.slides)
 
     @property
     def slots(self) -> dict[str, Motion]:
@@ -86,9 +91,9 @@ class Chain:
 
 
 @cache
-def _chain(convention: Convention, placement: BasePlacement, joints: int) -> Chain:
+def _chain(convention: Convention, placement: BasePlacement, joints: int, slides: tuple[int, ...]) -> Chain:
     base = _six("base")
-    links = [_link(convention, k) for k in range(1, joints + 1)]
+    links = [_link(convention, k, k in slides) for k in range(1, joints + 1)]
     if placement == "thesis":
         d1 = Motion("d1", False, 2)
         base = (*base[:3], d1, *base[3:])
@@ -252,18 +257,20 @@ def propagate(
 
 
 def nominal_values(robot: Robot, joints: Array) -> dict[str, Array | float]:
-    """Slot values of the nominal robot at model angles `joints` (n, N), rad."""
+    """Slot values of the nominal robot at model joints (n, N), rad, or mm of those that slide."""
     values: dict[str, Array | float] = {}
     for k in range(robot.joints):
         values[f"alpha{k + 1}"] = robot.alpha[k]
         values[f"a{k + 1}"] = robot.a[k]
-        values[f"theta{k + 1}"] = joints[:, k] + robot.theta[k]
+        values[f"theta{k + 1}"] = robot.theta[k]
         values[f"d{k + 1}"] = robot.d[k]
+    for k, slot in enumerate(robot.joint_slots):
+        values[slot] = joints[:, k] + values[slot]
     return values
 
 
 def forward(robot: Robot, joints: Array) -> Array:
-    """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model angles (n, N), rad."""
+    """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model joints (n, N), rad or mm."""
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement(), record=())
     poses = np.zeros((len(joints), 4, 4))
     poses[:, :3, :3] = frames.rotation
@@ -274,9 +281,10 @@ def forward(robot: Robot, joints: Array) -> Array:
 
 @dataclass(frozen=True)
 class Statics:
-    """Torques of gravity on the arm at nominal geometry, N.mm.
+    """Torques of gravity on the arm at nominal geometry, N.mm; of a joint that slides the force along it, N.
 
-    moment: (n, N, 3) of all loads beyond joint K about its origin, in the axes of the frame just before theta_K;
+    moment: (n, N, 3) of all loads beyond joint K about its origin, in the axes of the frame just before theta_K; in
+    place of the third, of a joint that slides, the force of gravity along its axis;
     overturning: (n, 3) of all loads about the origin of the base, in its axes;
     unit_load: (n, N, 4) torque about every joint of 1 kg at the origin of the last link's frame, then of 1 kg mm
     along its x, y and z: the torque of any load on the last link is linear in mass and mass x centre.
@@ -288,7 +296,7 @@ class Statics:
 
     @property
     def torque(self) -> Array:
-        """(n, N) about each joint, positive in the direction in which gravity pushes."""
+        """(n, N) about each joint, or along it, N, positive in the direction in which gravity pushes."""
         return self.moment[:, :, 2]
 
 
@@ -298,7 +306,7 @@ def statics(
     loads: tuple[Load, ...] | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Statics:
-    """Moments of gravity at the model angles `joints` (n, N), rad; gravity (3,) in the base frame, m/s2.
+    """Moments of gravity at the model joints (n, N), rad or mm; gravity (3,) in the base frame, m/s2.
 
     M_i = sum over loads beyond joint i of (c_j - o_i) x (m_j g), from the last joint inwards. o_i is the origin of
     frame i (modified DH) or i-1 (standard DH). Source: Nubiola, Annex I.
@@ -320,6 +328,10 @@ def statics(
         about = cross(weighed - mass * origin, g)
         for i, slot in enumerate((f"bearing{k}.rx", f"bearing{k}.ry", f"theta{k}")):
             moment[:, k - 1, i] = np.sum(frames.axis[slot] * about, axis=0)
+        if k in robot.slides:
+            along = np.sum(axis * g, axis=0)
+            moment[:, k - 1, 2], unit_load[:, k - 1, 0] = mass * along, along
+            continue
         swing = cross(g, axis)  # z . (r x g) = r . (g x z)
         for i, lever in enumerate((last_origin - origin, *last_axes)):
             unit_load[:, k - 1, i] = np.sum(lever * swing, axis=0)
@@ -332,7 +344,7 @@ def gravity_torques(
     loads: tuple[Load, ...] | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Array:
-    """(n, N) torque of gravity about each joint, N.mm, positive in the direction in which gravity pushes.
+    """(n, N) torque of gravity about each joint, N.mm, or force along it, N, positive where gravity pushes.
 
     tau_i = z_i . M_i, see `statics`. Source: Nubiola, Annex I; equals -dU/dq.
     """

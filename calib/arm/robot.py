@@ -3,49 +3,51 @@
 Read from `calib/arm/robots/NAME.toml` (`format = "truepose-robot/1"`) or from a file of the user's own. Two
 conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, and standard DH,
 `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)`; beta is Hayati's twist between axes that are meant to be parallel.
+A joint that turns adds to theta, one that slides to d.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.arm.capsules import Capsule, default_capsules, parse_capsules
+from calib.arm.joint_kinds import FACTORS, UNITS, JointKind, external_of, kind_of, limits_of
+from calib.arm.loads import FARTHEST_MM, Load, parse_loads
+from calib.array import Array
 from calib.errors import DataError
 from calib.text.toml_text import read_toml
+from calib.text.unknown_keys import refuse_unknown
 from calib.units import DEG
 
 FORMAT = "truepose-robot/1"
 BUILT_IN = Path(__file__).parent / "robots"
 
 MOST_JOINTS = 20
-FARTHEST_MM = 1e5
 MOST_TURN = 1e4 * DEG
-HEAVIEST_KG = 1e5
-"""No link is longer or heavier, no joint turns further: what is was given in another unit."""
+"""No joint turns further: what does was given in another unit."""
 
 Convention = Literal["mdh", "dh"]
 BasePlacement = Literal["plain", "thesis"]
 
-
-@dataclass(frozen=True)
-class Load:
-    """A mass that loads the joints: on link `link` (1-based), kg, centre of gravity in that link's frame, mm."""
-
-    link: int
-    mass_kg: float
-    cog_mm: tuple[float, float, float]
+_KEYS = (
+    *("format", "name", "maker", "convention", "base", "parallel_axes", "source", "link", "loads"),
+    *("joint_matrices", "controller_world_mm", "capsule"),
+)
+_MATRIX_KEYS = ("matrix", "offset_deg", "offset_mm")
+_LEANS = 10.0 * DEG
+"""Axes that lean by more are not meant to be parallel."""
 
 
 @dataclass(frozen=True)
 class JointMatrix:
-    """model angle = matrix @ controller angle + offset (rad)."""
+    """model joint = matrix @ controller joint + offset; rad, and mm of joints that slide."""
 
     matrix: tuple[tuple[float, ...], ...]
     offset: tuple[float, ...]
@@ -53,7 +55,11 @@ class JointMatrix:
 
 @dataclass(frozen=True)
 class Robot:
-    """Nominal robot of N joints; angles in rad, lengths in mm, arrays of shape (N,)."""
+    """Nominal robot of N joints; angles in rad, lengths in mm, arrays of shape (N,).
+
+    parallel_axes: links whose beta is freed, the twist of the axis at the start of a link (modified DH) or at its end
+    (standard DH). slides: links whose joint slides; external: (link, name) of axes that are not the arm's.
+    """
 
     name: str
     maker: str
@@ -71,6 +77,8 @@ class Robot:
     controller_world_mm: tuple[float, float, float]
     source: str
     capsules: tuple[Capsule, ...] = ()
+    slides: tuple[int, ...] = ()
+    external: tuple[tuple[int, str], ...] = ()
 
     @property
     def joints(self) -> int:
@@ -78,30 +86,71 @@ class Robot:
         return len(self.theta)
 
     @cached_property
+    def kinds(self) -> tuple[JointKind, ...]:
+        """What every joint does, "turns" or "slides"."""
+        return tuple("slides" if k in self.slides else "turns" for k in range(1, self.joints + 1))
+
+    @cached_property
+    def axes(self) -> tuple[str, ...]:
+        """Name of every axis: that of an external one, else j1, j2, ... over the joints of the arm."""
+        named, count = dict(self.external), itertools.count(1)
+        return tuple(named.get(k) or f"j{next(count)}" for k in range(1, self.joints + 1))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """In which every joint is read and written outside, "deg" or "mm"."""
+        return tuple(UNITS[kind] for kind in self.kinds)
+
+    @cached_property
+    def joint_columns(self) -> tuple[str, ...]:
+        """The column of every joint in files: `j1_deg`, `e1_mm`."""
+        return tuple(f"{axis}_{unit}" for axis, unit in zip(self.axes, self.units, strict=True))
+
+    @cached_property
+    def joint_units(self) -> Array:
+        """(N,) one unit of every joint as it is read and written, inside: joints / joint_units is for people."""
+        return np.array([FACTORS[kind] for kind in self.kinds])
+
+    @cached_property
+    def joint_slots(self) -> tuple[str, ...]:
+        """The slot of the chain that every joint drives: `theta1`, or `d1` where it slides."""
+        return tuple(f"{'d' if k in self.slides else 'theta'}{k}" for k in range(1, self.joints + 1))
+
+    @cached_property
     def geometric_links(self) -> tuple[tuple[str, int], ...]:
-        """The DH numbers that identification frees, as (kind, link): those the base pose cannot absorb.
+        """The DH numbers that identification frees, as (kind, link): what neither base nor slide absorbs.
 
         Modified DH: alpha, a, theta, d of links 2..N. Standard DH: alpha and a of link 1 as well, since there
-        they come behind theta_1 (leaving them out costs 0.66 mm on a UR10).
+        they come behind theta_1 (leaving them out costs 0.66 mm on a UR10). Of an axis along which something slides
+        the direction counts and not the place: the numbers that shift it across stay as they are, the offset along the
+        common normal and the one along the axis before (Schröer 1993: a slide has two numbers where a turn has four).
         """
         kinds = ("alpha", "a", "theta", "d")
         first = [("alpha", 1), ("a", 1)] if self.convention == "dh" else []
-        return tuple(first + [(kind, link) for link in range(2, self.joints + 1) for kind in kinds])
+        free = [*first, *((kind, link) for link in range(2, self.joints + 1) for kind in kinds)]
+        behind = 1 if self.convention == "dh" else 0
+        across = {number for k in self.slides for number in (("a", k - behind), ("d", k - 1))}
+        # The zero of a slide is its own d, also where the next axis slides.
+        across -= {("d", k) for k in self.slides}
+        return tuple(number for number in free if number not in across)
 
     @cached_property
     def body(self) -> tuple[Capsule, ...]:
         """The capsules of the robot file, or where it has none what encloses most arms of this length."""
         return self.capsules or default_capsules(self.convention, self.alpha, self.a, self.d)
 
-    def model_angles(self, controller: NDArray[np.float64], coupling: str) -> NDArray[np.float64]:
-        """(n, N) controller angles -> (n, N) model angles, rad. Raises KeyError for an unknown `coupling`."""
+    def model_angles(self, controller: Array, coupling: str) -> Array:
+        """(n, N) joints as the controller counts -> (n, N) of the model, rad or mm.
+
+        Raises KeyError for an unknown `coupling`.
+        """
         if coupling == "none":
             return controller
         joint_matrix = self.joint_matrices[coupling]
         return controller @ np.array(joint_matrix.matrix).T + np.array(joint_matrix.offset)
 
-    def controller_angles(self, model: NDArray[np.float64], coupling: str) -> NDArray[np.float64]:
-        """(..., N) model angles -> (..., N) controller angles, rad: the inverse of `model_angles`.
+    def controller_angles(self, model: Array, coupling: str) -> Array:
+        """(..., N) model joints -> (..., N) as the controller counts: the inverse of `model_angles`.
 
         Raises KeyError for an unknown `coupling`.
         """
@@ -152,13 +201,9 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
         if not isinstance(links, list):
             raise DataError("is not a list.", do="Write every link as [[link]].", file=path, key="link")
         joints = len(links)
-        matrices = {
-            name: JointMatrix(
-                tuple(tuple(float(x) for x in row) for row in entry["matrix"]),
-                tuple(float(x) * DEG for x in entry.get("offset_deg", [0.0] * joints)),
-            )
-            for name, entry in table.get("joint_matrices", {}).items()
-        }
+        refuse_unknown(table, _KEYS, path)
+        kinds: list[JointKind] = [kind_of(link, number, path) for number, link in enumerate(links, start=1)]
+        limits = [limits_of(link, kind) for link, kind in zip(links, kinds, strict=True)]
         convention = table["convention"]
         if convention not in ("mdh", "dh"):
             raise DataError(f"unknown convention {convention!r}.", do="Use 'mdh' or 'dh'.", file=path)
@@ -171,14 +216,21 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
             a=tuple(float(link["a_mm"]) for link in links),
             theta=tuple(float(link["theta_deg"]) * DEG for link in links),
             d=tuple(float(link["d_mm"]) for link in links),
-            lower=tuple(float(link["min_deg"]) * DEG for link in links),
-            upper=tuple(float(link["max_deg"]) * DEG for link in links),
-            parallel_axes=tuple(int(k) for k in table.get("parallel_axes", ())),
+            lower=tuple(low for low, _ in limits),
+            upper=tuple(high for _, high in limits),
+            parallel_axes=_twisted(
+                table, convention, [float(link["alpha_deg"]) * DEG for link in links], path
+            ),
             loads=parse_loads(table.get("loads", []), joints, path),
-            joint_matrices=matrices,
+            joint_matrices={
+                name: _joint_matrix(entry, kinds, path, f"joint_matrices.{name}")
+                for name, entry in table.get("joint_matrices", {}).items()
+            },
             controller_world_mm=_three(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
             source=table["source"],
             capsules=parse_capsules(table.get("capsule", []), joints, path),
+            slides=tuple(k for k, kind in enumerate(kinds, start=1) if kind == "slides"),
+            external=external_of(links, path),
         )
     except DataError:
         raise
@@ -192,6 +244,57 @@ def _robot_from(table: dict[str, Any], path: Path) -> Robot:
         ) from error
     refuse_impossible(robot, path)
     return robot
+
+
+def _joint_matrix(entry: dict[str, Any], kinds: Sequence[JointKind], path: Path, key: str) -> JointMatrix:
+    """A joint matrix, whose numbers are those of a file (deg, mm): model joint = matrix @ controller joint + offset."""
+    refuse_unknown(entry, _MATRIX_KEYS, path, f"{key}.")
+    offset = [0.0] * len(kinds)
+    for kind, unit in UNITS.items():
+        given = [float(x) for x in entry.get(f"offset_{unit}", offset)]
+        misplaced = [
+            k for k, x in enumerate(given, start=1) if x and k <= len(kinds) and kinds[k - 1] != kind
+        ]
+        if misplaced:
+            raise DataError(
+                f"gives an offset in {unit} for joint {misplaced[0]}, which {kinds[misplaced[0] - 1]}.",
+                do="Give offset_deg for joints that turn, offset_mm for those that slide, 0 in the other.",
+                file=path,
+                key=f"{key}.offset_{unit}",
+            )
+        if f"offset_{unit}" in entry:
+            offset = [x * FACTORS[kind] or y for x, y in itertools.zip_longest(given, offset, fillvalue=0.0)]
+    factor = [FACTORS[kind] for kind in kinds]
+    rows = [
+        [float(x) * (factor[i] / factor[j] if max(i, j) < len(kinds) else 1.0) for j, x in enumerate(row)]
+        for i, row in enumerate(entry["matrix"])
+    ]
+    return JointMatrix(tuple(tuple(row) for row in rows), tuple(offset))
+
+
+def _twisted(
+    table: dict[str, Any], convention: Convention, alpha: Sequence[float], path: Path
+) -> tuple[int, ...]:
+    """The links whose beta is the twist of `parallel_axes`, which names axes parallel to the one before them."""
+    axes = tuple(int(k) for k in table.get("parallel_axes", ()))
+    behind = 1 if convention == "dh" else 0
+    for k in axes:
+        if not 2 <= k <= len(alpha):
+            raise DataError(
+                f"names axis {k}.",
+                do=f"Name axes that are parallel to the one before, from 2 to {len(alpha)}.",
+                file=path,
+                key="parallel_axes",
+            )
+        if abs(np.sin(alpha[k - 1 - behind])) > np.sin(_LEANS):
+            raise DataError(
+                f"names axis {k}, but alpha_deg of link {k - behind} says that it leans "
+                f"{alpha[k - 1 - behind] / DEG:g} deg against axis {k - 1}.",
+                do="Name the second of two parallel axes: 3 where axes 2 and 3 are parallel, in both conventions.",
+                file=path,
+                key="parallel_axes",
+            )
+    return tuple(k - behind for k in axes)
 
 
 def _three(values: Any) -> tuple[float, float, float]:
@@ -208,8 +311,12 @@ def refuse_impossible(robot: Robot, path: Path) -> None:
         raise DataError(
             f"there are {robot.joints} links.", do=f"Give 1 to {MOST_JOINTS}.", file=path, key="link"
         )
-    lengths = (*robot.a, *robot.d, *robot.controller_world_mm)
-    angles = (*robot.alpha, *robot.theta, *robot.lower, *robot.upper)
+    _refuse_impossible_kinds(robot, path)
+    limits = list(zip(robot.kinds, robot.lower, robot.upper, strict=True))
+    travel = [x for kind, *pair in limits if kind == "slides" for x in pair]
+    turns = [x for kind, *pair in limits if kind == "turns" for x in pair]
+    lengths = (*robot.a, *robot.d, *robot.controller_world_mm, *travel)
+    angles = (*robot.alpha, *robot.theta, *turns)
     if not all(abs(x) <= FARTHEST_MM for x in lengths) or not all(abs(x) <= MOST_TURN for x in angles):
         raise DataError(
             f"a length is beyond {FARTHEST_MM:g} mm, or an angle beyond {MOST_TURN / DEG:g} deg.",
@@ -220,7 +327,7 @@ def refuse_impossible(robot: Robot, path: Path) -> None:
     for name, each in robot.joint_matrices.items():
         square = np.shape(each.matrix) == (robot.joints, robot.joints) and len(each.offset) == robot.joints
         numbers = np.array([*np.ravel(each.matrix), *each.offset]) if square else np.array([np.nan])
-        if not np.all(np.abs(numbers) <= MOST_TURN) or abs(np.linalg.det(np.array(each.matrix))) < 1e-6:
+        if not np.all(np.abs(numbers) <= FARTHEST_MM) or abs(np.linalg.det(np.array(each.matrix))) < 1e-6:
             raise DataError(
                 f"is not {robot.joints} x {robot.joints} numbers that can be inverted.",
                 do="Correct it.",
@@ -236,46 +343,20 @@ def refuse_impossible(robot: Robot, path: Path) -> None:
             file=path,
             key="parallel_axes",
         )
-    if not all(low < high for low, high in zip(robot.lower, robot.upper, strict=True)):
-        raise DataError("a joint's min_deg is not below its max_deg.", do="Correct the limits.", file=path)
+    for kind, axis, low, high in zip(robot.kinds, robot.axes, robot.lower, robot.upper, strict=True):
+        if not low < high:
+            unit = UNITS[kind]
+            raise DataError(
+                f"min_{unit} of {axis} is not below its max_{unit}.", do="Correct the limits.", file=path
+            )
 
 
-def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]:
-    """The `[[loads]]` of a robot file or a data set. Raises DataError when they are not physical."""
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+def _refuse_impossible_kinds(robot: Robot, path: Path) -> None:
+    links = range(1, robot.joints + 1)
+    named = [link for link, _ in robot.external]
+    if not all(k in links for k in (*robot.slides, *named)) or len(set(robot.axes)) != robot.joints:
+        raise DataError("its slides or external axes are none of its joints.", do="Correct them.", file=path)
+    if robot.base == "thesis" and 1 in robot.slides:
         raise DataError(
-            "is not a list of tables.", do="Write every load as [[loads]].", file=path, key="loads"
+            "is 'thesis', which needs a first joint that turns.", do="Use 'plain'.", file=path, key="base"
         )
-    return tuple(_load(entry, joints, path) for entry in entries)
-
-
-def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
-    try:
-        link = entry["link"]
-        mass, cog = float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"])
-    except KeyError as error:
-        raise DataError(
-            "a load lacks this key.", do="Give link, mass_kg, cog_mm.", file=path, key=error.args[0]
-        ) from error
-    except (TypeError, ValueError) as error:
-        raise DataError(
-            f"a load is not made of numbers ({error}).",
-            do="Give link (a joint's number), mass_kg and cog_mm = [x, y, z].",
-            file=path,
-            key="loads",
-        ) from error
-    if type(link) is not int or not 1 <= link <= joints or len(cog) != 3:
-        raise DataError(
-            f"a load names link {link} with {len(cog)} coordinates.",
-            do=f"Use a link from 1 to {joints} and three coordinates in mm.",
-            file=path,
-            key="loads",
-        )
-    if not (0.0 < mass <= HEAVIEST_KG and all(abs(x) <= FARTHEST_MM for x in cog)):
-        raise DataError(
-            f"a load of {mass} kg is not possible.",
-            do=f"Give its mass in kg, above zero, and its centre within {FARTHEST_MM:g} mm.",
-            file=path,
-            key="loads",
-        )
-    return Load(link, mass, (cog[0], cog[1], cog[2]))

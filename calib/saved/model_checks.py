@@ -38,8 +38,9 @@ def content_hash(document: Mapping[str, Any]) -> str:
 
 
 def robot_hash(robot: Robot) -> str:
-    """SHA-256 of everything of a robot that moves it."""
+    """SHA-256 of everything of a robot that moves it; of a robot without slides what older versions made of it."""
     table = {key: value for key, value in asdict(robot).items() if key not in _DESCRIPTION}
+    table = {key: value for key, value in table.items() if key not in ("slides", "external") or value}
     return hashlib.sha256(json.dumps(table, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

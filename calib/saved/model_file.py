@@ -338,6 +338,7 @@ def _robot(table: dict[str, Any], path: Path) -> Robot:
     if len(counts) != 1 or plain["convention"] not in ("mdh", "dh"):
         raise DataError("is no robot.", do="Write the model again.", file=path, key="robot_table")
     joints = counts.pop()
+    plain["external"] = tuple((link, name) for link, name in table.get("external", []))
     loads = parse_loads(table["loads"], joints, path)
     capsules = parse_capsules(table.get("capsules", []), joints, path)
     robot = Robot(**{**plain, "loads": loads, "joint_matrices": matrices, "capsules": capsules})

@@ -7,6 +7,7 @@ from calib.text.json_text import parse_json, read_json
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import parse_toml, read_toml
+from calib.text.unknown_keys import refuse_unknown
 
 __all__ = [
     "LONGEST_LINE",
@@ -21,6 +22,7 @@ __all__ = [
     "read_json",
     "read_text",
     "read_toml",
+    "refuse_unknown",
     "replace_file",
     "rows_of",
 ]

@@ -47,7 +47,7 @@ def six(values: Mapping[str, Any], name: str, between: Matrix | None = None) -> 
 def chain(
     robot: Robot, joints: Any, add: Mapping[str, Any], target: Any = (0.0, 0.0, 0.0), station: Any = (0, 0, 0)
 ) -> Matrix:
-    """Frame of the target in the world, (4, 4), at model angles (N,) rad with `add` on the slots."""
+    """Frame of the target in the world, (4, 4), at model joints (N,) rad or mm with `add` on the slots."""
     about = shift("x", station[0]) @ shift("y", station[1]) @ shift("z", station[2])
     frame = about @ six(add, "frame") @ np.linalg.inv(about)
     thesis = robot.base == "thesis"
@@ -57,10 +57,18 @@ def chain(
         alpha = turn("x", robot.alpha[k - 1] + add.get(f"alpha{k}", 0.0))
         beta = turn("y", add.get(f"beta{k}", 0.0))
         a = shift("x", robot.a[k - 1] + add.get(f"a{k}", 0.0))
-        theta = turn("z", robot.theta[k - 1] + joints[k - 1] + add.get(f"theta{k}", 0.0))
+        slides = k in robot.slides
+        theta = turn("z", robot.theta[k - 1] + (0.0 if slides else joints[k - 1]) + add.get(f"theta{k}", 0.0))
         d = shift("z", 0.0 if thesis and k == 1 else robot.d[k - 1] + add.get(f"d{k}", 0.0))
+        if slides:  # a carriage on the axis, which goes aside, tilts and rolls where it stands
+            aside = shift("x", add.get(f"bearing{k}.x", 0.0)) @ shift("y", add.get(f"bearing{k}.y", 0.0))
+            d = d @ shift("z", joints[k - 1]) @ aside
         tilt = turn("x", add.get(f"bearing{k}.rx", 0.0)) @ turn("y", add.get(f"bearing{k}.ry", 0.0))
-        if (
+        if slides:
+            carriage = d @ tilt @ theta
+            mdh = robot.convention == "mdh"
+            frame = frame @ (alpha @ beta @ a @ carriage if mdh else carriage @ a @ alpha @ beta)
+        elif (
             robot.convention == "mdh"
         ):  # the bearing tilts about the origin of frame K, in axes that do not turn yet
             frame = frame @ alpha @ beta @ a @ d @ tilt @ np.linalg.inv(d) @ theta @ d

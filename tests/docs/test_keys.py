@@ -27,6 +27,7 @@ from calib.saved import save_model
 from calib.text.columns import Columns
 from drivers import INSTRUMENTS
 from mocks.cell_file import CellFile
+from tests.calib.machines import machine
 from tests.service.campaigns import write_data
 
 ROOT = Path(__file__).parents[2]
@@ -157,7 +158,8 @@ def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp
     hold("Data set: NAME.csv", columns)
 
 
-def test_robots(asked: dict[str, Asked]) -> None:
+def test_robots(asked: dict[str, Asked], tmp_path: Path) -> None:
+    machine("track", tmp_path)
     for path in BUILT_IN.glob("*.toml"):
         load_robot(path.stem)
     hold("Robot file", asked["truepose-robot/1"])

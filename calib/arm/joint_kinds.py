@@ -1,0 +1,83 @@
+"""What a joint does, and what follows from it: a joint that turns counts in deg, one that slides in mm.
+
+An axis has a name, by which columns are called (`j1_deg`, `e1_mm`): j1, j2, ... over the joints of the arm, e1, e2, ...
+for external axes (a track, a lifting column, a positioner), which the robot file names.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from calib.errors import DataError
+from calib.text.unknown_keys import refuse_unknown
+from calib.units import DEG
+
+JointKind = Literal["turns", "slides"]
+KINDS: tuple[JointKind, ...] = ("turns", "slides")
+UNITS: Mapping[JointKind, str] = {"turns": "deg", "slides": "mm"}
+"""In which a joint is read and written outside."""
+FACTORS: Mapping[JointKind, float] = {"turns": DEG, "slides": 1.0}
+"""One of these units inside: rad, mm."""
+
+_LIMITS: Mapping[JointKind, tuple[str, str]] = {
+    kind: (f"min_{unit}", f"max_{unit}") for kind, unit in UNITS.items()
+}
+_KEYS = ("alpha_deg", "a_mm", "theta_deg", "d_mm", "joint", "axis")
+_MEANT = {"kind": "joint", "type": "joint", "joint_type": "joint", "name": "axis"}
+_EXTERNAL = re.compile(r"e[1-9][0-9]?")
+
+
+def kind_of(link: Mapping[str, Any], number: int, path: Path) -> JointKind:
+    """The kind of the joint of a `[[link]]`, whose keys are checked. Raises DataError naming the key."""
+    given = link.get("joint", "turns")
+    prefix = f"link[{number}]."
+    if given not in KINDS:
+        raise DataError(
+            f"is {given!r}.", do='Use joint = "turns" or joint = "slides".', file=path, key=f"{prefix}joint"
+        )
+    kind: JointKind = "slides" if given == "slides" else "turns"
+    other: JointKind = "turns" if kind == "slides" else "slides"
+    for wrong, right in zip(_LIMITS[other], _LIMITS[kind], strict=True):
+        if wrong in link:
+            raise DataError(
+                f"is the limit of a joint that {other}, and this one {kind}.",
+                do=f'Give {right} in {UNITS[kind]}, or write joint = "{other}".',
+                file=path,
+                key=f"{prefix}{wrong}",
+            )
+    refuse_unknown(link, (*_KEYS, *_LIMITS[kind]), path, prefix, _MEANT)
+    return kind
+
+
+def limits_of(link: Mapping[str, Any], kind: JointKind) -> tuple[float, float]:
+    """Lower and upper limit of a joint, rad or mm. Raises KeyError, TypeError or ValueError for what is no number."""
+    lower, upper = (float(link[key]) * FACTORS[kind] for key in _LIMITS[kind])
+    return lower, upper
+
+
+def external_of(links: Sequence[Mapping[str, Any]], path: Path) -> tuple[tuple[int, str], ...]:
+    """(link, name) of every external axis. Raises DataError for a name that is none, or is given twice."""
+    found: dict[str, int] = {}
+    for number, link in enumerate(links, start=1):
+        if "axis" not in link:
+            continue
+        name = link["axis"]
+        if not isinstance(name, str) or not _EXTERNAL.fullmatch(name):
+            raise DataError(
+                f"is {name!r}.",
+                do="Name an external axis e1, e2, ...; joints of the arm are j1, j2, ... without being named.",
+                file=path,
+                key=f"link[{number}].axis",
+            )
+        if name in found:
+            raise DataError(
+                f"names '{name}', as link {found[name]} does.",
+                do="Name each axis once.",
+                file=path,
+                key=f"link[{number}].axis",
+            )
+        found[name] = number
+    return tuple((number, name) for name, number in found.items())
