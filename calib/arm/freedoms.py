@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.jacobian import nominal_jacobian
+from calib.arm.jacobian import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 
@@ -39,7 +39,8 @@ _SAMPLES = 64
 class Freedoms:
     """What an arm of N joints can do about a miss of its tool point.
 
-    columns: (N, m) change of the model's joints for a unit of every joint that is moved. count, places: see above.
+    columns: (N, m) change of the model's joints for a unit of every joint that is moved: 1 rad, or `LEVER_MM` of a
+    slide. count, places: see above.
     turns: how many directions it can turn about, wherever the tool point goes.
     """
 
@@ -54,10 +55,15 @@ class Freedoms:
         low, high = np.min(limits, axis=1), np.max(limits, axis=1)
         counted = np.random.default_rng(1).uniform(low, high, (_SAMPLES, robot.joints))
         jacobian = nominal_jacobian(robot, robot.model_angles(counted, coupling), tool)[1]
-        eye = np.eye(robot.joints)
+        eye = np.diag(joint_scale(robot))
         columns = (robot.model_angles(eye, coupling) - robot.model_angles(0.0 * eye, coupling)).T
-        columns = columns[:, high - low > HELD]
-        count = _rank(jacobian @ columns)
+        moves = high - low > HELD
+        count = _rank(jacobian @ columns[:, moves])
+        for k in np.flatnonzero([kind == "slides" for kind in robot.kinds]):
+            without = moves & (np.arange(robot.joints) != k)
+            if _rank(jacobian @ columns[:, without]) == count:
+                moves = without
+        columns = columns[:, moves]
         return cls(
             columns,
             count,

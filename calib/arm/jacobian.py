@@ -25,9 +25,9 @@ def pose_difference(wanted: Array, reached: Array) -> Array:
 
 
 def nominal_jacobian(robot: Robot, joints: Array, tool: Array) -> tuple[Array, Array]:
-    """Poses (n, 4, 4) of the tool point and its scaled Jacobian (n, 6, N) at model angles (n, N), rad.
+    """Poses (n, 4, 4) of the tool point and its scaled Jacobian (n, 6, N) at model joints (n, N), rad or mm.
 
-    tool: (3,) mm in the flange frame. Rows in mm a rad; those of rotation are multiplied by `LEVER_MM`.
+    tool: (3,) mm in the flange frame. Rows in mm a rad or mm; those of rotation are multiplied by `LEVER_MM`.
     """
     n = len(joints)
     values = nominal_values(robot, joints) | {
@@ -39,8 +39,13 @@ def nominal_jacobian(robot: Robot, joints: Array, tool: Array) -> tuple[Array, A
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
     poses[:, 3, 3] = 1.0
     jacobian = np.zeros((n, 6, robot.joints))
-    for k in range(robot.joints):
-        linear, angular = frames.twist(f"theta{k + 1}")
+    for k, slot in enumerate(robot.joint_slots):
+        linear, angular = frames.twist(slot)
         jacobian[:, :3, k] = np.broadcast_to(linear, (3, n)).T
         jacobian[:, 3:, k] = LEVER_MM * np.broadcast_to(angular, (3, n)).T
     return poses, jacobian
+
+
+def joint_scale(robot: Robot) -> Array:
+    """(N,) what a joint moves that moves as far as another turns by 1 rad: 1, or `LEVER_MM` for one that slides."""
+    return np.where([kind == "slides" for kind in robot.kinds], LEVER_MM, 1.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from calib.arm.freedoms import SINGULAR, Freedoms
 from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.jacobian import nominal_jacobian
+from calib.arm.jacobian import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
@@ -31,7 +31,7 @@ from calib.units import DEG
 
 MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many; 98 % after 4
 # Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
-FARTHEST = 30.0 * DEG
+FARTHEST = 30.0 * DEG  # of a slide as much of `LEVER_MM`
 
 
 def correct(
@@ -46,12 +46,14 @@ def correct(
     regression: Regression | None = None,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Correction:
-    """Correct joint targets (n, N), model angles, rad: `target` then lands in the pose the nominal robot would take.
+    """Correct joint targets (n, N) of the model, rad or mm: `target` then lands in the pose the nominal robot would take.
 
     estimate: (m,) of the model, internal units. target: a tool target by name, or the flange, which carries all
-    targets with it. limits: (N, 2) rad as the controller counts, default the robot's; coupling: how it counts.
+    targets with it. limits: (N, 2) as the controller counts, default the robot's; coupling: how it counts.
     regression: one that is based on the model; targets outside its region are refused. Rows that are NaN are out of
-    reach. Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
+    reach. An arm without all six freedoms is asked for those that it has; `Correction.left` holds the rest. With the
+    flange as target its tool is then off by what is left of orientation times its length: name a target instead.
+    Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
     target or series.
     """
     robot = model.robot
@@ -65,13 +67,14 @@ def correct(
     known = np.all(np.isfinite(joints), axis=1)
     wanted = np.full((len(joints), 4, 4), np.nan)
     wanted[known] = nominal_poses(model, joints[known], tool)
+    scale = joint_scale(robot)
     left, memory = np.flatnonzero(known), Memory(len(joints), robot.joints)
     for done in range(most_iterations + 1):
         here = found[left]
         reached = calibrated.poses(here)
         landed, goal = misses.take(left, arm, robot, here, tool, reached, wanted[left])
         # Only rows that are still in question go on; a wild one is given up, or it would spoil the products.
-        sane = np.all(np.abs(here - joints[left]) < FARTHEST, axis=1)
+        sane = np.all(np.abs(here - joints[left]) < FARTHEST * scale, axis=1)
         on = ~landed & sane
         left, here, reached, goal = left[on], here[on], reached[on], goal[on]
         if not len(left) or done == most_iterations:
@@ -79,7 +82,7 @@ def correct(
         iterations[left] = done + 1
         false_target = nominal_poses(model, here, tool) @ inverse_poses(reached) @ goal
         shifted = nominal_inverse(robot, false_target, here, tool, arm)
-        found[left] = memory.next(left, here, shifted)
+        found[left] = memory.next(left, here / scale, shifted / scale) * scale
     asked = np.stack([joints, found])
     refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, asked)
     return misses.correction(found, refusals, iterations, arm)
@@ -118,7 +121,7 @@ def refused(
     unknown = ~np.all(np.isfinite(joints), axis=1)
     counted = robot.controller_angles(found, coupling)
     beyond = np.any((counted < limits[:, 0]) | (counted > limits[:, 1]), axis=1)
-    moved = np.max(np.abs(found - joints), axis=1, initial=0.0)
+    moved = np.max(np.abs(found - joints) / joint_scale(robot), axis=1, initial=0.0)
     moved = np.where(np.isfinite(moved), moved, np.inf)
     start, end = (nominal_jacobian(robot, np.nan_to_num(there), tool)[1] for there in (joints, found))
     singular = arm.margin(start) < SINGULAR

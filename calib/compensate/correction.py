@@ -65,7 +65,7 @@ class Left:
 
 @dataclass(frozen=True)
 class Correction:
-    """Corrected targets. `joints` (n, N) rad, NaN where refused: a refused target must never be driven.
+    """Corrected targets. `joints` (n, N) rad or mm, NaN where refused: a refused target must never be driven.
 
     landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`, of what the
     arm can move and turn; left: what it cannot; iterations (n,): how many the target took.

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from calib.arm.freedoms import Freedoms
-from calib.arm.jacobian import LEVER_MM, nominal_jacobian, pose_difference
+from calib.arm.jacobian import LEVER_MM, joint_scale, nominal_jacobian, pose_difference
 from calib.arm.robot import Robot
 from calib.array import Array
 
@@ -29,19 +29,19 @@ def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
 def nominal_inverse(
     robot: Robot, poses: Array, seed: Array, tool: Array, freedoms: Freedoms | None = None
 ) -> Array:
-    """(n, N) model angles, rad, that bring the nominal tool point to `poses` (n, 4, 4), base frame, near `seed` (n, N).
+    """(n, N) model joints, rad or mm, that bring the nominal tool point to `poses` (n, 4, 4), base frame, near `seed` (n, N).
 
     freedoms: of the arm, default all six with every joint free. Where a pose is out of reach the result is the nearest
     that Newton's method came to: the caller checks.
     """
-    arm = Freedoms(np.eye(robot.joints), 6, places=True, turns=3) if freedoms is None else freedoms
-    joints = seed.copy()
+    arm = Freedoms(np.diag(joint_scale(robot)), 6, places=True, turns=3) if freedoms is None else freedoms
+    joints, scale = seed.copy(), joint_scale(robot)
     for _ in range(ITERATIONS):
         reached, jacobian = nominal_jacobian(robot, joints, tool)
         error = pose_difference(poses, reached)
         error[:, 3:] *= LEVER_MM
         step, _ = arm.step(jacobian, error)
         joints = joints + step
-        if np.max(np.abs(step), initial=0.0) < _REACHED:
+        if np.max(np.abs(step / scale), initial=0.0) < _REACHED:
             break
     return joints

@@ -37,6 +37,11 @@ _FLAT = 0.05  # |f| below which a least value may hide two zeros
 _ROUNDS, _LONGEST = 12, 0.3  # of Newton's method; rad a step
 _ENDED_MM, _ENDED_RAD = 1e-9, 1e-11
 _SAME = 1e-6  # rad
+_HALVINGS, _SHARES = 30, (0.0, 0.5, 0.9, 0.99, 0.9999, 1.0)
+_OF_A_NAME = 4  # solutions that bear the same name
+
+Begun = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]
+"""Branch (front, up), row of the pose and theta_6 of places where a solution is begun."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class OffsetWrist:
     links: TwoLinks
     sense: float
 
-    branches = (*BRANCHES, *(f"{name}/2" for name in BRANCHES))
+    branches = (*BRANCHES, *(f"{name}/{k}" for k in range(2, _OF_A_NAME + 1) for name in BRANCHES))
 
     @classmethod
     def of(cls, zero: ZeroPose) -> OffsetWrist | None:
@@ -62,7 +67,7 @@ class OffsetWrist:
         return cls(zero, centre, TwoLinks.of(zero, centre, centre), float(np.sign(axes[1] @ axes[2])))
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All branches of flange poses (n, 4, 4), base frame, mm; a second one of the same name is called `.../2`."""
+        """All branches of flange poses (n, 4, 4), base frame, mm; more of the same name are called `.../2`."""
         blocks = [
             self._block(poses[i : i + BLOCK], seed[i : i + BLOCK])
             for i in range(0, max(len(poses), 1), BLOCK)
@@ -82,13 +87,13 @@ class OffsetWrist:
         order = np.lexsort((joints[:, 5], name, rows))
         rows, joints, name, singular = rows[order], joints[order], name[order], singular[order]
         again = np.zeros(len(rows), dtype=bool)
-        for back in range(1, 7):
+        for back in range(1, 12):
             apart = np.abs(wrapped(joints[back:] - joints[:-back], self.zero.turns)).max(axis=1, initial=0.0)
             again[back:] |= (rows[back:] == rows[:-back]) & (apart < _SAME) & ~again[:-back]
         rows, joints, name, singular = rows[~again], joints[~again], name[~again], singular[~again]
         group = rows * len(BRANCHES) + name
         nth = np.arange(len(group)) - np.searchsorted(group, group)
-        there = nth < 2
+        there = nth < _OF_A_NAME
         place = name + len(BRANCHES) * nth
         out = np.full((len(poses), len(self.branches), 6), np.nan)
         state = np.full(out.shape[:2], REACHED.index(Reached.TOO_FAR), dtype=np.int8)
@@ -130,20 +135,24 @@ class OffsetWrist:
         after, reaches = np.roll(f, -1, axis=2), np.roll(valid, -1, axis=2)
         before, reached = np.roll(f, 1, axis=2), np.roll(valid, 1, axis=2)
         crosses = valid & reaches & (f * after <= 0.0)
-        least = (
-            valid
-            & reaches
-            & reached
-            & (np.abs(f) <= np.abs(after))
-            & (np.abs(f) <= np.abs(before))
-            & (np.abs(f) < _FLAT)
-        )
-        edge = valid & ~(reaches & reached)
-        chosen = np.nonzero(crosses | least | edge)
-        share = np.where(crosses, f / np.where(f == after, 1.0, f - after), 0.0)[chosen]
-        rows = chosen[3]
-        joints = np.stack([a[chosen] for a in angles] + [np.zeros(len(rows))] * 2, axis=1)
-        joints = np.hstack([joints, (grid[chosen[2]] + share * (2.0 * np.pi / STEPS))[:, None]])
+        step = 2.0 * np.pi / STEPS
+        begun = [self._crossing(poses, seed, np.nonzero(crosses), grid, np.full(int(crosses.sum()), step))]
+        flat = valid & reaches & reached & (np.abs(f) <= np.abs(after)) & (np.abs(f) <= np.abs(before))
+        least = np.nonzero(flat & (np.abs(f) < _FLAT))
+        # The parabola through three steps, at its zeros or where it is least.
+        curve, slope = (0.5 * (after + before) - f)[least], 0.5 * (after - before)[least]
+        curve = np.where(curve == 0.0, 1e-300, curve)
+        wide = np.sqrt(np.maximum(slope**2 - 4.0 * curve * f[least], 0.0))
+        for sign in (-1.0, 1.0):
+            share = np.clip((-slope + sign * wide) / (2.0 * curve), -1.0, 1.0)
+            begun.append((least[0], least[1], least[3], grid[least[2]] + share * step))
+        for edge, way in ((valid & ~reaches, step), (valid & ~reached, -step)):
+            begun += self._beside(poses, seed, np.nonzero(edge), grid, way)
+        front, up, rows, found = (np.concatenate(each) for each in zip(*begun, strict=True))
+        angles, _, _ = self._first_three(poses[rows], found[None], seed[rows, 0])
+        each = np.arange(len(rows))
+        joints = np.stack([a[front, up, 0, each] for a in angles], axis=1)
+        joints = np.hstack([joints, np.zeros((len(rows), 2)), found[:, None]])
         # What joints 4 and 5 turn of axis 5 and of what is square to it.
         zero = self.zero
         arm = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
@@ -158,6 +167,41 @@ class OffsetWrist:
         turned = (turns_about(z4, -joints[:, 3]) @ rest) @ z4
         joints[:, 4] = np.arctan2(-(turned @ across), turned @ z4)
         return rows, joints
+
+    def _crossing(
+        self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], grid: Array, steps: Array
+    ) -> Begun:
+        """Zeros of f between steps of `grid` and what lies `steps` (m,) further, by halving."""
+        front, up, at, rows = chosen
+        begin, share = self._at(poses, seed, chosen, grid[at])[1], np.zeros(len(rows))
+        for k in range(1, _HALVINGS + 1):
+            there = share + 0.5**k
+            valid, f = self._at(poses, seed, chosen, grid[at] + steps * there)
+            share = np.where(valid & (f * begin > 0.0), there, share)
+        return front, up, rows, grid[at] + steps * share
+
+    def _beside(
+        self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], grid: Array, step: float
+    ) -> list[Begun]:
+        """Places between the last step that reaches and the edge of reach, which is halved for."""
+        front, up, at, rows = chosen
+        inside = np.zeros(len(rows))
+        for k in range(1, _HALVINGS + 1):
+            there = inside + 0.5**k
+            inside = np.where(self._at(poses, seed, chosen, grid[at] + step * there)[0], there, inside)
+        return [
+            self._crossing(poses, seed, chosen, grid, step * inside),
+            *((front, up, rows, grid[at] + step * share * inside) for share in _SHARES),
+        ]
+
+    def _at(
+        self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], theta_6: Array
+    ) -> tuple[Mask, Array]:
+        """Whether branches of some rows reach at theta_6 (m,), and f there."""
+        front, up, _, rows = chosen
+        _, valid, f = self._first_three(poses[rows], theta_6[None], seed[rows, 0])
+        each = np.arange(len(rows))
+        return valid[front, up, 0, each], f[front, up, 0, each]
 
     def _ended(self, poses: Array, joints: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Joints (m, 6) after Newton's method, and whether they stand in the poses (m, 4, 4)."""

@@ -32,7 +32,7 @@ class ZeroPose:
         frames = propagate(Chain.of(robot), nominal_values(robot, np.zeros((1, robot.joints))), Placement())
         flange = np.eye(4)
         flange[:3, :3], flange[:3, 3] = frames.rotation[0], np.broadcast_to(frames.p, (3, 1))[:, 0]
-        slots = [f"theta{k + 1}" for k in range(robot.joints)]
+        slots = robot.joint_slots
         return cls(
             robot.name,
             tuple(frames.turns[slot] for slot in slots),
