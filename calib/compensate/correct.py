@@ -46,7 +46,7 @@ def correct(
     regression: Regression | None = None,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Correction:
-    """Correct joint targets (n, N) of the model, rad or mm: `target` then lands in the pose the nominal robot would take.
+    """Correct joint targets (n, N) of the model, rad or mm: `target` then lands where the nominal robot would put it.
 
     estimate: (m,) of the model, internal units. target: a tool target by name, or the flange, which carries all
     targets with it. limits: (N, 2) as the controller counts, default the robot's; coupling: how it counts.

@@ -29,7 +29,7 @@ def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
 def nominal_inverse(
     robot: Robot, poses: Array, seed: Array, tool: Array, freedoms: Freedoms | None = None
 ) -> Array:
-    """(n, N) model joints, rad or mm, that bring the nominal tool point to `poses` (n, 4, 4), base frame, near `seed` (n, N).
+    """(n, N) model joints, rad or mm, that bring the nominal tool point to `poses` (n, 4, 4), mm, near `seed` (n, N).
 
     freedoms: of the arm, default all six with every joint free. Where a pose is out of reach the result is the nearest
     that Newton's method came to: the caller checks.

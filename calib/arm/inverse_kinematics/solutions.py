@@ -40,7 +40,7 @@ class Reached(StrEnum):
     YES = "reached"
     WRIST = "wrist singular: only the sum or difference of two joints is determined"
     ELBOW = "elbow singular: the arm is stretched or folded"
-    SHOULDER = "shoulder singular: the wrist centre lies above axis 1"
+    SHOULDER = "shoulder singular: the wrist centre, or of seven axes the upper arm, lies above axis 1"
     TOO_NEAR = "out of reach: too near to axis 1"
     TOO_FAR = "out of reach of upper arm and forearm"
     TILTED = "out of reach: this arm cannot tilt its tool so"
@@ -50,11 +50,11 @@ REACHED = tuple(Reached)
 UNREACHABLE = (REACHED.index(Reached.TOO_NEAR), REACHED.index(Reached.TOO_FAR), REACHED.index(Reached.TILTED))
 
 
-def branch_index(name: str) -> int:
-    """Position of a branch in `BRANCHES`. Raises ValueError for an unknown name."""
-    if name not in BRANCHES:
-        raise ValueError(f"branch {name!r} is not one of {', '.join(BRANCHES)}")
-    return BRANCHES.index(name)
+def branch_index(name: str, *, among: tuple[str, ...] = BRANCHES) -> int:
+    """Position of a branch among those of an arm. Raises ValueError for an unknown name."""
+    if name not in among:
+        raise ValueError(f"branch {name!r} is not one of {', '.join(among)}")
+    return among.index(name)
 
 
 @dataclass(frozen=True)
