@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from calib.arm.freedoms import Freedoms
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correct import checked, refused
 from calib.compensate.correction import Correction
-from calib.compensate.inverse import nominal_inverse, pose_difference
+from calib.compensate.misses import Misses
 from calib.model.model import RobotModel
 from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
 from calib.regression.regression import Regression
@@ -36,12 +38,11 @@ def nominal_of(
     robot = model.robot
     joints, limits = checked(robot, joints, limits)
     tool = tool_point(model, series_of(model, stated), target)
-    known = np.all(np.isfinite(joints), axis=1)
+    arm = Freedoms.of(robot, limits, coupling, tool)
+    known = np.flatnonzero(np.all(np.isfinite(joints), axis=1))
     reached = Calibrated(model, estimate, stated, target, regression).poses(joints[known])
-    found = np.full_like(joints, np.nan)
-    found[known] = nominal_inverse(robot, reached, joints[known], tool)
-    miss = pose_difference(reached, nominal_poses(model, found[known], tool))
-    landed, turned = np.full(len(joints), np.inf), np.full(len(joints), np.inf)
-    landed[known], turned[known] = (np.linalg.norm(part, axis=1) for part in (miss[:, :3], miss[:, 3:]))
-    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool, regression, joints[None])
-    return Correction.of(found, refusals, landed, turned, known.astype(np.int64))
+    found, misses = np.full_like(joints, np.nan), Misses.unknown(len(joints))
+    found[known] = nominal_inverse(robot, reached, joints[known], tool, arm)
+    misses.take(known, arm, robot, found[known], tool, nominal_poses(model, found[known], tool), reached)
+    refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, joints[None])
+    return misses.correction(found, refusals, np.isfinite(misses.landed).astype(np.int64), arm)

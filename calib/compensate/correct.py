@@ -6,7 +6,8 @@ The controller keeps its nominal model, so it is sent a false target F instead o
 
 until the calibrated robot at IK_nom(F) is in T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
 target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
-(`calib.model.stated`).
+(`calib.model.stated`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
+to T that they lead to; what it cannot move or turn is left, and said.
 """
 
 from __future__ import annotations
@@ -14,16 +15,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.freedoms import SINGULAR, Freedoms
+from calib.arm.inverse_kinematics.near import nominal_inverse
+from calib.arm.jacobian import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.correction import Correction, Status
-from calib.compensate.inverse import (
-    branch_sign,
-    least_singular_value,
-    nominal_inverse,
-    pose_difference,
-)
+from calib.compensate.misses import LANDED_MM, LANDED_RAD, Misses
 from calib.compensate.mixing import Memory
 from calib.model.model import RobotModel
 from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
@@ -31,11 +30,8 @@ from calib.regression.regression import Regression
 from calib.units import DEG
 
 MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many; 98 % after 4
-LANDED_MM, LANDED_RAD = 1e-7, 1e-9
 # Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
-FARTHEST = 30.0 * DEG
-SINGULAR = 0.004
-"""Least over largest singular value below which a target is refused: the wrist within some 2 deg of singular."""
+FARTHEST = 30.0 * DEG  # of a slide as much of `LEVER_MM`
 
 
 def correct(
@@ -50,44 +46,46 @@ def correct(
     regression: Regression | None = None,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Correction:
-    """Correct joint targets (n, N), model angles, rad: `target` then lands in the pose the nominal robot would take.
+    """Correct joint targets (n, N) of the model, rad or mm: `target` then lands where the nominal robot would put it.
 
     estimate: (m,) of the model, internal units. target: a tool target by name, or the flange, which carries all
-    targets with it. limits: (N, 2) rad as the controller counts, default the robot's; coupling: how it counts.
+    targets with it. limits: (N, 2) as the controller counts, default the robot's; coupling: how it counts.
     regression: one that is based on the model; targets outside its region are refused. Rows that are NaN are out of
-    reach. Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
+    reach. An arm without all six freedoms is asked for those that it has; `Correction.left` holds the rest. With the
+    flange as target its tool is then off by what is left of orientation times its length: name a target instead.
+    Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
     target or series.
     """
     robot = model.robot
     joints, limits = checked(robot, joints, limits)
     tool = tool_point(model, series_of(model, stated), target)
+    arm = Freedoms.of(robot, limits, coupling, tool)
     calibrated = Calibrated(model, estimate, stated, target, regression)
 
-    found = joints.copy()
-    landed, turned = np.full(len(joints), np.inf), np.full(len(joints), np.inf)
+    found, misses = joints.copy(), Misses.unknown(len(joints))
     iterations = np.zeros(len(joints), dtype=np.int64)
     known = np.all(np.isfinite(joints), axis=1)
     wanted = np.full((len(joints), 4, 4), np.nan)
     wanted[known] = nominal_poses(model, joints[known], tool)
+    scale = joint_scale(robot)
     left, memory = np.flatnonzero(known), Memory(len(joints), robot.joints)
     for done in range(most_iterations + 1):
-        reached = calibrated.poses(found[left])
-        miss = pose_difference(wanted[left], reached)
-        landed[left], turned[left] = (np.linalg.norm(part, axis=1) for part in (miss[:, :3], miss[:, 3:]))
+        here = found[left]
+        reached = calibrated.poses(here)
+        landed, goal = misses.take(left, arm, robot, here, tool, reached, wanted[left])
         # Only rows that are still in question go on; a wild one is given up, or it would spoil the products.
-        sane = np.all(np.abs(found[left] - joints[left]) < FARTHEST, axis=1)
-        on = ((landed[left] > LANDED_MM) | (turned[left] > LANDED_RAD)) & sane
-        left, reached = left[on], reached[on]
+        sane = np.all(np.abs(here - joints[left]) < FARTHEST * scale, axis=1)
+        on = ~landed & sane
+        left, here, reached, goal = left[on], here[on], reached[on], goal[on]
         if not len(left) or done == most_iterations:
             break
         iterations[left] = done + 1
-        here = found[left]
-        false_target = nominal_poses(model, here, tool) @ inverse_poses(reached) @ wanted[left]
-        shifted = nominal_inverse(robot, false_target, here, tool)
-        found[left] = memory.next(left, here, shifted)
+        false_target = nominal_poses(model, here, tool) @ inverse_poses(reached) @ goal
+        shifted = nominal_inverse(robot, false_target, here, tool, arm)
+        found[left] = memory.next(left, here / scale, shifted / scale) * scale
     asked = np.stack([joints, found])
-    refusals = refused(robot, joints, found, landed, turned, limits, coupling, tool, regression, asked)
-    return Correction.of(found, refusals, landed, turned, iterations)
+    refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, asked)
+    return misses.correction(found, refusals, iterations, arm)
 
 
 def checked(robot: Robot, joints: Array, limits: Array | None) -> tuple[Array, Array]:
@@ -103,10 +101,10 @@ def checked(robot: Robot, joints: Array, limits: Array | None) -> tuple[Array, A
 
 def refused(
     robot: Robot,
+    arm: Freedoms,
     joints: Array,
     found: Array,
-    landed: Array,
-    turned: Array,
+    misses: Misses,
     limits: Array,
     coupling: str,
     tool: Array,
@@ -123,13 +121,12 @@ def refused(
     unknown = ~np.all(np.isfinite(joints), axis=1)
     counted = robot.controller_angles(found, coupling)
     beyond = np.any((counted < limits[:, 0]) | (counted > limits[:, 1]), axis=1)
-    moved = np.max(np.abs(found - joints), axis=1, initial=0.0)
+    moved = np.max(np.abs(found - joints) / joint_scale(robot), axis=1, initial=0.0)
     moved = np.where(np.isfinite(moved), moved, np.inf)
-    start = np.nan_to_num(joints)
-    singular = least_singular_value(robot, start, tool) < SINGULAR
-    # The determinant changes its sign wherever a singular surface is crossed: then the branch is another one.
-    kept = branch_sign(robot, np.nan_to_num(found), tool) == branch_sign(robot, start, tool)
-    close = (landed <= 10.0 * LANDED_MM) & (turned <= 10.0 * LANDED_RAD)
+    start, end = (nominal_jacobian(robot, np.nan_to_num(there), tool)[1] for there in (joints, found))
+    singular = arm.margin(start) < SINGULAR
+    close = (misses.landed <= 10.0 * LANDED_MM) & (misses.turned <= 10.0 * LANDED_RAD)
+    kept = arm.same_branch(start, end)
     return [
         (Status.BEYOND_LIMITS, beyond),
         (Status.NOT_CONVERGED, ~(kept & close & (moved < FARTHEST))),

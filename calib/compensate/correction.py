@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
+from calib.units import DEG
 
 
 class Status(StrEnum):
@@ -35,18 +36,46 @@ REASONS = {
 }
 
 
+SHOWN_MM, SHOWN_RAD = 5e-4, 5e-4 * DEG
+"""What is left below this does not show in three decimals."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What the arm cannot correct, (n,) each: off in mm, askew in rad; infinite where a target was not solved.
+
+    tilt: the arm turns about one direction, so that what is left of orientation is a tilt of that axis.
+    """
+
+    off: Array
+    askew: Array
+    tilt: bool
+
+    def in_words(self, off: float, askew: float) -> str:
+        """What is left, as a sentence part; '' where nothing shows."""
+        parts = []
+        if SHOWN_MM <= off < np.inf:
+            parts.append(f"{off:.3f} mm that this arm cannot move")
+        if SHOWN_RAD <= askew < np.inf:
+            parts.append(
+                f"{askew / DEG:.3f} deg of {'tilt' if self.tilt else 'turn'} that this arm cannot turn"
+            )
+        return " and ".join(parts)
+
+
 @dataclass(frozen=True)
 class Correction:
-    """Corrected targets. `joints` (n, N) rad, NaN where refused: a refused target must never be driven.
+    """Corrected targets. `joints` (n, N) rad or mm, NaN where refused: a refused target must never be driven.
 
-    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`;
-    iterations (n,): how many the target took.
+    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`, of what the
+    arm can move and turn; left: what it cannot; iterations (n,): how many the target took.
     """
 
     joints: Array
     status: tuple[Status, ...]
     landed: Array
     turned: Array
+    left: Left
     iterations: NDArray[np.int64]
 
     @property
@@ -59,6 +88,14 @@ class Correction:
         """Why each target was refused, as a sentence part; empty where it was not."""
         return tuple(REASONS[s] for s in self.status)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is left of each target that may be driven because the arm cannot correct it, as a sentence part."""
+        return tuple(
+            f"left: {words}" if good and (words := self.left.in_words(off, askew)) else ""
+            for good, off, askew in zip(self.good, self.left.off, self.left.askew, strict=True)
+        )
+
     @classmethod
     def of(
         cls,
@@ -66,6 +103,7 @@ class Correction:
         refusals: Sequence[tuple[Status, NDArray[np.bool_]]],
         landed: Array,
         turned: Array,
+        left: Left,
         iterations: NDArray[np.int64],
     ) -> Correction:
         """A correction from the rows that were refused, by reason, the weightiest last: it is the one that is kept."""
@@ -77,5 +115,6 @@ class Correction:
             tuple(ALL[i] for i in status),
             landed,
             turned,
+            left,
             iterations,
         )

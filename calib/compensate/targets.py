@@ -20,8 +20,8 @@ from calib.model.stated import StatedConditions
 
 @dataclass(frozen=True)
 class PoseCorrection:
-    """Corrected pose targets. nominal: (n, 6) model angles, rad, of the targets as they were, NaN out of reach;
-    branch: (n,) index into `calib.arm.inverse_kinematics.BRANCHES`, -1 out of reach; poses: (n, 4, 4) the false targets
+    """Corrected pose targets. nominal: (n, N) of the model, rad or mm, of the targets as they were, NaN out of
+    reach; branch: (n,) index among the branches of the arm, -1 out of reach; poses: (n, 4, 4) the false targets
     of the tool point, mm, NaN where refused.
     """
 
@@ -45,10 +45,10 @@ def correct_poses(
 ) -> PoseCorrection:
     """Correct poses (n, 4, 4) of the tool point in the base frame, mm.
 
-    branch: one name for each pose; without it the branch nearest to `seed` (n, 6), model angles, rad. seed also
-    chooses the turns, default those nearest to 0. tool: (4, 4) nominal pose of the tool point on the flange, mm.
+    branch: one name for each pose; without it the branch nearest to `seed` (n, N), of the model, rad or mm. seed also
+    chooses the turns, default those nearest to 0, where a track stands and where seven axes have their elbow. tool: (4, 4) nominal pose of the tool point on the flange, mm.
     The other arguments and the errors raised are those of `correct`; DataError as well for a robot that has no
-    inverse kinematics in closed form, ValueError when neither branch nor seed is given.
+    inverse kinematics here, ValueError when neither branch nor seed is given.
     """
     robot = model.robot
     tool = np.eye(4) if tool is None else np.asarray(tool, dtype=np.float64)
@@ -72,7 +72,7 @@ def postures_of(
     limits: Array | None = None,
     coupling: str = "none",
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Model angles (n, 6), rad, and branch (n,) of the nominal robot in flange poses (n, 4, 4); NaN and -1 for none.
+    """Joints (n, N) of the model, rad or mm, and branch (n,) of the nominal robot in flange poses (n, 4, 4); NaN and -1 for none.
 
     Arguments and errors raised: see `correct_poses`.
     """
@@ -80,19 +80,19 @@ def postures_of(
         raise ValueError("give the branch of every pose or a seed")
     solutions = inverse_kinematics(robot, flange, seed=seed)
     n = len(flange)
-    near, limits = checked(robot, np.zeros((n, 6)) if seed is None else seed, limits)
+    near, limits = checked(robot, np.zeros((n, robot.joints)) if seed is None else seed, limits)
     # Whole turns are counted where the limits are: in the controller's angles.
     counted = robot.controller_angles(solutions.joints, coupling)
     seeded = robot.controller_angles(near, coupling)
-    turned = within_limits(counted, seeded[:, None, :], limits[:, 0], limits[:, 1])
+    turned = within_limits(counted, seeded[:, None, :], limits[:, 0], limits[:, 1], slides=robot.slides)
     if branch is None:
         chosen = nearest_branch(turned, seeded)
     else:
         if len(branch) != n:
             raise ValueError(f"{len(branch)} branches for {n} poses")
-        chosen = np.array([branch_index(name) for name in branch], dtype=np.int64)
+        chosen = np.array([branch_index(name, among=solutions.branches) for name in branch], dtype=np.int64)
     rows = np.arange(n)
-    joints = np.full((n, 6), np.nan)
+    joints = np.full((n, robot.joints), np.nan)
     found = np.isfinite(turned[rows, chosen, 0])
     joints[found] = robot.model_angles(turned[rows, chosen][found], coupling)
     return joints, np.where(found, chosen, -1)

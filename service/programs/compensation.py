@@ -31,7 +31,8 @@ class TargetOutcome:
     """The outcome of one target. NaN where it was not corrected.
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
-    the file can hold; turned: rad, the largest change of a joint. Positions are those of the target's tool point.
+    the file can hold; turned: rad or mm, the largest change of a joint; left: what this arm cannot correct, as a
+    sentence part. Positions are those of the target's tool point.
     """
 
     target: Target
@@ -40,6 +41,7 @@ class TargetOutcome:
     moved: tuple[float, float]
     quantised: tuple[float, float]
     turned: float
+    left: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def compensate(
     """Correct every target of a program that can be; the others stay as they are, with the reason.
 
     inverse: from actual to nominal instead. Raises DataError when the model lacks a stated condition, the program
-    holds no target, or it has poses and the robot no inverse kinematics in closed form.
+    holds no target, or it has poses and the robot no inverse kinematics here.
     """
     robot, coupling = saved.model.robot, saved.coupling
     targets = program.targets
@@ -93,6 +95,7 @@ def compensate(
     written = _read_back(text, path, targets, robot, coupling, known)
     before, after = _flanges(robot, nominal), _flanges(robot, written)
     turned = np.max(np.abs(done.joints - nominal), axis=1)
+    notes = done.notes
     outcomes = []
     for i, target in enumerate(targets):
         if i not in driven:
@@ -101,7 +104,7 @@ def compensate(
             outcomes.append(TargetOutcome(target, status, why[i], nothing, nothing, np.nan))
             continue
         moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
-        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, float(turned[i])))
+        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, float(turned[i]), notes[i]))
     return Compensation(text, tuple(outcomes))
 
 

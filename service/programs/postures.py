@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.arm import (
-    BRANCHES,
     Reached,
     Robot,
     inverse_kinematics,
@@ -18,23 +17,33 @@ from calib.arm import (
 from calib.array import Array
 from service.programs.program import Target
 
+_NO_POSTURE = "no joint target before it says which posture the arm has: begin with one"
+
 
 def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
     """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
 
-    Poses without a branch are solved nearest to the target before them. Raises DataError for poses of a robot that
-    has no inverse kinematics in closed form.
+    Poses without a branch are solved nearest to the target before them; a track stands, and seven axes have their elbow,
+    where the joint target before has them. Raises DataError for poses of a robot that has no inverse kinematics here.
     """
     angles = np.full((len(targets), robot.joints), np.nan)
     why = [target.refused for target in targets]
     posed = [i for i, t in enumerate(targets) if t.flange is not None and not t.refused]
+    branches: tuple[str, ...] = ()
     solved: dict[int, tuple[Array, tuple[Reached, ...]]] = {}
     if posed:
         flange = np.stack([t.flange for t in targets if t.flange is not None and not t.refused])
-        solutions = inverse_kinematics(robot, flange)
+        taught = _taught_before(targets, robot.joints)[posed]
+        solutions = inverse_kinematics(
+            robot, flange, seed=robot.model_angles(np.nan_to_num(taught), coupling)
+        )
+        branches = solutions.branches
         counted = robot.controller_angles(solutions.joints, coupling)
+        if robot.joints > 6 or robot.external:
+            for i, row in zip(posed, taught, strict=True):
+                if not np.all(np.isfinite(row)):
+                    why[i] = _NO_POSTURE
         solved = {i: (counted[row], solutions.all_of(row)) for row, i in enumerate(posed)}
-    lower, upper = np.array(robot.lower), np.array(robot.upper)
     before: Array | None = None
     for i, target in enumerate(targets):
         if why[i] or target.empty:
@@ -42,39 +51,52 @@ def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Ar
         if target.joints is not None:
             angles[i] = target.joints
         elif i in solved:
-            angles[i], why[i] = _chosen(target, *solved[i], before, lower, upper)
+            angles[i], why[i] = _chosen(target, *solved[i], branches, before, robot)
         if not why[i]:
             before = angles[i]
     return angles, why
+
+
+def _taught_before(targets: Sequence[Target], joints: int) -> Array:
+    """(n, N) the last joint target before each target, or itself, as the controller counts; NaN where there is none."""
+    taught, here = np.full((len(targets), joints), np.nan), np.full(joints, np.nan)
+    for i, target in enumerate(targets):
+        if target.joints is not None and not target.refused:
+            here = np.asarray(target.joints)
+        taught[i] = here
+    return taught
 
 
 def _chosen(
     target: Target,
     counted: Array,
     reached: tuple[Reached, ...],
+    branches: tuple[str, ...],
     before: Array | None,
-    lower: Array,
-    upper: Array,
+    robot: Robot,
 ) -> tuple[Array, str]:
-    """The solution that the controller takes among those `counted` (8, 6), or why there is none."""
-    nowhere = np.full(6, np.nan)
+    """The solution that the controller takes among those `counted` (B, N), or why there is none."""
+    nowhere = np.full(robot.joints, np.nan)
+    lower, upper = np.array(robot.lower), np.array(robot.upper)
     if target.branch is None:
         if before is None:
-            return nowhere, "no joint target before it says which posture the arm has: begin with one"
-        turned = within_limits(counted, before, lower, upper)
+            return nowhere, _NO_POSTURE
+        turned = within_limits(counted, before, lower, upper, slides=robot.slides)
         nearest = int(nearest_branch(turned, before))
         if nearest < 0:
             return nowhere, "it is out of reach, or beyond the joint limits, in every branch"
         return (turned[nearest], "") if reached[nearest] is Reached.YES else (nowhere, reached[nearest].value)
-    branch = BRANCHES.index(target.branch)
+    if target.branch not in branches:
+        return nowhere, f"this arm has no branch '{target.branch}', only {', '.join(branches)}"
+    branch = branches.index(target.branch)
     solution = counted[branch]
     if reached[branch] is not Reached.YES:
         return nowhere, f"{reached[branch]} ({target.branch})"
     # Where the program asks for a turn it is that one, whether within the limits or not: reported after the correction.
-    seed, lower, upper = np.zeros(6), lower.copy(), upper.copy()
+    seed = np.zeros(robot.joints)
     for joint, (begin, end) in target.windows.items():
         seed[joint], lower[joint], upper[joint] = 0.5 * (begin + end), -np.inf, np.inf
-    turned = nearest_turns(solution, seed, lower, upper)
+    turned = nearest_turns(solution, seed, lower, upper, slides=robot.slides)
     if not np.all(np.isfinite(turned)):
         return nowhere, f"it is beyond the joint limits ({target.branch})"
     outside = leaves_window(target, turned)

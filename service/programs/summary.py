@@ -41,11 +41,15 @@ def document(done: Compensation) -> dict[str, Any]:
                 "largest_joint_change_deg": _number(o.turned / DEG),
                 "quantised_mm": _number(o.quantised[0]),
                 "quantised_deg": _number(o.quantised[1] / DEG),
-                "notes": list(o.target.notes),
+                "notes": _notes(o),
             }
             for o in done.outcomes
         ],
     }
+
+
+def _notes(outcome: TargetOutcome) -> list[str]:
+    return [*outcome.target.notes, *([outcome.left] if outcome.left else [])]
 
 
 def shown(done: Compensation) -> Iterator[RenderableType]:
@@ -71,7 +75,7 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
                 f"{o.quantised[0]:.5f}",
                 f"{o.quantised[1] / DEG:.5f}",
             ]
-        table.add_row(o.target.name, str(o.target.line), *figures, "; ".join(o.target.notes))
+        table.add_row(o.target.name, str(o.target.line), *figures, "; ".join(_notes(o)))
     if listed:
         yield table
     if len(listed) > _SHOWN:

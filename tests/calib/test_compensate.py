@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
 from calib.arm.kinematics import gravity_torques
 from calib.arm.robot import Robot, load_robot
 from calib.array import Array
 from calib.compensate import Correction, Status, correct
-from calib.compensate.inverse import least_singular_value, nominal_inverse
 from calib.errors import DataError
 from calib.model.model import RobotModel
 from calib.model.stated import FLANGE, StatedConditions, conditions_at, nominal_poses

@@ -188,7 +188,7 @@ def test_wrong_arguments_are_named(change: dict[str, Any], what: str) -> None:
 
 def test_a_robot_without_closed_form_takes_joint_targets_only() -> None:
     model, estimate = real_robot(0)
-    odd = replace(model, robot=replace(ROBOT, d=(*ROBOT.d[:4], 5.0, ROBOT.d[5])))
+    odd = replace(model, robot=replace(ROBOT, alpha=(*ROBOT.alpha[:2], 0.01, *ROBOT.alpha[3:])))
     joints = random_targets(2, 0)
     assert correct(odd, estimate, joints, STATED, limits=WIDE).good.any()
     with pytest.raises(DataError, match="closed form"):

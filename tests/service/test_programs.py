@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.arm.kinematics import forward
 from calib.array import Array
-from calib.compensate.inverse import nominal_inverse
 from calib.model.stated import StatedConditions
 from calib.saved.model_file import SavedModel
 from service.programs import Compensation, KnownFrames, compensate, named_frames, read_program

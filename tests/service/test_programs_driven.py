@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from calib.arm.inverse_kinematics import BRANCHES
+from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
 from calib.arm.kinematics import forward
 from calib.arm.robot import load_robot
 from calib.array import Array
-from calib.compensate.inverse import least_singular_value, nominal_inverse
 from calib.fit.uncertainty import predict_with_covariance
 from calib.model.stated import StatedConditions, conditions_at
 from calib.saved.model_file import SavedModel, load_model

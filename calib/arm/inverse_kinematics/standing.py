@@ -1,0 +1,41 @@
+"""An arm on a track, a column or a turntable: that axis stays where the seed has it, and the arm solves.
+
+The pose is taken back by the motion of the axis that carries the arm; what is left is an arm that is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arm.inverse_kinematics.arm import Arm
+from calib.arm.inverse_kinematics.solutions import Solutions
+from calib.arm.inverse_kinematics.zero_pose import ZeroPose
+from calib.array import Array
+
+
+@dataclass(frozen=True)
+class Standing:
+    """An arm and the first axis of its zero pose, on which it stands."""
+
+    zero: ZeroPose
+    arm: Arm
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """Those of the arm."""
+        return self.arm.branches
+
+    def solve(self, poses: Array, seed: Array) -> Solutions:
+        """All branches of the arm for flange poses (n, 4, 4), mm; seed (n, N): its first column is where it stands."""
+        moved = self.zero.moved(0, seed[:, 0])
+        back = np.zeros_like(moved)
+        back[:, :3, :3] = moved[:, :3, :3].transpose(0, 2, 1)
+        back[:, :3, 3:] = -back[:, :3, :3] @ moved[:, :3, 3:]
+        back[:, 3, 3] = 1.0
+        found = self.arm.solve(back @ poses, seed[:, 1:])
+        stands = np.where(found.valid, seed[:, :1], np.nan)
+        return Solutions(
+            np.concatenate([stands[:, :, None], found.joints], axis=2), found.state, found.branches
+        )
