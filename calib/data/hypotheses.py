@@ -150,14 +150,16 @@ def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
     """The robot is another one, or counts its joints otherwise; a robot file of the user's own is misread."""
     robot, built_in = meaning.robot, {name: load_robot(name) for name in built_in_robots()}
     for name, other in built_in.items():
-        if other.joints == robot.joints and other != robot:
-            yield Hypothesis(
-                f"the readings are not of the robot {robot.name}: they fit {name}",
-                f'Set robot = "{name}".',
-                "header",
-                "robot",
-                replace(meaning, robot=other, coupling="none"),
-            )
+        for coupling in ("none", *other.joint_matrices):
+            if other.joints == robot.joints and other != robot:
+                counted = "" if coupling == meaning.coupling else f' and joint_coupling = "{coupling}"'
+                yield Hypothesis(
+                    f"the readings are not of the robot {robot.name}: they fit {name}",
+                    f'Set robot = "{name}"{counted}.',
+                    "header",
+                    "robot",
+                    replace(meaning, robot=other, coupling=coupling),
+                )
     for coupling in ("none", *robot.joint_matrices):
         if coupling != meaning.coupling:
             yield Hypothesis(

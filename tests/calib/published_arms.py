@@ -94,33 +94,33 @@ def _ur(
 
 
 PUBLISHED: Mapping[str, Published] = {
-    "abb-irb1200-5-90": Published(
+    "abb-irb1200-5-0.9": Published(
         _straight("z y y x y x", (0, 0, 399.1), NO, (0, 0, 448), (0, 0, 42), (451, 0, 0), (82, 0, 0)), FORWARD
     ),
-    "abb-irb1200-7-70": Published(
+    "abb-irb1200-7-0.7": Published(
         _straight("z y y x y x", (0, 0, 399.1), NO, (0, 0, 350), (0, 0, 42), (351, 0, 0), (82, 0, 0)), FORWARD
     ),
-    "abb-irb1600-6-120": Published(
+    "abb-irb1600-6-1.2": Published(
         _straight("z y y x y x", NO, (150, 0, 486.5), (0, 0, 475), (300, 0, 0), (300, 0, 0), (65, 0, 0)),
         FORWARD,
     ),
-    "abb-irb1600-10-145": Published(
+    "abb-irb1600-10-1.45": Published(
         _straight("z y y x y x", NO, (150, 0, 486.5), (0, 0, 700), (300, 0, 0), (300, 0, 0), (65, 0, 0)),
         FORWARD,
     ),
-    "abb-irb2400-12-155": Published(
+    "abb-irb2400-12-1.55": Published(
         _straight("z y y x y x", NO, (100, 0, 615), (0, 0, 705), (0, 0, 135), (755, 0, 0), NO),
         ((85, 0, 0), (0, 90, 0)),
         "abb-j23",
         with_j2=-1.0,
     ),
-    "abb-irb4600-40-255": Published(
+    "abb-irb4600-40-2.55": Published(
         _straight(
             "z y y x y x", (0, 0, 495), (175, 0, 0), (0, 0, 1095), (0, 0, 175), (1270, 0, 0), (135, 0, 0)
         ),
         FORWARD,
     ),
-    "abb-irb4600-60-205": Published(
+    "abb-irb4600-60-2.05": Published(
         _straight(
             "z y y x y x", (0, 0, 495), (175, 0, 0), (0, 0, 900), (0, 0, 175), (960, 0, 0), (135, 0, 0)
         ),
@@ -261,5 +261,10 @@ PUBLISHED: Mapping[str, Published] = {
     "yaskawa-gp7": Published(
         _straight("z y -y -x -y -x", (0, 0, 330), (40, 0, 0), (0, 0, 445), (440, 0, 40), NO, NO),
         ((80, 0, 0), (180, -90, 0)),
+    ),
+    "yaskawa-sg650": Published(
+        _straight("z z z z", NO, (350, 0, 0), (300, 0, 140), NO),
+        (NO, NO),
+        slides=(3,),
     ),
 }

@@ -64,8 +64,9 @@ POSTURES = {
     "straight up": ("staubli-tx2-90", (0, 0, 0, 0, 0, 0), (50, 50, 1428), (0, 0, 1)),
     "level": ("staubli-tx2-90", (0, 90, 0, 0, 0, 0), (1000, 50, 478), (1, 0, 0)),
     "zero of a UR: the arm level to the back": ("ur5e", (0, 0, 0, 0, 0, 0), (-817.2, -232.9, 62.8), (0, -1, 0)),
-    "the rod keeps the forearm level": ("abb-irb2400-12-155", (0, 90, 0, 0, 0, 0), (1645, 0, 750), (1, 0, 0)),
+    "the rod keeps the forearm level": ("abb-irb2400-12-1.55", (0, 90, 0, 0, 0, 0), (1645, 0, 750), (1, 0, 0)),
     "joint 3 from the level": ("fanuc-r2000ic-165f", (0, 45, 0, 0, 0, 0), (2567.13979, 0, 1655.13979), (1, 0, 0)),
+    "the quill half down": ("yaskawa-sg650", (90, -90, -105, 0), (300, 350, 35), (0, 0, 1)),
     "B downwards": ("yaskawa-gp7", (0, 0, 0, 0, -90, 0), (480, 0, 735), (0, 0, -1)),
 }  # fmt: skip
 
@@ -74,18 +75,19 @@ POSTURES = {
 def test_a_posture_stands_where_the_lengths_of_the_maker_put_it(what: str) -> None:
     name, joints, place, outwards = POSTURES[what]
     robot = load_robot(name)
-    pose = forward(robot, robot.model_angles(np.radians([joints]), PUBLISHED[name].coupling))[0]
+    counted = np.array([joints]) * robot.joint_units
+    pose = forward(robot, robot.model_angles(counted, PUBLISHED[name].coupling))[0]
     np.testing.assert_allclose(pose[:3, 3], place, rtol=0.0, atol=1e-4)
     np.testing.assert_allclose(pose[:3, 2], outwards, rtol=0.0, atol=1e-9)
 
 
 # mm, from the makers' data sheets: how far the wrist centre, or the flange, gets from axis 1; ABB rounds to 0.05 m
 REACHES = {
-    "abb-irb1200-5-90": ("wrist", 901.0, 1.0),
-    "abb-irb1200-7-70": ("wrist", 703.0, 1.0),
-    "abb-irb1600-10-145": ("wrist", 1450.0, 1.0),
-    "abb-irb4600-40-255": ("wrist", 2550.0, 5.0),
-    "abb-irb4600-60-205": ("wrist", 2050.0, 5.0),
+    "abb-irb1200-5-0.9": ("wrist", 901.0, 1.0),
+    "abb-irb1200-7-0.7": ("wrist", 703.0, 1.0),
+    "abb-irb1600-10-1.45": ("wrist", 1450.0, 1.0),
+    "abb-irb4600-40-2.55": ("wrist", 2550.0, 5.0),
+    "abb-irb4600-60-2.05": ("wrist", 2050.0, 5.0),
     "doosan-m1013": ("flange", 1300.0, 1.0),
     "fanuc-lrmate200ic": ("wrist", 704.0, 1.0),
     "fanuc-m10ia": ("wrist", 1420.0, 1.0),
