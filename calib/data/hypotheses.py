@@ -34,6 +34,9 @@ _ALIKE = 1.5  # ratio of misses within which two hypotheses count as alike
 _UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 _LATEST = 3  # rows by which a column may have slipped
 _METRES = 20.0  # mm: an arm with a smaller reach is written in metres
+_NOMINAL = (
+    0.005  # of the reach: by so much the right arm's nominal table may miss, and no other arm is suspected
+)
 _QUARTER = 90.0 * DEG
 
 File = Literal["data", "header"]
@@ -85,13 +88,17 @@ class Meaning:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A hypothesis about the files: what is wrong, what to do, and in which file under which key."""
+    """A hypothesis about the files: what is wrong, what to do, and in which file under which key.
+
+    least_mm: it is not thought of where the files as they are miss by less, mm.
+    """
 
     what: str
     do: str
     file: File
     key: str
     meaning: Meaning
+    least_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,9 @@ def explained(
     others: the hypotheses to try; tools: (T, 3) mm, nominal targets.
     """
 
+    def missed(of: Meaning, free: bool) -> float:
+        return of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)[0]
+
     def share(of: Meaning, free: bool) -> float:
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss / max(extent, 1e-9)
@@ -134,15 +144,13 @@ def explained(
         limit = min(plain / BETTER, _EXPLAINED)
         if not free and meaning.points is not None:
             limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
-        shares = [(share(other.meaning, free), other) for other in others()]
+        miss = missed(meaning, free)
+        shares = [(share(other.meaning, free), other) for other in others() if other.least_mm <= miss]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
             left, cause = found[0]
             rivals = tuple(other for of_other, other in found[1:] if of_other < _ALIKE * left)
-            options = {"tool_unknown": free, "zero_unknown": zero_unknown}
-            return Explanation(
-                cause, rivals, meaning.miss(tools, **options)[0], cause.meaning.miss(tools, **options)[0]
-            )
+            return Explanation(cause, rivals, miss, missed(cause.meaning, free))
     return None
 
 
@@ -159,6 +167,7 @@ def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
                     "header",
                     "robot",
                     replace(meaning, robot=other, coupling=coupling),
+                    _NOMINAL * reach(robot),
                 )
     for coupling in ("none", *robot.joint_matrices):
         if coupling != meaning.coupling:

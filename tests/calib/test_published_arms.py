@@ -5,6 +5,9 @@ cannot be inverted, and an arm without a published description.
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -24,6 +27,8 @@ def controller_joints(robot: Robot, n: int, seed: int) -> Array:
 
 def test_every_built_in_arm_has_its_published_description() -> None:
     assert set(built_in_robots()) == set(PUBLISHED) | OF_THESES
+    page = (Path(__file__).parents[2] / "docs" / "robots.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE) == built_in_robots()
 
 
 @pytest.mark.parametrize("name", ARMS)
