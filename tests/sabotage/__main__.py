@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, calib, drivers, motion, service, watch
+from tests.sabotage import acquisition, arms, calib, drivers, motion, service, watch
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
@@ -26,6 +26,7 @@ CHANGES: tuple[Change, ...] = (
     *calib.CHANGES,
     *motion.CHANGES,
     *watch.CHANGES,
+    *arms.CHANGES,
 )
 
 
