@@ -35,6 +35,8 @@ _UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 
 _LATEST = 3  # rows by which a column may have slipped
 _SEEN = 1e-3  # sine of alpha from which on its sign shows
 _METRES = 20.0  # mm: an arm with a smaller reach is written in metres
+# Share of the reach: by so much the right arm's nominal table may miss, and no other arm is suspected
+_NOMINAL = 0.005
 # Zeros that are off by a quarter or a half turn, and what has to be added
 _OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
 
@@ -104,7 +106,8 @@ class Counting:
 class Hypothesis:
     """A hypothesis about the files: what is wrong, what to do, and in which file under which key.
 
-    counting: of the joints, where the hypothesis is about them and a robot file could say it too.
+    counting: of the joints, where the hypothesis is about them and a robot file could say it too; least_mm: it is not
+    thought of where the files as they are miss by less, mm.
     """
 
     what: str
@@ -113,6 +116,7 @@ class Hypothesis:
     key: str
     meaning: Meaning
     counting: Counting | None = None
+    least_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -142,6 +146,9 @@ def explained(
     others: the hypotheses to try; tools: (T, 3) mm, nominal targets.
     """
 
+    def missed(of: Meaning, free: bool) -> float:
+        return of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)[0]
+
     def share(of: Meaning, free: bool) -> float:
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss / max(extent, 1e-9)
@@ -155,15 +162,13 @@ def explained(
         limit = min(plain / BETTER, _EXPLAINED)
         if not free and meaning.points is not None:
             limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
-        shares = [(share(other.meaning, free), other) for other in others()]
+        miss = missed(meaning, free)
+        shares = [(share(other.meaning, free), other) for other in others() if other.least_mm <= miss]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
             left, cause = found[0]
             rivals = tuple(other for of_other, other in found[1:] if of_other < _ALIKE * left)
-            options = {"tool_unknown": free, "zero_unknown": zero_unknown}
-            return Explanation(
-                cause, rivals, meaning.miss(tools, **options)[0], cause.meaning.miss(tools, **options)[0]
-            )
+            return Explanation(cause, rivals, miss, missed(cause.meaning, free))
     return None
 
 
@@ -171,14 +176,17 @@ def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
     """The robot is another one, or counts its joints otherwise; a robot file of the user's own is misread."""
     robot, built_in = meaning.robot, {name: load_robot(name) for name in built_in_robots()}
     for name, other in built_in.items():
-        if other.joints == robot.joints and other != robot:
-            yield Hypothesis(
-                f"the readings are not of the robot {robot.name}: they fit {name}",
-                f'Set robot = "{name}".',
-                "header",
-                "robot",
-                replace(meaning, robot=other, coupling="none"),
-            )
+        for coupling in ("none", *other.joint_matrices):
+            if other.joints == robot.joints and other != robot:
+                counted = "" if coupling == meaning.coupling else f' and joint_coupling = "{coupling}"'
+                yield Hypothesis(
+                    f"the readings are not of the robot {robot.name}: they fit {name}",
+                    f'Set robot = "{name}"{counted}.',
+                    "header",
+                    "robot",
+                    replace(meaning, robot=other, coupling=coupling),
+                    least_mm=_NOMINAL * reach(robot),
+                )
     for coupling in ("none", *robot.joint_matrices):
         if coupling != meaning.coupling:
             yield Hypothesis(

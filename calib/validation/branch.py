@@ -4,7 +4,7 @@ Signs of what vanishes in the three singular surfaces, for arms with a spherical
 the axis of joint i, o_i a point on it, w where axes 5 and 6 meet (the wrist centre of a spherical wrist):
 
     front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist lies before or behind
-                    axis 1
+                    axis 1; of an arm that stands upright at zero, its own sign
     up / down       z_2 . ((o_3 - o_2) x (e - o_3)) > 0 is up: the branch of theta_3; e is w, or a point on axis 4
                     where axes 3 and 4 are parallel (URs)
     flip / noflip   z_5 . (z_4 x z_6) > 0 is noflip: the sign of sin theta_5
@@ -22,6 +22,7 @@ from calib.arm.robot import Robot
 from calib.array import Array
 
 _PARALLEL = 1e-6
+_MEETING_MM = 1e-7
 
 
 def branches(robot: Robot, joints: Array) -> list[str] | None:
@@ -41,7 +42,7 @@ def branches(robot: Robot, joints: Array) -> list[str] | None:
     parallel = np.linalg.norm(np.cross(z[2], z[3]), axis=1).max() < _PARALLEL
     elbow = o[3] if parallel else wrist
     reach = np.sum(np.cross(z[0], z[1]) * (wrist - o[0]), axis=1)
-    front = reach * np.sign(reach[-1]) >= 0.0
+    front = reach * (-1.0 if reach[-1] < -_MEETING_MM else 1.0) >= 0.0
     up = np.sum(z[1] * np.cross(o[2] - o[1], elbow - o[2]), axis=1) >= 0.0
     noflip = np.sum(z[4] * np.cross(z[3], z[5]), axis=1) >= 0.0
     words = zip(front[:-1], up[:-1], noflip[:-1], strict=True)

@@ -4,7 +4,8 @@ Packages `>IB` size with its header, and type: 16 robot state, made of sub-packa
 On every new connection the controller sends its version message, and once the configuration data (sub-package 6:
 limits, nominal DH numbers, type of the arm) and the kinematics (5, software 3.6 or later: DH numbers of this very
 arm, calibrated at the factory). Universal Robots, "Remote control via TCP/IP", sheet of the client interfaces;
-5 as in UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`.
+5 as in UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`;
+types as its `RobotType`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ _VERSION_MESSAGE = 3
 _LONGEST = 65536
 _CONFIGURATION_LAYOUT = ">12d12d5d24d4i"  # limits; speeds, accelerations; defaults; a d alpha theta; types
 _KINEMATICS_LAYOUT = ">6I24dI"  # checksums; theta a d alpha; status
-_TYPES = {1: "UR5", 2: "UR10", 3: "UR3", 4: "UR16e", 7: "UR30", 8: "UR20"}
+_TYPES = {1: "UR5", 2: "UR10", 3: "UR3", 4: "UR16e", 7: "UR20", 8: "UR30"}
+_TWICE = ("UR5", "UR10", "UR3")  # the e-Series bears the types of the CB series; its software is 5 or later
 _MOST_PACKAGES = 50
 _COMMAND = "factory"
 
@@ -74,7 +76,7 @@ def parse_version(message: bytes) -> str | None:
 
 
 def parse_configuration(content: bytes) -> tuple[str, DhNumbers]:
-    """Model of the arm and nominal DH numbers. Raises ProtocolError."""
+    """Model of the arm, as far as its type tells, and nominal DH numbers. Raises ProtocolError."""
     if len(content) < struct.calcsize(_CONFIGURATION_LAYOUT):
         raise ProtocolError("configuration data of a wrong length", raw=content[:64])
     values = struct.unpack_from(_CONFIGURATION_LAYOUT, content)
@@ -124,6 +126,7 @@ def _read(link: TcpLink, deadlines: UrDeadlines) -> Factory:
             parts = dict(split_packages(content))
             if _CONFIGURATION in parts and firmware:
                 model, nominal = parse_configuration(parts[_CONFIGURATION])
+                model += "e" if model in _TWICE and int(firmware.split(".")[0]) >= 5 else ""
                 if not _has_kinematics(firmware):
                     return Factory(model, firmware, nominal, None)
                 if _KINEMATICS in parts:

@@ -19,10 +19,11 @@ import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
 
-from calib.arm.robot import BUILT_IN, built_in_robots
+from calib.arm.robot import BUILT_IN
 from calib.data.read import read_dataset
 from calib.errors import DataError
 from mocks.campaign import make_campaign
+from mocks.world import ROBOTS
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import RANGE
 from tests.calib.campaigns import write_files
@@ -152,7 +153,7 @@ def study(seeds: int) -> tuple[Counter[str], Counter[str], list[str]]:
     named: Counter[str] = Counter()
     missed = []
     with TemporaryDirectory() as folder:
-        for robot in built_in_robots():
+        for robot in sorted(ROBOTS):
             for seed in range(1, seeds + 1):
                 good = files_of(robot, seed)
                 for what, do, words, own in mistakes(good[2]):

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.arm.robot import Robot, built_in_robots
+from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.groups import GROUPS
@@ -32,6 +32,7 @@ from calib.model.model import Design
 from calib.model.regressors import Constant, JointAngle, Temperature
 from calib.scan import Candidate, Family, Harmonics, Shapes, Steps
 from calib.units import FACTORS, to_internal
+from mocks.world import ROBOTS
 from tests.calib.campaigns import situation
 
 
@@ -59,7 +60,7 @@ def library(robot: Robot, conditions: Conditions) -> list[Effect]:
     return [effect for offer in offers(survey) for effect in some_effects(offer)]
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_every_effect_of_the_library_conforms(name: str) -> None:
     model, conditions = situation(name)
     effects = library(model.robot, conditions)
@@ -87,7 +88,7 @@ def test_a_curve_that_is_held_moves_the_joint_as_the_effect_does() -> None:
     np.testing.assert_allclose(held.predict(np.zeros(0)), free, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_every_group_of_the_base_model_conforms(name: str) -> None:
     model, conditions = situation(name)
     seen = 0
@@ -179,7 +180,7 @@ class TestCheckEffectRefuses:
             check_effect(backlash(2), self.model, still)
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_effects_survive_json(name: str) -> None:
     model, conditions = situation(name)
     effects = [

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.robot import Load, Robot, built_in_robots
+from calib.arm.robot import Load, Robot
 from calib.data.conditions import Conditions
 from calib.effects import Survey, offers
 from calib.effects.joint_compliance import joint_compliance
@@ -23,10 +23,11 @@ from calib.model.effect import Effect
 from calib.model.model import Design
 from calib.scan.fixed import Candidate
 from calib.units import to_internal
+from mocks.world import ROBOTS
 from tests.calib.campaigns import simulate, situation
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_every_joint_and_target_has_its_offers(name: str) -> None:
     model, conditions = situation(name)
     counted = Counter(offer.label.partition(":")[0] for offer in offers(Survey(model.robot, conditions)))

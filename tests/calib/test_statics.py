@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from calib.arm.kinematics import gravity_torques, statics
-from calib.arm.robot import Load, Robot, built_in_robots, load_robot
+from calib.arm.robot import Load, Robot, load_robot
 from calib.array import Array
 from calib.data.read import read_dataset
 from calib.fit.placing import base_model_of
 from calib.model.stated import StatedConditions, conditions_at
 from mocks.campaign import make_campaign
+from mocks.world import ROBOTS
 from tests.calib.campaigns import dataset_of, move_rows, write_files
 from tests.calib.chain import chain
 
@@ -40,7 +41,7 @@ def slope(robot: Robot, joints: Array, slot: str) -> float:
     return total
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_moments_are_slopes_of_the_potential_energy(name: str) -> None:
     robot = load_robot(name)
     joints = random_joints(robot, 5)
@@ -55,7 +56,7 @@ def test_moments_are_slopes_of_the_potential_energy(name: str) -> None:
         np.testing.assert_allclose(got.overturning[i], expected, rtol=0.0, atol=1e-10 * size)
 
 
-@pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_the_torque_of_a_load_is_linear_in_mass_and_centre(name: str) -> None:
     robot = load_robot(name)
     joints = random_joints(robot, 5)

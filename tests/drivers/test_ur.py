@@ -301,6 +301,16 @@ def test_factory_kinematics_before_software_3_6(fast: CellThread) -> None:
     assert factory.correction is None
 
 
+@pytest.mark.parametrize(("software", "model"), [((3, 15, 8, 1), "UR5"), ((5, 12, 6, 1), "UR5e")])
+def test_the_software_tells_the_series_of_the_arm(
+    fast: CellThread, software: tuple[int, int, int, int], model: str
+) -> None:
+    """A UR5 and a UR5e bear the same type, and differ by 70 mm."""
+    assert fast.cell is not None
+    fast.cell.ur.software = software
+    assert UrArm(fast.url("ur")).factory().model == model
+
+
 @pytest.mark.parametrize("port", ["ur-dashboard", "ur-secondary", "ur-realtime", "backdoor"])
 def test_wrong_device_on_the_port(fast: CellThread, port: str) -> None:
     arm = UrArm(f"tcp://127.0.0.1:{fast.port(port)}", deadlines=HASTY)

@@ -191,6 +191,9 @@ def test_descriptions_of_the_simulator_are_read() -> None:
     parts = dict(split_packages(configuration(1, [(-6.28, 6.28)] * 6, nominal) + kinematics(nominal)))
     model, numbers = parse_configuration(parts[6])
     assert model == "UR5"
+    for kind, name in ((4, "UR16e"), (7, "UR20"), (8, "UR30")):
+        large = dict(split_packages(configuration(kind, [(-6.28, 6.28)] * 6, nominal)))
+        assert parse_configuration(large[6])[0] == name
     assert numbers.a_mm == pytest.approx((0, -425.0, -392.0, 0, 0, 0))
     assert numbers.alpha_deg == pytest.approx((90.0,) * 6)
     assert parse_kinematics(parts[5])[0] == numbers

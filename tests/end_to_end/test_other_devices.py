@@ -219,6 +219,14 @@ def test_another_robot_than_the_cell_file_says(bench: str) -> None:
         ("ur5", "Universal Robots", "UR5", True),
         ("ur5", "Universal Robots", "UR5e", False),
         ("ur10", "Universal Robots", "UR5", False),
+        ("ur10e", "Universal Robots", "UR10", False),
+        ("abb-irb1200-5-0.9", "ABB", "IRB 1200-5/0.9", True),
+        ("abb-irb1200-5-0.9", "ABB", "IRB 1200-7/0.7", False),
+        ("abb-irb1600-10-1.45", "ABB", "IRB 1600-10/1.45", True),
+        ("abb-irb1600-6-1.2", "ABB", "IRB 1600-6/1.45", False),
+        ("fanuc-r2000ic-165f", "Fanuc", "R-2000iC/165F", True),
+        ("fanuc-r2000ic-165f", "Fanuc", "R-2000iC/210F", False),
+        ("fanuc-m20ia", "Fanuc", "M-20iA", True),
     ],
 )
 def test_how_makers_write_their_models(name: str, maker: str, reported: str, same: bool) -> None:
