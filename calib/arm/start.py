@@ -29,7 +29,9 @@ def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array
     u, _, vt = np.linalg.svd((measured - goal).T @ ((nominal - centre) * w[:, None]))
     rotation = u @ vt
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    if a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0:  # a mirror: its third axis turned over
+    if (
+        a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0
+    ):  # a mirror: its third axis turned over
         u[:, 2] *= -1.0
         rotation = u @ vt
     return rotation, goal - rotation @ centre
