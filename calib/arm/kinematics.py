@@ -174,7 +174,9 @@ class Frames:
             slot, axis = motion.slot, motion.axis
             if record is None or slot in record:
                 self.axis[slot], self.origin[slot], self.turns[slot] = columns[axis], p, motion.turns
-            value = values.get(slot, 0.0)
+            if slot not in values:
+                continue
+            value = values[slot]
             one = isinstance(value, float)
             if one and value == 0.0:
                 continue
@@ -192,8 +194,14 @@ class Frames:
 
     def _place(self, rotation: Array, translation: Array) -> None:
         """Compose with constants: rotation (3, 3, n or 1), translation (3, n or 1)."""
-        self._shift(translation)
         x, y, z = self.x, self.y, self.z
+        if rotation.shape[2] == translation.shape[1] == x.shape[1] == y.shape[1] == z.shape[1] == 1:
+            axes = np.concatenate((x, y, z), axis=1)
+            self.p = self.p + axes @ translation
+            turned = axes @ rotation[:, :, 0]
+            self.x, self.y, self.z = turned[:, :1], turned[:, 1:2], turned[:, 2:]
+            return
+        self._shift(translation)
         self.x = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
         self.y = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
         self.z = x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2]
@@ -241,7 +249,8 @@ def propagate(
     frames._shift(-centre)
     frames.world = (frames.x, frames.y, frames.z)
     x, y, z = (values.get(slot, 0.0) for slot in ANCHOR)
-    frames.anchor = frames.p + frames.x * x + frames.y * y + frames.z * z
+    here = isinstance(x, float) and isinstance(y, float) and isinstance(z, float) and x == y == z == 0.0
+    frames.anchor = frames.p if here else frames.p + frames.x * x + frames.y * y + frames.z * z
     frames.length_zero = values.get(LENGTH_ZERO, 0.0)
     frames._place(placement.rotation, placement.translation)
     frames._go(chain.base, values)

@@ -27,7 +27,13 @@ def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array
     w = weights / np.sum(weights)
     centre, goal = w @ nominal, w @ measured
     u, _, vt = np.linalg.svd((measured - goal).T @ ((nominal - centre) * w[:, None]))
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    rotation = u @ vt
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    if (
+        a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0
+    ):  # a mirror: its third axis turned over
+        u[:, 2] *= -1.0
+        rotation = u @ vt
     return rotation, goal - rotation @ centre
 
 
@@ -46,19 +52,20 @@ def base_and_tool(
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
     targets, weights = targets.copy(), np.ones(len(measured))
     rotation, translation = np.eye(3), np.zeros(3)
-    before, seen = np.inf, np.unique(which)
+    before, of_target = np.inf, [(t, which == t) for t in np.unique(which).tolist()]
     for _ in range(_ROUNDS_NEAR):
         nominal = place + np.einsum("nij,nj->ni", turn, targets[which])
         rotation, translation = align(nominal, measured, weights)
         back = (measured - translation) @ rotation
-        miss = np.linalg.norm(back - nominal, axis=1)
+        miss = _lengths(back - nominal)
         weights = _huber(miss)
         if tool_unknown:
             at_flange = np.einsum("nji,nj->ni", turn, back - place)
-            for t in seen:
-                w = weights * (which == t)
-                targets[t] = (w @ at_flange) / w.sum()
-        moved, before = abs(before - float(miss.mean())), float(miss.mean())
+            for t, rows in of_target:
+                w = weights[rows]
+                targets[t] = (w @ at_flange[rows]) / w.sum()
+        mean = float(miss.mean())
+        moved, before = abs(before - mean), mean
         if moved < max(_NEAR, _ENOUGH * before):
             break
     pose = np.eye(4)
@@ -94,8 +101,8 @@ def settled(
         return arm, measured - arm - shift
 
     arm, left = left_by(rotation, shift, targets)
+    miss = _lengths(left)
     for _ in range(_ROUNDS):
-        miss = np.linalg.norm(left, axis=1)
         weight = np.sqrt(_huber(miss))
         columns = np.zeros((len(arm), 3, 6 + 3 * len(unknown)))
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # axis i turns the arm: e_i x arm
@@ -113,7 +120,8 @@ def settled(
             moved = targets.copy()
             moved[unknown] += part[6:].reshape(-1, 3)
             arm, left = left_by(further, shift + part[3:6], moved)
-            if float(np.mean((np.linalg.norm(left, axis=1) * weight) ** 2)) <= cost + _SETTLED:
+            miss = _lengths(left)
+            if float(np.mean((miss * weight) ** 2)) <= cost + _SETTLED:
                 rotation, shift, targets, step = further, shift + part[3:6], moved, part
                 break
         else:
@@ -123,6 +131,11 @@ def settled(
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, shift
     return pose, targets
+
+
+def _lengths(vectors: Array) -> Array:
+    """(n,) lengths of vectors (n, 3)."""
+    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
 
 
 def _huber(miss: Array) -> Array:

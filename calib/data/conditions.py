@@ -62,7 +62,9 @@ class Conditions:
         return numbered(keys)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64] | Sequence[int]) -> Conditions:
-        """The conditions of some of the readings, by mask or by index."""
+        """The conditions of some of the readings, by mask or by index; of all of them these themselves."""
+        if isinstance(rows, np.ndarray) and rows.dtype == np.bool_ and rows.all():
+            return self
         arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if not f.name.endswith("_names")}
         return replace(self, **arrays)
 

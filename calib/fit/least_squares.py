@@ -102,7 +102,8 @@ class Solution:
 
     at: Linearisation
     active: NDArray[np.bool_]  # (m,)
-    root: Array  # (active, active) matrix whose product with its transpose is the covariance
+    triangle: Array  # (active, active) R with R'R the normal matrix, in units of `size`
+    size: Array  # (active,)
     columns: Array  # (k n, active) whitened, weighted Jacobian of the last step
     prior: Array  # (m,) weight of the prior of every parameter, 0 where there is none
     tied: Array  # (q, m) weighted derivative of the distances between balls of one body
@@ -118,6 +119,11 @@ class Solution:
     def residual(self) -> Array:
         """(k, n) whitened, unweighted."""
         return self.at.residual
+
+    @cached_property
+    def root(self) -> Array:
+        """(active, active) matrix whose product with its transpose is the covariance."""
+        return _back(self.triangle, np.eye(len(self.size))) / self.size[:, None]
 
     @cached_property
     def covariance(self) -> Array:
@@ -236,7 +242,7 @@ def find_dependent(
         # how far, in its usual sizes, each of them would have to go for the usual size of this one
         strain = share * reach[kept[at]] / reach[kept[:at]] if may_go[kept[at]] else 0.0 * share
         out = int(np.argmax(strain)) if np.max(strain, initial=0.0) > _STRAINED else at
-        triangle = triangular_factor(np.delete(triangle, out, axis=1))
+        triangle = _without(triangle, out)
         gone.append(kept.pop(out))
     if gone:
         both = triangular_factor(whole[:, [place[j] for j in (*kept, *gone)]])
@@ -254,6 +260,16 @@ def find_dependent(
     active = np.zeros(len(names), dtype=bool)
     active[kept] = True
     return active, tuple(dropped[j] for j in order if j in dropped)
+
+
+def _without(triangle: Array, out: int) -> Array:
+    """R of the columns of R (m, m) without one of them: the rows above it stay, those behind are factored anew."""
+    left = np.concatenate((triangle[:, :out], triangle[:, out + 1 :]), axis=1)
+    if out == left.shape[1]:
+        return left[:out]
+    behind = triangular_factor(left[out:, out:])
+    left[out : out + len(behind), out:] = behind
+    return left[: min(left.shape)]
 
 
 def _enough_numbers(at: Linearisation, count: int) -> bool:
@@ -343,7 +359,8 @@ def solve(
         if root is not None:
             columns, weighted = columns * np.tile(root, len(weighted))[:, None], weighted * root
         left, tied = worth * at.tied[0], worth * at.tied[1][:, active]
-        gram = columns.T @ columns + np.diag(held**2) + tied.T @ tied
+        gram = columns.T @ columns + tied.T @ tied
+        gram.ravel()[:: len(gram) + 1] += held**2
         size = np.sqrt(gram.diagonal())
         triangle = _normal_factor(gram / (size[:, None] * size), columns, tied, held, size)
         right = (columns.T @ weighted.ravel() - held**2 * at.estimate[active] + tied.T @ left) / size
@@ -365,8 +382,7 @@ def solve(
         at, cost = there, cost_there
         if change < small:
             ending = Ending.CONVERGED
-    inverse = _back(triangle, np.eye(len(size))) / size[:, None]
-    return Solution(at, active, inverse, columns, prior, worth * at.tied[1], iterations, ending)
+    return Solution(at, active, triangle, size, columns, prior, worth * at.tied[1], iterations, ending)
 
 
 _TRTRS, _GEQRF = get_lapack_funcs(("trtrs", "geqrf"), dtype=np.float64)
@@ -381,6 +397,6 @@ def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
 
 
 def _cost(at: Linearisation, root: Array | None, prior: Array, worth: float) -> float:
-    weighted = at.residual if root is None else at.residual * root
-    tied = worth * at.tied[0]
-    return float(np.sum(weighted**2) + np.sum((prior * at.estimate) ** 2) + tied @ tied)
+    weighted = (at.residual if root is None else at.residual * root).ravel()
+    strained, tied = prior * at.estimate, worth * at.tied[0]
+    return float(weighted @ weighted + strained @ strained + tied @ tied)

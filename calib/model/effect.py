@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -81,7 +82,7 @@ class Effect:
     terms: tuple[Term, ...]
     shape: Mapping[str, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def places(self) -> frozenset[str]:
         """The parts of the chain on which the effect acts: `theta3`, `base`, `tool`, `target`, `anchor`, `length`."""
         return frozenset(term.slot.partition(".")[0] for term in self.terms)

@@ -12,8 +12,10 @@ The state port is two above that of the address, or `tcp://192.168.125.1:11000?s
   point is sent on a connection before a stop was answered on it, which moves nothing and is sent by `connect`.
 - The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
   is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
-- Nothing has a checksum: one state alone is never believed, and a point that is damaged on its way moves the robot,
-  which only the read-back shows. `weakness` says so.
+- Nothing has a checksum. Where the robot is, and where a trajectory begins, is believed of three states in a row that
+  agree; at the end of a move the target stands for the third. Two do not do: of two joints that each lost another bit
+  of their exponents, both are near 0. A point that is damaged on its way moves the robot, which only the read-back
+  shows. `weakness` says so.
 
 Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
 """
@@ -47,6 +49,7 @@ _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 1000.0
 _RAMP_S = 0.5  # added to every duration: the caps hold while the robot speeds up and slows down
 _AGREE_DEG, _AGREE_M = 0.002, 1e-4  # two states of a robot at rest and of its external axes
+_ALIKE = 3  # so many states in a row that agree are believed
 _WEAKNESS = (
     "simple_message has no checksum and moves on a trajectory at once: a point that is damaged on its way moves the "
     "robot there, and is seen only afterwards, from 0.002 deg on"
@@ -224,19 +227,21 @@ class AbbSimpleArm:
                 )
 
     def position(self) -> JointReading:
-        """Joint angles read back: two states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        """Joint angles read back: three states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
         return _reading(self._state_at_rest("position"))
 
     def _state_at_rest(self, command: str) -> AbbState:
         return self._confirmed(command, _is_at_rest)
 
     def _confirmed(self, command: str, good: Callable[[AbbState, AbbState], bool]) -> AbbState:
-        """The next state that agrees with the one before it. Raises LinkError, Busy."""
+        """The last of three states in a row, each of which agrees with the one before. Raises LinkError, Busy."""
         end = self._clock() + self.deadlines.settle_s
         number, before = self._stream.following(self._stream.count, command)
+        alike = 1
         while True:
             number, now = self._stream.following(number, command)
-            if now.flags == before.flags and good(before, now):
+            alike = alike + 1 if now.flags == before.flags and good(before, now) else 1
+            if alike == _ALIKE:
                 return now
             if self._clock() >= end:
                 raise Busy("the robot goes on moving", device=self.name, command=command, raw=now.raw)

@@ -20,8 +20,8 @@ from drivers.link import TcpLink, WireSink
 class AbbSimpleDeadlines:
     """Named waits in seconds. A move may take `move_factor` x the time asked for + `move_margin_s`.
 
-    `takeover_s`: how long a server may take to notice that its last client is gone; `settle_s`: until two states agree
-    on a robot at rest; `still_s`: a robot that rests so long in mid-move has been stopped.
+    `takeover_s`: how long a server may take to notice that its last client is gone; `settle_s`: until three states
+    agree on a robot at rest; `still_s`: a robot that rests so long in mid-move has been stopped.
     """
 
     connect_s: float = 3.0

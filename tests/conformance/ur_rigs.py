@@ -13,7 +13,9 @@ from mocks.faultproxy import FaultProxy
 from service.conformance import Rig
 from tests.conformance.truth import SCALE, sent_elsewhere
 
-PATIENT_UR = UrDeadlines(reply_s=30.0, start_s=30.0, stop_s=30.0)
+PATIENT_UR = UrDeadlines(
+    connect_s=30.0, send_s=30.0, reply_s=30.0, start_s=30.0, settle_s=30.0, stop_s=30.0, move_margin_s=30.0
+)
 HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 

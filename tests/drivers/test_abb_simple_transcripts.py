@@ -10,11 +10,12 @@ import contextlib
 import math
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import pytest
 
 from drivers import AbbSimpleArm, CommandRefused, ProtocolError
+from drivers.abb.simple_packets import AbbState, parse_state
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.expected import ExpectedDevice, Pair, converse
@@ -69,6 +70,18 @@ class Pusher:
         ):
             self._thread.join()
         self._server.close()
+
+
+class Told:
+    """States in the place of a stream, one after another; the last one stays."""
+
+    def __init__(self, states: Iterable[bytes]) -> None:
+        self._states = [parse_state(state) for state in states]
+        self.count = 0
+
+    def following(self, number: int, command: str) -> tuple[int, AbbState]:
+        self.count = number + 1
+        return self.count, self._states[min(number, len(self._states) - 1)]
 
 
 def moving(pusher: Pusher) -> Iterator[Pair]:
@@ -133,13 +146,27 @@ def pushed(cell: CellThread, state: bytes) -> bool:
     return state in got
 
 
-def test_external_axes_are_told_to_stay_where_two_states_say_they_are() -> None:
-    """Every other state has one bit of an external axis wrong: it is never the one that is sent back."""
+def test_external_axes_are_told_to_stay_where_three_states_say_they_are() -> None:
+    """One state in six has one bit of an external axis wrong: it is never the one that is sent back."""
     wrong = AT_HERE[:44] + bytes([AT_HERE[44] ^ 0x40]) + AT_HERE[45:]
-    with Pusher(wrong + AT_HERE + AT_HERE) as pusher, ExpectedDevice(moving(pusher)) as device:
+    with Pusher(wrong + 5 * AT_HERE) as pusher, ExpectedDevice(moving(pusher)) as device:
         arm = arm_at(device, pusher)
         arm.connect()
         arm.arm()
         arm.move_to(TARGET)
         arm.stop()
         arm.disconnect()
+
+
+def with_a_byte(state: bytes, at: int, byte: int) -> bytes:
+    return state[:at] + bytes([byte]) + state[at + 1 :]
+
+
+def test_two_damaged_states_in_a_row_that_agree_are_not_where_the_robot_is() -> None:
+    """-45 deg without one of two bits of its exponent is -1e-8 deg or -2e-18 deg: to the driver both are 0."""
+    top_of_joint_2 = 20 + 4 + 3
+    damaged = [with_a_byte(AT_THERE, top_of_joint_2, byte) for byte in (0xAF, 0x9F)]
+    assert max(abs(parse_state(each).joints_deg[1]) for each in damaged) < 0.002
+    arm = AbbSimpleArm("tcp://127.0.0.1:1")
+    arm._stream = Told([*damaged, *3 * [AT_THERE]])  # type: ignore[assignment]
+    assert arm.position().joints_deg == pytest.approx(TARGET, abs=1e-5)

@@ -57,6 +57,13 @@ CHANGES = (
         ("tests/drivers/test_read_back.py", "tests/drivers/test_abb_simple.py"),
     ),
     Change(
+        "drivers/abb/simple.py",
+        "_ALIKE = 3",
+        "_ALIKE = 2",
+        "two states of an ABB under Simple Message that are damaged alike are believed",
+        ("tests/drivers/test_abb_simple_transcripts.py",),
+    ),
+    Change(
         "drivers/fanuc/arm.py",
         "        hold_deg: float = 0.003,",
         "        hold_deg: float = 1.0,",

@@ -14,7 +14,8 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -131,48 +132,59 @@ def test_a_record_of_a_newer_version_is_left_alone(
     assert (record / FILE).read_bytes() == before
 
 
-def bound_by_permissions() -> None:
-    """Root may write everywhere; without CAP_DAC_OVERRIDE it may not."""
-    ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)  # PR_CAPBSET_DROP
+@contextmanager
+def bound_by_permissions() -> Iterator[None]:
+    """Root may write everywhere; not while it lacks CAP_DAC_OVERRIDE. Whoever is not root changes nothing."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # _LINUX_CAPABILITY_VERSION_3, this thread
+    before = (ctypes.c_uint32 * 6)()  # twice: effective, permitted, inheritable
+    assert libc.capget(header, before) == 0, os.strerror(ctypes.get_errno())
+    bound = (ctypes.c_uint32 * 6)(before[0] & ~(1 << 1), *before[1:])
+    assert libc.capset(header, bound) == 0, os.strerror(ctypes.get_errno())
+    try:
+        yield
+    finally:
+        assert libc.capset(header, before) == 0, os.strerror(ctypes.get_errno())
+
+
+@pytest.fixture(scope="module")
+def paused(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The record of a campaign that asked for an operator, and nobody was there."""
+    folder = tmp_path_factory.mktemp("paused")
+    assert main(["campaign", "run", *files(folder, one_smr=True), "--simulate"]) == 4
+    return folder / "record"
 
 
 @pytest.mark.parametrize("verb", ["run", "resume", "restation"])
-def test_a_disk_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path, verb: str) -> None:
-    words = files(tmp_path)
+def test_a_disk_that_cannot_be_written_is_told_before_anything_moves(
+    tmp_path: Path, request: pytest.FixtureRequest, verb: str, capsys: Output
+) -> None:
     closed = tmp_path / "closed"
     closed.mkdir()
+    record = closed / "record"
     if verb == "run":
-        arguments = [*words[:2], "--record", str(closed / "record"), "--simulate"]
+        words = [verb, *files(tmp_path)[:2], "--record", str(record), "--simulate"]
     else:
-        assert (
-            main(["campaign", "run", *files(tmp_path, one_smr=True), "--simulate"]) == 4
-        )  # paused: nobody to ask
-        shutil.copytree(tmp_path / "record", closed / "record")
-        arguments = [str(closed / "record"), *(["--simulate"] if verb == "resume" else [])]
+        shutil.copytree(request.getfixturevalue("paused"), record)
+        words = [verb, str(record), *(["--simulate"] if verb == "resume" else [])]
     places = [closed, *closed.rglob("*")]
     modes = [place.stat().st_mode for place in places]
+    capsys.readouterr()
     try:
         for place, mode in zip(places, modes, strict=True):
             place.chmod(mode & 0o555)
-        done = subprocess.run(
-            [sys.executable, "-m", "service.cli", "campaign", verb, *arguments],
-            preexec_fn=bound_by_permissions,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            cwd=ROOT,
-            timeout=PATIENCE_S,
-            check=False,
-        )
+        with bound_by_permissions():
+            code = main(["campaign", *words])
     finally:
         for place, mode in zip(places, modes, strict=True):
             place.chmod(mode)
-    assert done.returncode == 1, done.stderr
+    complaint = capsys.readouterr().err
+    assert code == 1, complaint
     assert re.search(
-        r"cannot be written \(Permission denied\)|attempt to write a readonly database", done.stderr
+        r"cannot be written \(Permission denied\)|attempt to write a readonly database", complaint
     )
-    assert "correct its permissions" in done.stderr
-    assert "simulators" not in done.stderr
+    assert "correct its permissions" in complaint
+    assert "simulators" not in complaint
 
 
 def closed_pipe() -> int:
@@ -189,15 +201,17 @@ def full_pipe() -> int:
 
 
 @pytest.mark.parametrize("stdin", [closed_pipe, full_pipe])
-def test_a_pipe_never_answers_a_prompt(tmp_path: Path, stdin: Callable[[], int]) -> None:
-    pipe = stdin()
+def test_a_pipe_never_answers_a_prompt(
+    tmp_path: Path, stdin: Callable[[], int], monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
     arguments = files(tmp_path, one_smr=True)
-    with started("campaign", "run", *arguments, "--simulate", "--json", "-", stdin=pipe) as process:
-        os.close(pipe)
-        out, complaint = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 4, complaint
-    assert "needs an operator: Seat the SMR in N1 and press confirm." in complaint
-    document = json.loads(out)
+    with os.fdopen(stdin()) as pipe:
+        monkeypatch.setattr(sys, "stdin", pipe)
+        code = main(["campaign", "run", *arguments, "--simulate", "--json", "-"])
+    shown = capsys.readouterr()
+    assert code == 4, shown.err
+    assert "needs an operator: Seat the SMR in N1 and press confirm." in shown.err
+    document = json.loads(shown.out)
     assert (document["state"], document["done"], document["exit_code"]) == ("paused", 0, 4)
 
 

@@ -140,9 +140,10 @@ def test_the_lease_is_prolonged_as_long_as_it_is_held(service: Served) -> None:
                 pass
             assert refused.value.code == 8102
             assert "take it over" in refused.value.what_to_do
-            cell.ask("POST", "/cell/lease/takeover", {"holder": "carl", "reason": "now me"})
+            taken = cell.ask("POST", "/cell/lease/takeover", {"holder": "carl", "reason": "now me"})
             assert lease.lost.wait(PATIENCE_S)
         assert cell.ask("GET", "/cell")["lease"]["holder"] == "carl"  # what was lost is not given back
+        cell.ask("DELETE", "/cell/lease", headers={"Lease-Id": taken["lease_id"]})
 
 
 def test_what_is_asked_again_with_its_key_is_done_once(service: Served) -> None:

@@ -37,7 +37,7 @@ def test_upload_diagnose_report(service: Served, data: Path, tmp_path: Path) -> 
         file = service.client.get(f"/datasets/{dataset['id']}/{name}")
         (tmp_path / name).write_bytes(file.content)
     assert read_dataset(tmp_path / "data.csv").sha256 == dataset["sha256"]
-    key = {"Idempotency-Key": "diagnosis-1"}
+    key = {"Idempotency-Key": dataset["id"]}
     order = {"dataset_id": dataset["id"]}
     first, second = (service.client.post("/diagnoses", json=order, headers=key) for _ in range(2))
     assert first.status_code == 202

@@ -131,7 +131,7 @@ def test_a_pose_again_or_left_out_and_what_it_is_worth(service: Served, tmp_path
     assert same["u_mm"] == same["u_without_mm"] == price["u_mm"]
     problem(service.client.get(f"/runs/{run}/visits/9999/price"), 404)
 
-    key = {"Idempotency-Key": "once"}
+    key = {"Idempotency-Key": f"{run}-once"}
     answer = service.client.post(retake, json={"reason": "somebody leaned on it"}, headers=key)
     assert answer.status_code == 202, answer.text
     service.client.post(
