@@ -26,7 +26,23 @@ _LARGE_DEG = 2.0 * np.pi + 1e-3
 _FEW = 5
 _SMALL_MM, _HUGE_MM = 12.0, 100_000.0
 _TO_MM = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
-_GOOD = {"ok", "valid", "good", "gültig", "gueltig", "gut", "1", "true", "yes", "ja", "io", "i.o.", "pass", "measured", "gemessen"}
+_GOOD = {
+    "ok",
+    "valid",
+    "good",
+    "gültig",
+    "gueltig",
+    "gut",
+    "1",
+    "true",
+    "yes",
+    "ja",
+    "io",
+    "i.o.",
+    "pass",
+    "measured",
+    "gemessen",
+}
 _BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio", "n.i.o.", "lost", "fail", "failed", "error",
         "rejected", "not measured", "fehler"}  # fmt: skip
 _SETS = {"calibration", "reference", "repeat", "validation"}
@@ -115,7 +131,10 @@ def assign(layout: Layout, answers: Answers, prefix: str = "") -> Assigned:
     """What every column of a table is, as far as can be told. prefix: of the keys of questions, for a second file."""
     to = Assigned(layout, answers, prefix)
     meanings = {name: meaning_of(name) for name in layout.names}
-    plain = {name.lower().split("#")[0].split("[")[0].split("(")[0].strip(): name for name in reversed(layout.names)}
+    plain = {
+        name.lower().split("#")[0].split("[")[0].split("(")[0].strip(): name
+        for name in reversed(layout.names)
+    }
     if all(letter in plain for letter in _YASKAWA):
         for k, letter in enumerate(_YASKAWA, start=1):
             meanings[plain[letter]] = Meaning("joint", k, "", "slurbt", unit=meanings[plain[letter]].unit)
@@ -129,8 +148,13 @@ def assign(layout: Layout, answers: Answers, prefix: str = "") -> Assigned:
         meaning = meanings.get(name)
         why = "not known; a map may name it"
         if meaning is not None:
-            why = {"deviation": "a deviation, not a reading", "spread": "an uncertainty of unknown coverage"}.get(meaning.kind, why)
-            why = {"nominal": "nominal, not measured", "own": "the controller's own, not measured"}.get(meaning.role, why)
+            why = {
+                "deviation": "a deviation, not a reading",
+                "spread": "an uncertainty of unknown coverage",
+            }.get(meaning.kind, why)
+            why = {"nominal": "nominal, not measured", "own": "the controller's own, not measured"}.get(
+                meaning.role, why
+            )
         if not any(layout.cells[name]):
             why = "empty"
         to.aside(name, why)
@@ -142,7 +166,12 @@ def _notation(to: Assigned) -> None:
     answer = to.answers.get(f"{to.prefix}decimal")
     if answer in (".", ","):
         other = "," if answer == "." else "."
-        uses = any(other in cell for cells in to.layout.cells.values() for cell in cells if Notation(answer, other).number(cell))
+        uses = any(
+            other in cell
+            for cells in to.layout.cells.values()
+            for cell in cells
+            if Notation(answer, other).number(cell)
+        )
         to.notation = Notation(answer, other if uses else "")
     elif found is None:
         to.ask(Question(f"{to.prefix}decimal", "Points and commas in the numbers contradict each other, or may be decimals or "
@@ -156,7 +185,12 @@ def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
     """Columns given twice with the same contents count once."""
     for name in to.layout.names:
         first, mark, number = name.rpartition("#")
-        if mark and number.isdigit() and first in meanings and to.layout.cells[name] == to.layout.cells[first]:
+        if (
+            mark
+            and number.isdigit()
+            and first in meanings
+            and to.layout.cells[name] == to.layout.cells[first]
+        ):
             to.aside(name, f"the same as '{first}'")
             del meanings[name]
 
@@ -184,7 +218,9 @@ def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
                 meanings[name] = Meaning("quaternion", k, key[0], "numbered")  # type: ignore[arg-type]
     commanded = {key: names for key, names in whole.items() if key[0] != "read"}
     read = {key: names for key, names in whole.items() if key[0] == "read"}
-    chosen = _one_of(to, "joints", "Several sets of columns may be the joints as commanded", commanded or read)
+    chosen = _one_of(
+        to, "joints", "Several sets of columns may be the joints as commanded", commanded or read
+    )
     if not chosen:
         return
     unit, why = _unit(to, chosen, meanings, "angles", ("deg", "rad"))
@@ -251,7 +287,9 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
     sets: dict[tuple[str, ...], dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "point":
-            sets.setdefault((meaning.role, meaning.group, _occurrence(name)), {}).setdefault(meaning.index, name)
+            sets.setdefault((meaning.role, meaning.group, _occurrence(name)), {}).setdefault(
+                meaning.index, name
+            )
     whole = {key: tuple(of[k] for k in range(3)) for key, of in sets.items() if len(of) == 3}
     for role in ("measured", ""):
         if candidates := {key: names for key, names in whole.items() if key[0] == role}:
@@ -271,7 +309,9 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
     if groups and len(groups) == len(candidates) and not any(group.isdigit() for group in groups):
         _unit_of_points(to, [name for names in groups.values() for name in names], meanings)
         for group, names in groups.items():
-            to.targets[group] = {axis: to.columns.pop(f"{axis}@{name}") for axis, name in zip("xyz", names, strict=True)}
+            to.targets[group] = {
+                axis: to.columns.pop(f"{axis}@{name}") for axis, name in zip("xyz", names, strict=True)
+            }
             for axis, name in zip("xyz", names, strict=True):
                 of = to.found[name]
                 to.found[name] = replace(of, read_as=f"{axis} of target {group}")
@@ -315,13 +355,20 @@ def _unit(
         return [to.answers[key]] * len(names), ["as answered"] * len(names)
     stated = layout.stated_unit
     if what == "points" and stated and not any(units):
-        units, why = [stated[0]] * len(names), [f"the preamble: '{layout.above[stated[1]][:40]}'"] * len(names)
+        units, why = (
+            [stated[0]] * len(names),
+            [f"the preamble: '{layout.above[stated[1]][:40]}'"] * len(names),
+        )
     values = to.values(names)
+    if not np.isfinite(values).any(axis=0).all():  # nothing to judge by: what the file states counts
+        return [unit or UNDECIDED for unit in units], [reason or "open" for reason in why]
     doubt = _doubt(values, units, why, what)
     if doubt:
         likely = _likely(values, what)
         if not doubt[1] and likely == "deg" and what != "points":
-            return ["deg"] * len(names), [f"up to {np.nanmax(np.abs(values)):.0f}: only degrees are so large"] * len(names)
+            return ["deg"] * len(names), [
+                f"up to {np.nanmax(np.abs(values)):.0f}: only degrees are so large"
+            ] * len(names)
         to.ask(Question(key, doubt[0], choices, likely.rstrip("?"), evidence=True))
         return [UNDECIDED] * len(names), ["open: see the question"] * len(names)
     return units, why
@@ -331,7 +378,10 @@ def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -
     """Why the units of numbers (n, c) are open, and whether something states them; None where they are not."""
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if any(unit == "?" for unit in units):
-        return f"The unit of the {what} is none that is taken: {next(w for u, w in zip(units, why, strict=True) if u == '?')}. Which?", True
+        return (
+            f"The unit of the {what} is none that is taken: {next(w for u, w in zip(units, why, strict=True) if u == '?')}. Which?",
+            True,
+        )
     if not all(units):
         return f"Nothing states the unit of the {what}; they go up to {size:.4g}. Which is it?", any(units)
     if what.startswith("e"):
@@ -340,15 +390,27 @@ def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -
     if what == "points":
         if not lengths:
             return f"Coordinates are said to be in {units[0]} ({why[0]}). Which is it?", True
-        extent = float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0)) * _TO_MM[units[0]]
+        extent = (
+            float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0))
+            * _TO_MM[units[0]]
+        )
         if len(values) >= _FEW and not _SMALL_MM <= extent <= _HUGE_MM:
-            return f"As {units[0]} ({why[0]}) the points span {extent:.4g} mm, and no robot is measured so. Which is it?", True
+            return (
+                f"As {units[0]} ({why[0]}) the points span {extent:.4g} mm, and no robot is measured so. Which is it?",
+                True,
+            )
         return None
     if any(unit not in ("deg", "rad", "mrad") for unit in units):
         return f"Angles are said to be in {', '.join(dict.fromkeys(units))}. Which is it?", True
     if len(values) >= _FEW and set(units) == {"deg"} and size <= _LARGE_DEG and what == "angles":
-        return f"As deg ({why[0]}) no joint exceeds {size:.3f} deg, which looks like radians. Which is it?", True
-    if "rad" in units and np.nanmax(np.abs(values[:, [k for k, u in enumerate(units) if u == "rad"]])) > _MOST_RAD:
+        return (
+            f"As deg ({why[0]}) no joint exceeds {size:.3f} deg, which looks like radians. Which is it?",
+            True,
+        )
+    if (
+        "rad" in units
+        and np.nanmax(np.abs(values[:, [k for k, u in enumerate(units) if u == "rad"]])) > _MOST_RAD
+    ):
         return f"As rad ({why[0]}) they go up to {size:.4g}, which only degrees do. Which is it?", True
     return None
 
@@ -357,7 +419,11 @@ def _likely(values: Array, what: str) -> str:
     """The unit that numbers look like; for angles `deg` where nothing else can be so large."""
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if what == "points":
-        return "mm" if float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0)) > 150.0 else "m"
+        return (
+            "mm"
+            if float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0)) > 150.0
+            else "m"
+        )
     return "deg" if size > _MOST_RAD else "rad" if size <= _LARGE_DEG else "deg?"
 
 
@@ -370,7 +436,9 @@ def _turns(to: Assigned, meanings: dict[str, Meaning]) -> None:
     sets: dict[tuple[str, ...], dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind in ("angle", "quaternion"):
-            sets.setdefault((meaning.kind, meaning.role, meaning.family, _occurrence(name)), {}).setdefault(meaning.index, name)
+            sets.setdefault((meaning.kind, meaning.role, meaning.family, _occurrence(name)), {}).setdefault(
+                meaning.index, name
+            )
     whole = {key: of for key, of in sets.items() if len(of) == (3 if key[0] == "angle" else 4)}
     for key, of in whole.items():
         if key[1] != role:
@@ -435,7 +503,12 @@ def _names(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
         elif kind == "temperature" and "t_air" not in to.columns and np.isfinite(to.values([name])).all():
             to.columns["t_air"] = f"{name}[c]"
             to.take(name, "temperature of the air", "c")
-        elif kind == "target" and "target" not in to.columns and not to.targets and len(filled) == len(cells[name]):
+        elif (
+            kind == "target"
+            and "target" not in to.columns
+            and not to.targets
+            and len(filled) == len(cells[name])
+        ):
             to.columns["target"] = name
             to.take(name, "target")
         elif kind == "set" and set(filled) <= _SETS:
@@ -461,11 +534,13 @@ def _time(to: Assigned, name: str, meaning: Meaning, filled: Sequence[str]) -> N
     elif np.isfinite(to.values([name])).all() and meaning.unit in ("s", "ms", "us", "min"):
         to.columns["time"] = f"{name}[{meaning.unit}]"
         to.take(name, "time", meaning.unit)
-    elif np.isfinite(to.values([name])).all() and (of := dict(zip(to.layout.names, to.layout.units, strict=False)).get(name)):
+    elif np.isfinite(to.values([name])).all() and (
+        of := dict(zip(to.layout.names, to.layout.units, strict=False)).get(name)
+    ):
         to.columns["time"] = f"{name}[{of}]"
         to.take(name, "time", of, "the row of units")
     else:
-        to.aside(name, "a time without unit or date; a map may name it: time = \"...[s]\"")
+        to.aside(name, 'a time without unit or date; a map may name it: time = "...[s]"')
 
 
 def _status(to: Assigned, name: str) -> None:

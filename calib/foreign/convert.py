@@ -11,9 +11,9 @@ from calib.convert.table import Table
 from calib.errors import DataError
 from calib.foreign.data_set import table_of
 from calib.foreign.evidence import Fit, fit_of
-from calib.foreign.layout import Layout, layouts_of
+from calib.foreign.layout import Layout
 from calib.foreign.map_file import FileMap, Map, refuse_other
-from calib.foreign.proposal import sheets_of
+from calib.foreign.proposal import tables_of
 from calib.foreign.readings import readings_of
 
 
@@ -35,7 +35,9 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
         paths = [paths[0], paths[0]]  # two sheets of one workbook
     if len(paths) != len(made.files):
         raise DataError(
-            f"is for {len(made.files)} files, and {len(paths)} are given.", do="Give the files that it is for.", file=map_path
+            f"is for {len(made.files)} files, and {len(paths)} are given.",
+            do="Give the files that it is for.",
+            file=map_path,
         )
     layouts = [_layout(each, path, map_path) for each, path in zip(made.files, paths, strict=True)]
     readings = readings_of(made, layouts, map_path)
@@ -55,16 +57,6 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
 
 
 def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
-    sheets = sheets_of(path, made.separator)
-    if made.sheet:
-        named = [sheet for sheet in sheets if sheet.name == made.sheet]
-        if not named:
-            raise DataError(
-                f"has no sheet '{made.sheet}'.",
-                do=f"Correct it in the map {map_path}: there are {', '.join(repr(sheet.name) for sheet in sheets)}.",
-                file=path,
-            )
-        sheets = named
-    found = layouts_of(sheets, made.lines)[0]
+    found = tables_of(path, made.separator, made.sheet, made.lines)[0]
     refuse_other(made, found, map_path)
     return found

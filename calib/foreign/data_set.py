@@ -55,7 +55,9 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
     if any(readings.rejected):
         columns["status"] = [why or "ok" for why in readings.rejected]
     header = _header(made.header, readings, map_path)
-    return Table(columns, f"# converted from {json.dumps(source, ensure_ascii=False)}\n{tomli_w.dumps(header)}")
+    return Table(
+        columns, f"# converted from {json.dumps(source, ensure_ascii=False)}\n{tomli_w.dumps(header)}"
+    )
 
 
 def _joint_columns(readings: Readings) -> dict[str, list[str]]:

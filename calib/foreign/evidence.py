@@ -65,13 +65,17 @@ class Fit:
 
 def fit_of(readings: Readings, robot: Robot) -> Fit | None:
     """How the nominal robot fits; None for fewer than 8 readings, another number of joints, or joints that slide."""
-    rows = np.flatnonzero(np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected]))
+    rows = np.flatnonzero(
+        np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected])
+    )
     if len(rows) < FEWEST or readings.joints.shape[1] != robot.joints or any(readings.slides):
         return None
     rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
     few = readings.take(rows)
     names = list(dict.fromkeys(few.texts.get("target", ("",) * len(few))))
-    which = np.array([names.index(name) for name in few.texts.get("target", ("",) * len(few))], dtype=np.int64)
+    which = np.array(
+        [names.index(name) for name in few.texts.get("target", ("",) * len(few))], dtype=np.int64
+    )
     tools = np.zeros((len(names), 3))
     couplings = ("none", *robot.joint_matrices)
     meanings = [Meaning(robot, coupling, few.joints, which, few.points) for coupling in couplings]
@@ -113,7 +117,11 @@ def decided(
     near = reach
     if turns and min(turns) < _BELIEVED:
         least = max(min(turns), _LEAST_DEG * DEG)
-        near = [(combination, fit) for combination, fit in reach if np.isfinite(fit.turn) and fit.turn < BETTER * least]
+        near = [
+            (combination, fit)
+            for combination, fit in reach
+            if np.isfinite(fit.turn) and fit.turn < BETTER * least
+        ]
     elif turns:
         return told
     for k, question in enumerate(questions):
@@ -130,7 +138,11 @@ def _reason(question: Question, choice: str, fit: Fit, others: Sequence[Fit]) ->
     far = ""
     if others:
         nearest = min(others, key=lambda other: (other.share, other.turn))
-        far = f"; otherwise {nearest.miss:.3g} of {nearest.extent:.3g} mm" if nearest.share > BETTER * fit.share else ""
+        far = (
+            f"; otherwise {nearest.miss:.3g} of {nearest.extent:.3g} mm"
+            if nearest.share > BETTER * fit.share
+            else ""
+        )
         far = far or "; otherwise the orientations do not fit"
     turned = f" and {fit.turn / DEG:.2f} deg" if np.isfinite(fit.turn) else ""
     return f"{question.key} = {choice}: only so do the readings fit {fit.robot}, to {fit.miss:.3g} mm{turned}{far}"

@@ -25,7 +25,9 @@ _SUMMARY = re.compile(
     r"|standardabweichung|stabw|spannweite|summe|streuung)\W*",
     re.IGNORECASE,
 )
-_PREAMBLE_UNIT = re.compile(r"\b(?:units?|einheit(?:en)?)\b\W*(?:length|angle|länge|winkel)?\W*([\w°µμ]+)", re.IGNORECASE)
+_PREAMBLE_UNIT = re.compile(
+    r"\b(?:units?|einheit(?:en)?)\b\W*(?:length|angle|länge|winkel)?\W*([\w°µμ]+)", re.IGNORECASE
+)
 _FEW = 2  # rows above the names that look like readings and are none
 
 
@@ -126,7 +128,9 @@ def _blocks(rows: Sequence[Row]) -> list[list[int]]:
     blocks: list[list[int]] = [[]]
     for i, row in enumerate(rows):
         # another table may have its numbers elsewhere
-        if len(where[i]) >= FEWEST_NUMBERS and (len(where[i] & usual) * 2 >= len(usual) or len(where[i]) * 2 >= len(usual)):
+        if len(where[i]) >= FEWEST_NUMBERS and (
+            len(where[i] & usual) * 2 >= len(usual) or len(where[i]) * 2 >= len(usual)
+        ):
             blocks[-1].append(i)
         elif _words(row) >= max(2, len(usual) // 2) and not where[i] and blocks[-1]:
             blocks.append([])
@@ -161,7 +165,9 @@ def _top(rows: Sequence[Row], block: list[int]) -> int:
     return block[0]
 
 
-def _header(sheet: Sheet, rows: Sequence[Row], first: int, width: int) -> tuple[list[str], list[str], int | None, list[str]]:
+def _header(
+    sheet: Sheet, rows: Sequence[Row], first: int, width: int
+) -> tuple[list[str], list[str], int | None, list[str]]:
     """Names, units, index of the row of names (None without) and what is to be said."""
     top = _top(rows, [first])
     units = [""] * width
@@ -171,14 +177,32 @@ def _header(sheet: Sheet, rows: Sequence[Row], first: int, width: int) -> tuple[
             units = [unit_of(cell) for cell in row.cells] + [""] * (width - len(row.cells))
             said.append(f"line {row.line} holds units")
     if top == first:
-        return [f"column {k + 1}" for k in range(width)], units, None, ["no line names the columns: they are numbered"]
+        return (
+            [f"column {k + 1}" for k in range(width)],
+            units,
+            None,
+            ["no line names the columns: they are numbered"],
+        )
     names = list(rows[top].cells)
     if len(names) != width and sheet.separator == "blanks":
         wide = wide_blanks(sheet.path, rows[top].line)
         names = wide if len(wide) == width else names
         if len(names) != width:
-            said = [f"line {rows[top].line} has {len(names)} words over {width} columns: columns are numbered"]
+            said = [
+                f"line {rows[top].line} has {len(names)} words over {width} columns: columns are numbered"
+            ]
             return [f"column {k + 1}" for k in range(width)], units, None, said
+    if (
+        sheet.separator == "comma"
+        and len(names) < width
+        and not any("." in cell for cell in rows[first].cells)
+    ):
+        raise DataError(
+            f"has {len(names)} names over {width} columns: commas stand between the cells and in the numbers.",
+            do="Export it with semicolons or tabs between the cells, or with decimal points.",
+            file=sheet.shown,
+            line=rows[first].line,
+        )
     names += [""] * (width - len(names))
     names = [name or f"column {k + 1}" for k, name in enumerate(names)]
     if top and not any(map(_value, rows[top - 1].cells)):

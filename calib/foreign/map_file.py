@@ -30,7 +30,19 @@ _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
 _NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
 _NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
 UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
-_FILE = ("names", "sheet", "separator", "decimal", "thousands", "lines", "fill_down", "columns", "targets", "rotation", "status_ok")
+_FILE = (
+    "names",
+    "sheet",
+    "separator",
+    "decimal",
+    "thousands",
+    "lines",
+    "fill_down",
+    "columns",
+    "targets",
+    "rotation",
+    "status_ok",
+)
 
 
 @dataclass(frozen=True)
@@ -79,7 +91,9 @@ class Map:
                 **{f"targets.{t}.{axis}": text for t, axes in each.targets.items() for axis, text in axes.items()},
             }  # fmt: skip
             places += [
-                f"file {number}: {key}" for key, text in entries.items() if text == UNDECIDED or text.endswith("[?]")
+                f"file {number}: {key}"
+                for key, text in entries.items()
+                if text == UNDECIDED or text.endswith("[?]")
             ]
         places += ["match.by"] if self.by == UNDECIDED else []
         if places:
@@ -103,7 +117,9 @@ def read_map(path: Path) -> Map:
     match.only(("by", "within_s"))
     files = table.tables("file")
     if not 1 <= len(files) <= 2:
-        raise table.refuse("file", f"there are {len(files)}.", "Give one [[file]], or one with joints and one with points.")
+        raise table.refuse(
+            "file", f"there are {len(files)}.", "Give one [[file]], or one with joints and one with points."
+        )
     return Map(
         tuple(_file(each) for each in files),
         table.table("header").values,
@@ -117,7 +133,9 @@ def _file(table: TomlTable) -> FileMap:
     columns = table.table("columns")
     for quantity in columns.values:
         if not is_quantity(quantity):
-            raise columns.refuse(quantity, "is no quantity.", "There are j1 .., x, y, z and those of docs/files.md.")
+            raise columns.refuse(
+                quantity, "is no quantity.", "There are j1 .., x, y, z and those of docs/files.md."
+            )
     targets = table.table("targets")
     axes = {name: targets.table(name) for name in targets.values}
     for each in axes.values():

@@ -62,7 +62,9 @@ def matched(
         return _by_order(joints, points, layouts)
     if made.by == "time":
         return _by_time(joints, points, made, layouts, map_path)
-    raise DataError("is missing.", do='Write by = "name", "order" or "time" under [match].', file=map_path, key="match.by")
+    raise DataError(
+        "is missing.", do='Write by = "name", "order" or "time" under [match].', file=map_path, key="match.by"
+    )
 
 
 def _names(of: Readings, map_path: Path | str, what: str) -> tuple[str, ...]:
@@ -70,7 +72,10 @@ def _names(of: Readings, map_path: Path | str, what: str) -> tuple[str, ...]:
         if key in of.texts:
             return of.texts[key]
     raise DataError(
-        f"has no column of names for the {what}.", do='Name it: pose = "Point" under [file.columns].', file=map_path, key="match.by"
+        f"has no column of names for the {what}.",
+        do='Name it: pose = "Point" under [file.columns].',
+        file=map_path,
+        key="match.by",
     )
 
 
@@ -97,10 +102,18 @@ def _by_name(joints: Readings, points: Readings, layouts: Sequence[Layout], map_
         )
     kept = [i for i in range(len(found)) if found[i][0] in where]
     bare = {found[i][0] for i in alone}
-    said = [f"{len(alone)} points have the name of no pose and are left aside: {', '.join(sorted(bare)[:_SHOWN])}"] if alone else []
+    said = (
+        [
+            f"{len(alone)} points have the name of no pose and are left aside: {', '.join(sorted(bare)[:_SHOWN])}"
+        ]
+        if alone
+        else []
+    )
     unseen = set(where) - {pose for pose, _ in found}
     if unseen:
-        said.append(f"{len(unseen)} poses have no point and are left aside: {', '.join(sorted(unseen)[:_SHOWN])}")
+        said.append(
+            f"{len(unseen)} poses have no point and are left aside: {', '.join(sorted(unseen)[:_SHOWN])}"
+        )
     targets = tuple(found[i][1] for i in kept)
     if any(targets) and not all(targets):
         raise DataError(
@@ -137,9 +150,16 @@ def _by_time(
 ) -> Matched:
     for of, layout in ((joints, layouts[0]), (points, layouts[1])):
         if "time" not in of.numbers or not np.isfinite(of.numbers["time"]).all():
-            raise DataError("has no time in every row.", do="Name its column: time = \"Time[s]\".", file=layout.sheet.shown)
+            raise DataError(
+                "has no time in every row.", do='Name its column: time = "Time[s]".', file=layout.sheet.shown
+            )
     if made.within_s <= 0.0:
-        raise DataError("is missing.", do="Say how far apart times may be, within_s = 1.0.", file=map_path, key="match.within_s")
+        raise DataError(
+            "is missing.",
+            do="Say how far apart times may be, within_s = 1.0.",
+            file=map_path,
+            key="match.within_s",
+        )
     one, other = joints.numbers["time"], points.numbers["time"]
     order = np.argsort(one, kind="stable")
     place = np.searchsorted(one[order], other)
@@ -154,7 +174,9 @@ def _by_time(
             file=layouts[1].sheet.shown,
         )
     second = np.sort(apart, axis=0)[1]
-    unclear = kept[(second[kept] <= made.within_s) & (np.ptp(joints.joints[near[:, kept]], axis=0).max(axis=1) > 1e-6)]
+    unclear = kept[
+        (second[kept] <= made.within_s) & (np.ptp(joints.joints[near[:, kept]], axis=0).max(axis=1) > 1e-6)
+    ]
     if len(unclear):
         raise DataError(
             f"{len(unclear)} points lie within {made.within_s:g} s of two rows of joints.",
@@ -162,5 +184,9 @@ def _by_time(
             file=layouts[1].sheet.shown,
             line=layouts[1].lines[int(unclear[0])] if int(unclear[0]) < len(layouts[1].lines) else None,
         )
-    said = [f"{len(other) - len(kept)} points belong to no row of joints and are left aside"] if len(kept) < len(other) else []
+    said = (
+        [f"{len(other) - len(kept)} points belong to no row of joints and are left aside"]
+        if len(kept) < len(other)
+        else []
+    )
     return Matched(which[kept], kept, None, tuple(said))

@@ -71,9 +71,13 @@ def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
     open_marks: set[str] = set()
     for column in columns:
         # behind the sign, without what no mark can be
-        cells = [_SUFFIX.sub("", cell.strip()).translate(_SPACE).lstrip("+-") for cell in column]
+        cells = [
+            _SUFFIX.sub("", cell.strip()).translate(_SPACE).lstrip("+-") for cell in column if is_number(cell)
+        ]
         cells = [re.split("[eE]", cell)[0] for cell in cells]
-        marked = {mark: [cell for cell in cells if mark in cell] for mark in ".,"}
+        marked = {
+            mark: [cell for cell in cells if mark in cell and _OTHER[mark] not in cell] for mark in ".,"
+        }
         for cell in cells:
             if "." in cell and "," in cell:
                 last = max(".,", key=cell.rindex)
@@ -86,7 +90,9 @@ def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
                 continue
             if not all(_may_be_thousands(cell, mark) for cell in with_it if cell.count(mark) == 1):
                 decimals.add(mark)
-            elif len(with_it) == len(cells):  # every number has it: thousands would leave some below a thousand
+            elif len(with_it) == len(
+                cells
+            ):  # every number has it: thousands would leave some below a thousand
                 open_marks.add(mark)
             else:
                 open_marks.add(mark + "?")

@@ -20,6 +20,7 @@ from calib.foreign.layout import Layout, layouts_of
 from calib.foreign.map_file import BY, UNDECIDED, Map
 from calib.foreign.matching import pose_name, with_target
 from calib.foreign.sheet import Sheet, text_sheet
+from calib.foreign.tall import joined
 from calib.foreign.workbook import workbook_sheets
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
@@ -65,14 +66,32 @@ def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
     return [text_sheet(path, separator or None)]
 
 
+def tables_of(
+    path: Path, separator: str = "", sheet: str = "", lines: tuple[int, int] | None = None
+) -> list[Layout]:
+    """The tables of a file, of one of its sheets, or of some lines. Raises DataError where there is none."""
+    sheets = sheets_of(path, separator)
+    if sheet and sheet not in (each.name for each in sheets):
+        raise DataError(
+            f"has no sheet '{sheet}'.",
+            do=f"Correct it in the map: there are {', '.join(repr(each.name) for each in sheets)}.",
+            file=path,
+        )
+    return [
+        joined(layout) for layout in layouts_of([each for each in sheets if sheet in ("", each.name)], lines)
+    ]
+
+
 def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> Proposal:
     """The proposal for one file or two. answers: by the keys of questions; `robot` as a header names it, `sigma_mm`.
 
     Raises DataError for files that hold no table, several tables, or tables that nothing can be made of.
     """
     if not 1 <= len(paths) <= MOST_FILES:
-        raise DataError(f"{len(paths)} files are given.", do="Give one, or one with joints and one with points.")
-    tables = [layouts_of(sheets_of(path), lines) for path in paths]
+        raise DataError(
+            f"{len(paths)} files are given.", do="Give one, or one with joints and one with points."
+        )
+    tables = [tables_of(path, lines=lines) for path in paths]
     return _by_evidence(tables, dict(answers))
 
 
@@ -105,7 +124,9 @@ def _proposed(tables: Sequence[Sequence[Layout]], answers: Mapping[str, str]) ->
     if not any(part.made.with_points for part in parts):
         missing.append("measured coordinates (X, Y, Z of an instrument)")
     if not answers.get("robot"):
-        questions.append(Question("robot", "Which robot was measured (a built-in name, or a robot file)?", ()))
+        questions.append(
+            Question("robot", "Which robot was measured (a built-in name, or a robot file)?", ())
+        )
     made = Map(tuple(part.made for part in parts), _header(parts, answers, by), by, within)
     return Proposal(
         made, tuple(Part(part.layout, part.findings) for part in parts), tuple(questions), tuple(missing), tuple(said)
@@ -145,7 +166,11 @@ def _chosen(
 def _of_file(part: Assigned) -> list[str]:
     sheet = part.layout.sheet
     name = sheet.path.name
-    apart = f"columns apart by {sheet.separator}{'s' if sheet.separator not in ('blanks', '') else ''}, " if sheet.separator else ""
+    apart = (
+        f"columns apart by {sheet.separator}{'s' if sheet.separator not in ('blanks', '') else ''}, "
+        if sheet.separator
+        else ""
+    )
     decimal = {",": "decimal commas", ".": "decimal points"}.get(part.notation.decimal, "decimals open")
     thousands = f", thousands apart by '{part.notation.thousands}'" if part.notation.thousands else ""
     out = [f"{name}: {apart}{decimal}{thousands}; {len(part.layout.rows)} rows"]
@@ -181,7 +206,13 @@ def _match(
             counted = len(poses)
             numbers = all(pose.isdigit() for pose in poses)
             if agreed >= _ENOUGH * counted and not numbers:
-                return "name", 0.0, [f"points belong to joints by name: {agreed} of {counted} names of '{key}' are in '{of}'"]
+                return (
+                    "name",
+                    0.0,
+                    [
+                        f"points belong to joints by name: {agreed} of {counted} names of '{key}' are in '{of}'"
+                    ],
+                )
     text = f"How do points and joints belong together? {agreed} of {counted} names agree"
     if counted and agreed >= _ENOUGH * counted:
         text += ", but they are mere numbers, which may count the rows of either file"

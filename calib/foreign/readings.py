@@ -61,7 +61,9 @@ class Readings:
 def readings_of(made: Map, layouts: Sequence[Layout], map_path: Path | str) -> Readings:
     """The readings of files whose layouts are in the order of the map. Raises DataError (file, line)."""
     made.refuse_undecided(map_path)
-    parts = [_File(each, layout, map_path).readings() for each, layout in zip(made.files, layouts, strict=True)]
+    parts = [
+        _File(each, layout, map_path).readings() for each, layout in zip(made.files, layouts, strict=True)
+    ]
     if len(parts) == 1:
         return parts[0]
     first = made.files[0].with_joints
@@ -93,7 +95,9 @@ class _File:
     def readings(self) -> Readings:
         """The rows of the file, one a target."""
         made, columns = self.made, self.made.columns
-        names = sorted((q for q in columns if q[0] in "je" and q[1:].isdigit()), key=lambda q: (q[0] == "e", int(q[1:])))
+        names = sorted(
+            (q for q in columns if q[0] in "je" and q[1:].isdigit()), key=lambda q: (q[0] == "e", int(q[1:]))
+        )
         entries = [self._column(q) for q in names]
         slides = tuple(entry.unit in ("mm", "m", "um", "cm", "in") for entry in entries)
         joints = self._matrix(entries, required=True)
@@ -105,24 +109,38 @@ class _File:
             numbers["time"] = self._times(self._column("time"))
         if "t_air" in columns:
             numbers["t_air"] = self._matrix([self._column("t_air")])[:, 0]
-        texts = {q: self._texts(q) for q in ("id", "pose", "series", "set", "target", "waypoint", "visit") if q in columns}
+        texts = {
+            q: self._texts(q)
+            for q in ("id", "pose", "series", "set", "target", "waypoint", "visit")
+            if q in columns
+        }
         turns = self._turns()
         rejected = self._rejected()
         groups = dict(made.targets) or ({"": columns} if "x" in columns else {})
         if not groups:
             n = len(self.layout.rows)
-            return Readings(joints, slides, np.full((n, 3), np.nan), turns, texts, numbers, tuple(self.said), rejected)
+            return Readings(
+                joints, slides, np.full((n, 3), np.nan), turns, texts, numbers, tuple(self.said), rejected
+            )
         points = {name: self._points(axes) for name, axes in groups.items()}
         count = len(points)
         rows = np.repeat(np.arange(len(self.layout.rows)), count)
         every = np.stack(list(points.values()), axis=1).reshape(-1, 3)
-        whole = Readings(joints, slides, np.zeros((len(joints), 3)), turns, texts, numbers, tuple(self.said), rejected).take(rows)
+        whole = Readings(
+            joints, slides, np.zeros((len(joints), 3)), turns, texts, numbers, tuple(self.said), rejected
+        ).take(rows)
         if made.targets:
             target = tuple(points) * len(self.layout.rows)
-            ids = {"id": tuple(f"{i}-{t}" for i, t in zip(whole.texts["id"], target, strict=True))} if "id" in texts and count > 1 else {}
+            ids = (
+                {"id": tuple(f"{i}-{t}" for i, t in zip(whole.texts["id"], target, strict=True))}
+                if "id" in texts and count > 1
+                else {}
+            )
             return Readings(whole.joints, slides, every, whole.turns, {**whole.texts, **ids, "target": target}, whole.numbers,
                             whole.said, whole.rejected)  # fmt: skip
-        return Readings(whole.joints, slides, every, whole.turns, whole.texts, whole.numbers, whole.said, whole.rejected)
+        return Readings(
+            whole.joints, slides, every, whole.turns, whole.texts, whole.numbers, whole.said, whole.rejected
+        )
 
     def _column(self, quantity: str, entries: Mapping[str, str] | None = None) -> Column:
         key = f"columns.{quantity}"
@@ -174,11 +192,34 @@ class _File:
             what, do = why, "Open it in Excel, make the cell a number, and save it"
         elif not cell:
             what = "is empty"
-            do = "Fill it, or remove the line; where an empty cell means the one above, fill_down = [\"joints\"] in the map"
+            do = 'Fill it, or remove the line; where an empty cell means the one above, fill_down = ["joints"] in the map'
         else:
             what, do = f"is {cell[:40]!r}, not a number", "Correct it, or remove the line"
-            if seconds_of(cell) is not None or any(month in cell.lower() for month in ("jan", "feb", "mar", "mär", "apr", "mai", "may", "jun", "jul", "aug", "sep", "okt", "oct", "nov", "dez", "dec")):
-                what, do = f"is {cell[:40]!r}: a spreadsheet has made a date of a number", "Set the column to numbers and enter it again"
+            if seconds_of(cell) is not None or any(
+                month in cell.lower()
+                for month in (
+                    "jan",
+                    "feb",
+                    "mar",
+                    "mär",
+                    "apr",
+                    "mai",
+                    "may",
+                    "jun",
+                    "jul",
+                    "aug",
+                    "sep",
+                    "okt",
+                    "oct",
+                    "nov",
+                    "dez",
+                    "dec",
+                )
+            ):
+                what, do = (
+                    f"is {cell[:40]!r}: a spreadsheet has made a date of a number",
+                    "Set the column to numbers and enter it again",
+                )
         return DataError(
             f"column '{name}' {what}.", do=f"{do}.", file=self.layout.sheet.shown, line=self.layout.lines[row]
         )
@@ -265,4 +306,3 @@ class _File:
                     do="Write [deg] in the map.",
                     file=self.layout.sheet.shown,
                 )
-

@@ -129,9 +129,7 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
         if len(half) > 20 and half[offset::2].count(0) > 0.8 * len(half[offset::2]):
             return _decode(data, name, path), ("is UTF-16 without its mark",)
     if b"\0" in data:
-        raise DataError(
-            "is no text.", do="Export it as text (CSV) or as a workbook (.xlsx).", file=path
-        )
+        raise DataError("is no text.", do="Export it as text (CSV) or as a workbook (.xlsx).", file=path)
     try:
         data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -23,11 +23,55 @@ _NOMINAL = {"nom", "nominal", "soll", "cmd", "command", "commanded", "theo", "th
 _MEASURED = {"meas", "measured", "ist", "act", "actual", "gemessen", "mess", "messwert", "messung", "measurement", "tracker",
              "laser", "smr", "lt", "instrument", "leica", "faro", "api", "read", "readback", "feedback", "fb"}  # fmt: skip
 _OWN = {"tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"}
-_DEVIATION = {"dev", "deviation", "delta", "diff", "difference", "error", "err", "abw", "abweichung", "fehler", "residual"}
-_SPREAD = {"sigma", "std", "stdev", "unc", "uncertainty", "u", "unsicherheit", "stabw", "rms", "tol", "tolerance", "toleranz"}
+_DEVIATION = {
+    "dev",
+    "deviation",
+    "delta",
+    "diff",
+    "difference",
+    "error",
+    "err",
+    "abw",
+    "abweichung",
+    "fehler",
+    "residual",
+}
+_SPREAD = {
+    "sigma",
+    "std",
+    "stdev",
+    "unc",
+    "uncertainty",
+    "u",
+    "unsicherheit",
+    "stabw",
+    "rms",
+    "tol",
+    "tolerance",
+    "toleranz",
+}
 _FILL = {"pos", "position", "coord", "coordinate", "koord", "koordinate", "value", "wert", "point", "punkt", "in", "of", "the",
-         "joint", "achse", "axis", "gelenk", "winkel", "angle", "angles", "gelenkwinkel", "achswinkel", "robax", "frame", "wcs", "world", "welt"}  # fmt: skip
-_JOINT = {"j", "gelenkwinkel", "achswinkel", "joint", "axis", "achse", "gelenk", "axe", "theta", "th", "θ", "q", "a", "rax", "ax", "s", "phi", "robax"}
+         "joint", "joints", "achse", "achsen", "axis", "axes", "gelenk", "gelenke", "winkel", "angle", "angles", "gelenkwinkel", "achswinkel", "robax", "frame", "wcs", "world", "welt"}  # fmt: skip
+_JOINT = {
+    "j",
+    "gelenkwinkel",
+    "achswinkel",
+    "joint",
+    "axis",
+    "achse",
+    "gelenk",
+    "axe",
+    "theta",
+    "th",
+    "θ",
+    "q",
+    "a",
+    "rax",
+    "ax",
+    "s",
+    "phi",
+    "robax",
+}
 _EXTERNAL = {"e", "ext", "external", "eax", "extern", "zusatzachse", "track"}
 _ROS = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _UR = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
@@ -38,7 +82,19 @@ _TIME = {"time", "timestamp", "zeit", "zeitstempel", "t", "datetime", "uhrzeit",
 _ID = {"id", "nr", "no", "number", "nummer", "index", "#", "name", "point", "punkt", "punktname", "pose", "messpunkt", "reading",
        "label", "pointname", "feature", "bezeichnung", "messung", "measurement", "idx", "n", "count", "sample", "punktnr"}  # fmt: skip
 _TARGET = {"target", "smr", "marker", "reflector", "reflektor", "ziel", "tool", "werkzeug", "prisma", "prism"}
-_STATUS = {"status", "valid", "gültig", "gueltig", "ok", "quality", "qualität", "state", "zustand", "flag", "result"}
+_STATUS = {
+    "status",
+    "valid",
+    "gültig",
+    "gueltig",
+    "ok",
+    "quality",
+    "qualität",
+    "state",
+    "zustand",
+    "flag",
+    "result",
+}
 _TEMPERATURE = {"temp", "temperature", "temperatur", "lufttemperatur"}
 _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
@@ -89,10 +145,18 @@ def _unglued(token: str) -> list[str]:
 
 
 def _joint(tokens: list[str], role: Role, unit: str) -> Meaning | None:
-    text = " ".join(token for token in tokens if token not in _MEASURED | _NOMINAL | {"joint", "winkel", "angle"})
+    text = " ".join(
+        token for token in tokens if token not in _MEASURED | _NOMINAL | {"joint", "winkel", "angle"}
+    )
     for names in (_ROS, _UR):
         if text in names and (names is _ROS or unit in ("deg", "rad", "")):
-            return Meaning("joint", names.index(text) + 1, _of_joint(role, tokens), "ros" if names is _ROS else "ur", unit=unit)
+            return Meaning(
+                "joint",
+                names.index(text) + 1,
+                _of_joint(role, tokens),
+                "ros" if names is _ROS else "ur",
+                unit=unit,
+            )
     numbers = [i for i, token in enumerate(tokens) if token.isdigit()]
     if len(numbers) != 1 or len(tokens[numbers[0]]) > 2:
         return None
@@ -112,7 +176,11 @@ def _of_joint(role: Role, tokens: list[str]) -> Role:
 
 
 def _rotation(tokens: list[str], role: Role, unit: str) -> Meaning | None:
-    text = [token for token in tokens if token not in _MEASURED | _NOMINAL | _OWN | _FILL | {"euler", "rot", "rotation"}]
+    text = [
+        token
+        for token in tokens
+        if token not in _MEASURED | _NOMINAL | _OWN | _FILL | {"euler", "rot", "rotation"}
+    ]
     turned = bool({"euler", "rot", "rotation"} & set(tokens))
     if len(text) == 1 and (match := re.fullmatch(r"(?:q|quat|rot)?([wxyz])", text[0])):
         if text[0][0] == "q":
@@ -153,7 +221,9 @@ def _point(tokens: list[str], role: Role, unit: str) -> Meaning | None:
             group = (before.upper() if len(before) < 4 else before.capitalize()) + token
             rest = [other for other in rest if other not in (token, before)]
             break
-    if [token for token in rest if token not in known and len(token) > 1 and token not in ("p", "t", "m")] and len(tokens) > 1:
+    if [
+        token for token in rest if token not in known and len(token) > 1 and token not in ("p", "t", "m")
+    ] and len(tokens) > 1:
         return None
     return Meaning("point", "xyz".index(axes[0]), role, group=group, unit=unit)
 

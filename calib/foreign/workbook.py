@@ -27,7 +27,9 @@ def workbook_sheets(path: Path) -> list[Sheet]:
     """Every visible sheet that holds anything. Raises DataError for what is no workbook, or is too large."""
     _refuse_unread(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of parts of a workbook that hold no cells: styles, filters, printers
+        warnings.simplefilter(
+            "ignore"
+        )  # of parts of a workbook that hold no cells: styles, filters, printers
         values, formulas = _load(path, values=True), _load(path, values=False)
     out = []
     for sheet in values.worksheets:
@@ -64,7 +66,9 @@ def _refuse_unread(path: Path) -> None:
         raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
     if size > _MOST_UNPACKED:
         raise DataError(
-            f"is {size / 2**20:.0f} MB unpacked.", do="Export the sheet as CSV, or leave other sheets out.", file=path
+            f"is {size / 2**20:.0f} MB unpacked.",
+            do="Export the sheet as CSV, or leave other sheets out.",
+            file=path,
         )
 
 
@@ -85,7 +89,7 @@ def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
                 computed += 1
                 if not row[cell.column - 1]:
                     spoilt[where] = "holds a formula whose value was never computed"
-            if cell.is_date:
+            if cell.data_type == "d":
                 dates += 1
                 spoilt.setdefault(where, "is a date to the spreadsheet, not a number")
             if row[cell.column - 1].startswith("#") and row[cell.column - 1].endswith(("!", "?", "A")):

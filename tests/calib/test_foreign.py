@@ -44,7 +44,10 @@ def test_a_file_is_read_right_or_refused_with_its_remedy(case: Case, tmp_path: P
             converted_text(case, tmp_path)
         return
     csv, header = converted_text(case, tmp_path)
-    data = dataset_of(Columns.of_text(csv, tmp_path / "out.csv"), header_of(parse_toml(header, "h"), tmp_path / "out.toml", header))
+    data = dataset_of(
+        Columns.of_text(csv, tmp_path / "out.csv"),
+        header_of(parse_toml(header, "h"), tmp_path / "out.toml", header),
+    )
     row, target = np.repeat(np.arange(N), case.targets), np.tile(np.arange(case.targets), N)
     assert len(data) == N * case.targets
     np.testing.assert_allclose(data.conditions.joints / DEG, joints_of(case)[row], atol=2e-5)
