@@ -13,19 +13,16 @@ import numpy as np
 
 from calib.array import Array
 from calib.foreign.dates import seconds_of
+from calib.foreign.entry import ANGLES, LENGTHS
 from calib.foreign.layout import Layout
 from calib.foreign.map_file import UNDECIDED, FileMap
 from calib.foreign.number import Notation, notation_of, suffix_of
 from calib.foreign.rotations import ANGLES_OF, USUAL
+from calib.foreign.sizes import FEW, HUGE_MM, LARGE_DEG, MOST_RAD, SMALL_MM
 from calib.foreign.unit_words import unit_of
 from calib.foreign.words import Meaning, meaning_of
 
 Answers = Mapping[str, str]
-_MOST_RAD = 4.0 * np.pi + 1e-3
-_LARGE_DEG = 2.0 * np.pi + 1e-3
-_FEW = 5
-_SMALL_MM, _HUGE_MM = 12.0, 100_000.0
-_TO_MM = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
 _GOOD = {
     "ok",
     "valid",
@@ -386,30 +383,31 @@ def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -
         return f"Nothing states the unit of the {what}; they go up to {size:.4g}. Which is it?", any(units)
     if what.startswith("e"):
         return None
-    lengths = all(unit in _TO_MM for unit in units)
+    lengths = all(unit in LENGTHS for unit in units)
     if what == "points":
         if not lengths:
             return f"Coordinates are said to be in {units[0]} ({why[0]}). Which is it?", True
         extent = (
             float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0))
-            * _TO_MM[units[0]]
+            * LENGTHS[units[0]]
         )
-        if len(values) >= _FEW and not _SMALL_MM <= extent <= _HUGE_MM:
+        if len(values) >= FEW and not SMALL_MM <= extent <= HUGE_MM:
             return (
                 f"As {units[0]} ({why[0]}) the points span {extent:.4g} mm, and no robot is measured so. Which is it?",
                 True,
             )
         return None
-    if any(unit not in ("deg", "rad", "mrad") for unit in units):
+    known = (ANGLES, LENGTHS) if what == "angles" else (ANGLES,)  # a joint may slide
+    if not all(any(unit in of for of in known) for unit in units):
         return f"Angles are said to be in {', '.join(dict.fromkeys(units))}. Which is it?", True
-    if len(values) >= _FEW and set(units) == {"deg"} and size <= _LARGE_DEG and what == "angles":
+    if len(values) >= FEW and set(units) == {"deg"} and size <= LARGE_DEG and what == "angles":
         return (
             f"As deg ({why[0]}) no joint exceeds {size:.3f} deg, which looks like radians. Which is it?",
             True,
         )
     if (
         "rad" in units
-        and np.nanmax(np.abs(values[:, [k for k, u in enumerate(units) if u == "rad"]])) > _MOST_RAD
+        and np.nanmax(np.abs(values[:, [k for k, u in enumerate(units) if u == "rad"]])) > MOST_RAD
     ):
         return f"As rad ({why[0]}) they go up to {size:.4g}, which only degrees do. Which is it?", True
     return None
@@ -424,7 +422,7 @@ def _likely(values: Array, what: str) -> str:
             if float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0)) > 150.0
             else "m"
         )
-    return "deg" if size > _MOST_RAD else "rad" if size <= _LARGE_DEG else "deg?"
+    return "deg" if size > MOST_RAD else "rad" if size <= LARGE_DEG else "deg?"
 
 
 def _turns(to: Assigned, meanings: dict[str, Meaning]) -> None:

@@ -14,7 +14,7 @@ from calib.foreign.evidence import Fit, fit_of
 from calib.foreign.layout import Layout
 from calib.foreign.map_file import FileMap, Map, refuse_other
 from calib.foreign.proposal import tables_of
-from calib.foreign.readings import readings_of
+from calib.foreign.one_file import readings_of
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,9 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
             file=map_path,
         )
     layouts = [_layout(each, path, map_path) for each, path in zip(made.files, paths, strict=True)]
-    readings = readings_of(made, layouts, map_path)
+    readings, left = readings_of(made, layouts, map_path)
     robot = load_robot(str(made.header.get("robot", "")), beside)
+    readings = readings.of_robot(robot, layouts[0].sheet.shown)
     fit = fit_of(readings, robot)
     if fit is not None and fit.own_numbers and not made.header.get("simulated", False):
         raise DataError(
@@ -53,7 +54,7 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
     source = " and ".join(dict.fromkeys(path.name for path in paths))
     table = table_of(readings, made, map_path, source)
     said = [each for layout in layouts for each in (*layout.sheet.said, *layout.said)]
-    return Converted(table, fit, (*said, *readings.said))
+    return Converted(table, fit, (*said, *left))
 
 
 def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:

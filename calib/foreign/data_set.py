@@ -31,13 +31,15 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
     if "time" in readings.numbers:
         time = readings.numbers["time"]
         columns["t_s"] = _text(time - np.nanmin(time), 3)
-    for name, values in _joint_columns(readings).items():
-        columns[name] = values
+    for name, values in zip(readings.joint_columns, readings.shown_joints.T, strict=True):
+        columns[name] = _text(values, 6)
+    units = dict(zip(readings.axes, readings.units, strict=True))
     for quantity, values in readings.numbers.items():
-        if quantity.startswith("read"):
-            columns[f"j{quantity[4:]}_read_deg"] = _text(values / DEG, 6)
-        elif quantity.startswith("prev"):
-            columns[f"prev{quantity[4:]}_deg"] = _text(values / DEG, 6)
+        if quantity.startswith(("read", "prev")):
+            kind, axis = quantity[:4], quantity[4:]
+            unit = units.get(f"j{axis}", "deg")
+            name = f"j{axis}_read_{unit}" if kind == "read" else f"prev{axis}_{unit}"
+            columns[name] = _text(values if unit == "mm" else values / DEG, 6)
         elif quantity.startswith("approach"):
             columns[quantity] = _text(values, 0)
     if "target" in readings.texts:
@@ -58,15 +60,6 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
     return Table(
         columns, f"# converted from {json.dumps(source, ensure_ascii=False)}\n{tomli_w.dumps(header)}"
     )
-
-
-def _joint_columns(readings: Readings) -> dict[str, list[str]]:
-    out = {}
-    turning = sliding = 0
-    for values, slides in zip(readings.joints.T, readings.slides, strict=True):
-        turning, sliding = turning + (not slides), sliding + slides
-        out[f"e{sliding}_mm" if slides else f"j{turning}_deg"] = _text(values if slides else values / DEG, 6)
-    return out
 
 
 def _header(header: Mapping[str, Any], readings: Readings, map_path: Path | str) -> dict[str, Any]:

@@ -10,6 +10,17 @@ _ISO = re.compile(r"(\d{4})-(\d\d?)-(\d\d?)[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?
 _SLASHED = re.compile(r"(\d\d?)/(\d\d?)/(\d{4})[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?(?:\s?([AaPp])[Mm])?")
 _DOTTED = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})[T ,]\s?(\d\d?):(\d\d):(\d\d)([.,]\d{1,9})?")
 STAMP = re.compile(f"(?:{_ISO.pattern})|(?:{_SLASHED.pattern})")
+_DATE_LIKE = re.compile(
+    r"\d{1,4}[\s./-]*(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]*\d*"
+    r"|(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]+\d{1,4}"
+    r"|\d{1,4}[./-]\d{1,2}[./-]\d{1,4}.*",
+    re.IGNORECASE,
+)
+
+
+def looks_like_date(text: str) -> bool:
+    """Whether a cell is a date in some form, as spreadsheets make of 1.5 or 3-4."""
+    return bool(_DATE_LIKE.fullmatch(text.strip()[:40]))
 
 
 def seconds_of(text: str) -> float | None:

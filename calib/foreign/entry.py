@@ -37,9 +37,11 @@ def units_of(quantity: str) -> Mapping[str, float]:
         return TIMES
     if quantity == "t_air":
         return TEMPERATURES
-    if quantity.startswith("e"):  # an external axis slides or turns
-        return {**LENGTHS, **ANGLES}
-    return ANGLES if quantity.startswith(("j", "read", "rot_")) else LENGTHS
+    if quantity.startswith("rot_"):
+        return ANGLES
+    return (
+        {**ANGLES, **LENGTHS} if quantity.startswith(("j", "e", "read", "prev")) else LENGTHS
+    )  # a joint may slide
 
 
 def column_of(text: str, quantity: str, key: str, file: str | None = None) -> Column:
@@ -74,6 +76,8 @@ def parse_map(text: str, quantities: Sequence[str], key: str) -> dict[str, Colum
                 key=key,
             )
         quantity, name, unit = match.groups()
+        if quantity.startswith("j") and unit not in ANGLES:  # joints of a stream turn
+            raise DataError(f"gives {quantity} the unit '{unit}'.", do=f"Use {', '.join(ANGLES)}.", key=key)
         if quantity not in quantities or quantity in found:
             raise DataError(f"names '{quantity}'.", do=names, key=key)
         found[quantity] = column_of(f"{name}[{unit}]", quantity, key)

@@ -22,7 +22,8 @@ from calib.arm.start import base_and_tool, tool_turn
 from calib.data.hypotheses import BETTER, FEWEST, Meaning
 from calib.errors import DataError
 from calib.foreign.assignment import LEAVE, Question
-from calib.foreign.readings import Readings, readings_of
+from calib.foreign.one_file import readings_of
+from calib.foreign.readings import Readings
 from calib.units import DEG
 
 if TYPE_CHECKING:
@@ -64,11 +65,11 @@ class Fit:
 
 
 def fit_of(readings: Readings, robot: Robot) -> Fit | None:
-    """How the nominal robot fits; None for fewer than 8 readings, another number of joints, or joints that slide."""
+    """How the nominal robot fits readings whose joints are in its order; None for fewer than 8 of them."""
     rows = np.flatnonzero(
         np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected])
     )
-    if len(rows) < FEWEST or readings.joints.shape[1] != robot.joints or any(readings.slides):
+    if len(rows) < FEWEST:
         return None
     rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
     few = readings.take(rows)
@@ -153,6 +154,7 @@ def _tried(proposal: Proposal) -> Fit | None:
         return None
     try:
         robot = load_robot(str(proposal.made.header["robot"]), Path.cwd())
-        return fit_of(readings_of(proposal.made, proposal.layouts, "the proposal"), robot)
+        readings, _ = readings_of(proposal.made, proposal.layouts, "the proposal")
+        return fit_of(readings.of_robot(robot, "the proposal"), robot)
     except DataError:  # an answer under which the files cannot be read is not the one
         return None

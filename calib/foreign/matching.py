@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,7 @@ from numpy.typing import NDArray
 from calib.errors import DataError
 from calib.foreign.layout import Layout
 from calib.foreign.map_file import Map
-
-if TYPE_CHECKING:
-    from calib.foreign.readings import Readings
+from calib.foreign.readings import Readings
 
 _TARGET = re.compile(r"(.+?)[\s_.:/-]+((?:T|SMR|M|R|Target|Marker|Ball)[\s_-]?\d{1,2})", re.IGNORECASE)
 _SHOWN = 6
