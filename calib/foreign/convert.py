@@ -13,8 +13,8 @@ from calib.foreign.data_set import table_of
 from calib.foreign.evidence import Fit, fit_of
 from calib.foreign.layout import Layout
 from calib.foreign.map_file import FileMap, Map, refuse_other
-from calib.foreign.proposal import tables_of
 from calib.foreign.one_file import readings_of
+from calib.foreign.proposal import tables_of
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,11 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
     fit = fit_of(readings, robot)
     if fit is not None and fit.own_numbers and not made.header.get("simulated", False):
         raise DataError(
-            f"meets the nominal {fit.robot} to {fit.miss * 1000.0:.2g} um, as no measured robot does: these coordinates are the "
+            f"meets the nominal {fit.robot} to {fit.miss * 1000.0:.2g} um, as no measured robot does: these "
+            f"coordinates are the "
             "controller's own.",
-            do="Map the columns of the instrument; or write simulated = true under [header] where nothing was measured.",
+            do="Map the columns of the instrument; or write simulated = true under [header] where nothing "
+            "was measured.",
             file=layouts[-1].sheet.shown,
         )
     source = " and ".join(dict.fromkeys(path.name for path in paths))

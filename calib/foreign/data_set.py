@@ -47,9 +47,9 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
     for k, axis in enumerate("xyz"):
         columns[f"{axis}_mm"] = _text(readings.points[:, k], 6)
     if np.isfinite(readings.turns).any():
-        turned = np.isfinite(readings.points).all(axis=1)[:, None]
+        turned = np.isfinite(readings.points).all(axis=1)
         for k, part in enumerate("wxyz"):
-            columns[f"rot_{part}"] = _text(np.where(turned, readings.turns, np.nan)[:, k], 9)
+            columns[f"rot_{part}"] = _text(np.where(turned, readings.turns[:, k], np.nan), 9)
     if "t_air" in readings.numbers:
         columns["t_air_c"] = _text(readings.numbers["t_air"], 4)
     if "pose" in readings.texts:

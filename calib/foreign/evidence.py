@@ -1,7 +1,9 @@
 """What the nominal robot says of readings: how near it comes to them, and which answer to an open question lets it.
 
-An answer is believed where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of the extent of
-the readings and every other answer misses five times as much; for conventions of orientation the same with angles. A robot
+An answer is believed where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of
+the extent of
+the readings and every other answer misses five times as much; for conventions of orientation the same with angles.
+A robot
 that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
 """
 
@@ -11,7 +13,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,13 +22,11 @@ from calib.arm.robot import Robot, load_robot
 from calib.arm.start import base_and_tool, tool_turn
 from calib.data.hypotheses import BETTER, FEWEST, Meaning
 from calib.errors import DataError
-from calib.foreign.assignment import LEAVE, Question
+from calib.foreign.assigned import LEAVE, Question
 from calib.foreign.one_file import readings_of
+from calib.foreign.proposed import Proposal
 from calib.foreign.readings import Readings
 from calib.units import DEG
-
-if TYPE_CHECKING:
-    from calib.foreign.proposal import Proposal
 
 _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what it was measured at
 _LEAST_DEG = 0.1  # below it two conventions are alike
@@ -38,7 +37,8 @@ _TOO_GOOD_MM = 0.005
 
 @dataclass(frozen=True)
 class Fit:
-    """How near the nominal robot in its best place comes to readings. miss: median distance, mm; extent: of the points, mm;
+    """How near the nominal robot in its best place comes to readings. miss: median distance, mm; extent: of the
+    points, mm;
     turn: median angle of the orientations from the nominal tool's, rad, NaN where none were measured."""
 
     robot: str
@@ -56,7 +56,13 @@ class Fit:
     def sentence(self) -> str:
         """For people."""
         turned = f" and {self.turn / DEG:.2f} deg" if np.isfinite(self.turn) else ""
-        return f"these fit {self.robot} to {self.miss:.3g} mm{turned} (median of the nominal robot in its best place, tool fitted)"
+        how = "median of the nominal robot in its best place, tool fitted"
+        return f"these fit {self.robot} to {self.miss:.3g} mm{turned} ({how})"
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether the nominal robot misses by more than an arm does."""
+        return self.share > _BELIEVED
 
     @property
     def own_numbers(self) -> bool:
@@ -97,7 +103,8 @@ def fit_of(readings: Readings, robot: Robot) -> Fit | None:
 def decided(
     questions: Sequence[Question], proposed: Callable[[dict[str, str]], Proposal]
 ) -> dict[str, tuple[str, str]]:
-    """Key of a question -> the answer that the robot alone leaves, and the reason; questions it does not tell are absent."""
+    """Key of a question -> the answer that the robot alone leaves, and the reason; questions it does not tell are
+    absent."""
     choices = [[choice for choice in question.choices if choice != LEAVE] for question in questions]
     if any(not each for each in choices) or np.prod([len(each) for each in choices]) > _MOST:
         return {}

@@ -1,7 +1,8 @@
 """The layout of a sheet: which line names the columns, which gives units, where the readings are, and what is neither.
 
 A table is a run of rows whose numbers stand in the same columns, below a row of words. Lines above it are a preamble, a
-row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark below is
+row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark
+below is
 left aside and said. Two tables on one sheet are never one.
 """
 
@@ -33,7 +34,8 @@ _FEW = 2  # rows above the names that look like readings and are none
 
 @dataclass(frozen=True)
 class Layout:
-    """A table of a sheet. names: of the columns, each once (`X`, `X#2`); units: of the row of units, '' where it has none;
+    """A table of a sheet. names: of the columns, each once (`X`, `X#2`); units: of the row of units, '' where it
+    has none;
     rows: of the readings; said: what was made of the rest; above: the text of the preamble."""
 
     sheet: Sheet

@@ -1,7 +1,10 @@
-"""The map of foreign files, `map.toml` (`truepose-map/1`): which column is what, in which unit, and how files belong together.
+"""The map of foreign files, `map.toml` (`truepose-map/1`): which column is what, in which unit, and how files
+belong together.
 
-It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names of the
-columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands where nobody
+It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
+of the
+columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands where
+nobody
 has decided.
 """
 
@@ -47,8 +50,10 @@ _FILE = (
 
 @dataclass(frozen=True)
 class FileMap:
-    """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the same of
-    x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of readings that hold."""
+    """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the
+    same of
+    x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of readings
+    that hold."""
 
     names: tuple[str, ...]
     columns: Mapping[str, str]
@@ -73,7 +78,8 @@ class FileMap:
 
 @dataclass(frozen=True)
 class Map:
-    """The map of one file, or of one with joints and one with points. header: keys of the data set's header as they will
+    """The map of one file, or of one with joints and one with points. header: keys of the data set's header as
+    they will
     be written; by, within_s: how the points are matched to the joints."""
 
     files: tuple[FileMap, ...]

@@ -1,6 +1,7 @@
 """Points of one file matched to the joints of another: by the name of the pose, by the order of the rows, or by time.
 
-By name, a point may carry its target behind the pose's name (`P12_T2`), and several points of one pose are several readings. By
+By name, a point may carry its target behind the pose's name (`P12_T2`), and several points of one pose are several
+readings. By
 order only where the map says so. By time, a point belongs to the nearest row of joints within `within_s`.
 """
 
@@ -25,7 +26,8 @@ _SHOWN = 6
 
 @dataclass(frozen=True)
 class Matched:
-    """Rows of joints and of points (n,) that belong together; targets: by the points' names, None where these say none."""
+    """Rows of joints and of points (n,) that belong together; targets: by the points' names, None where these say
+    none."""
 
     joints: NDArray[np.int64]
     points: NDArray[np.int64]
@@ -85,16 +87,18 @@ def _by_name(joints: Readings, points: Readings, layouts: Sequence[Layout], map_
     twice = [pose for pose, rows in where.items() if len(rows) > 1 and _differ(joints, rows)]
     if twice:
         raise DataError(
-            f"names {len(twice)} poses twice with other joints ({', '.join(twice[:_SHOWN])}): which point is whose cannot be told.",
+            f"names {len(twice)} poses twice with other joints ({', '.join(twice[:_SHOWN])}): which point "
+            f"is whose cannot be told.",
             do="Give every row a name of its own in both files, or match by time.",
             file=layouts[0].sheet.shown,
         )
     alone = [i for i, (pose, _) in enumerate(found) if pose not in where]
     if len(alone) * 2 > len(found):
         raise DataError(
-            f"{len(alone)} of {len(found)} points have the name of no pose ({', '.join(found[i][0] for i in alone[:_SHOWN])}; "
+            f"{len(alone)} of {len(found)} points have the name of no pose "
+            f"({', '.join(found[i][0] for i in alone[:_SHOWN])}; "
             f"the joints have {', '.join(list(where)[:_SHOWN])}).",
-            do='Give both files the same names, or write by = "order" under [match] if their rows belong together in order.',
+            do="Give both files the same names; by = 'order' under [match] if their rows belong together in order.",
             file=layouts[1].sheet.shown,
         )
     kept = [i for i in range(len(found)) if found[i][0] in where]
@@ -166,7 +170,8 @@ def _by_time(
     kept = np.flatnonzero(apart.min(axis=0) <= made.within_s)
     if len(kept) * 2 < len(other):
         raise DataError(
-            f"{len(other) - len(kept)} of {len(other)} points were taken farther than {made.within_s:g} s from any row of joints.",
+            f"{len(other) - len(kept)} of {len(other)} points were taken farther than {made.within_s:g} s "
+            f"from any row of joints.",
             do="Check whether both clocks agree (time zone, summer time), or match by name.",
             file=layouts[1].sheet.shown,
         )

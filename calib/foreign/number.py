@@ -1,6 +1,7 @@
 """Numbers as people's programs write them: decimal points or commas, thousands apart, a unit behind.
 
-Which mark is which is told by all numbers of a table together. Where `1,234` may be one and a bit or a thousand and more,
+Which mark is which is told by all numbers of a table together. Where `1,234` may be one and a bit or a thousand
+and more,
 nobody can tell, and the reader of the table has to say it.
 """
 

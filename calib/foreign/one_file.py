@@ -1,4 +1,5 @@
-"""The readings of one foreign file by its map. Every cell that the map needs is a number, or the file is refused by line and
+"""The readings of one foreign file by its map. Every cell that the map needs is a number, or the file is refused
+by line and
 column with what is there; nothing is filled in but what the map says."""
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class File:
             what, do = why, "Open it in Excel, make the cell a number, and save it"
         elif not cell:
             what = "is empty"
-            do = 'Fill it, or remove the line; where an empty cell means the one above, fill_down = ["joints"] in the map'
+            do = "Fill it, or remove the line; where empty means as above, fill_down = ['joints'] in the map"
         else:
             what, do = f"is {cell[:40]!r}, not a number", "Correct it, or remove the line"
             if looks_like_date(cell):
@@ -193,7 +194,8 @@ class File:
         for i, seconds in enumerate(out):
             if seconds is None:
                 raise DataError(
-                    f"column '{column.name}' is {self.layout.cells[column.name][i][:40]!r}, no date with a time of day.",
+                    f"column '{column.name}' is {self.layout.cells[column.name][i][:40]!r}, no date with a "
+                    f"time of day.",
                     do="Write YYYY-MM-DD HH:MM:SS, or leave the time out of the map.",
                     file=self.layout.sheet.shown,
                     line=self.layout.lines[i],

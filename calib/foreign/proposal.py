@@ -1,6 +1,7 @@
 """The proposal of a map: what was found in files that nobody has seen before, and what must be decided.
 
-`propose` is asked again with every answer. Questions that the nominal robot can tell (units, conventions, which of two sets of
+`propose` is asked again with every answer. Questions that the nominal robot can tell (units, conventions, which of
+two sets of
 columns) are tried on it: where exactly one answer lets it reach the readings, that answer is taken and the reason said.
 Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
 """
@@ -8,17 +9,19 @@ Which robot it is, and whether rows belong together by their order, is never tak
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
-from calib.foreign.assignment import Answers, Assigned, Finding, Question, assign
+from calib.foreign.assigned import Answers, Assigned, Question
+from calib.foreign.assignment import assign
 from calib.foreign.evidence import decided
 from calib.foreign.layout import Layout, layouts_of
 from calib.foreign.map_file import BY, UNDECIDED, Map
 from calib.foreign.matching import pose_name, with_target
+from calib.foreign.proposed import Part, Proposal
 from calib.foreign.sheet import Sheet, text_sheet
 from calib.foreign.tall import joined
 from calib.foreign.workbook import workbook_sheets
@@ -26,37 +29,8 @@ from calib.foreign.workbook import workbook_sheets
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
 MOST_FILES = 2
 ASSUMED_SIGMA_MM = 0.05
+_ALWAYS = ("robot", "instrument", "sigma_mm", "match", "within_s", "sheet", "1.sheet", "2.sheet")
 _ENOUGH = 0.8  # share of the poses whose names must be among the points
-
-
-@dataclass(frozen=True)
-class Part:
-    """One table of the proposal. findings: of its columns."""
-
-    layout: Layout
-    findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A map as far as it can be made. questions: open ones; missing: what no file holds; said: what was made of the
-    files."""
-
-    made: Map
-    parts: tuple[Part, ...]
-    questions: tuple[Question, ...]
-    missing: tuple[str, ...]
-    said: tuple[str, ...]
-
-    @property
-    def layouts(self) -> tuple[Layout, ...]:
-        """The tables in the order of the map."""
-        return tuple(part.layout for part in self.parts)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the map can be used."""
-        return not self.questions and not self.missing
 
 
 def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
@@ -95,24 +69,29 @@ def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | No
     return _by_evidence(tables, dict(answers))
 
 
-def _by_evidence(tables: Sequence[Sequence[Layout]], answers: dict[str, str]) -> Proposal:
-    found = _proposed(tables, answers)
+def _by_evidence(
+    tables: Sequence[Sequence[Layout]], answers: dict[str, str], before: frozenset[str] = frozenset()
+) -> Proposal:
+    found = _proposed(tables, answers, before)
     open_ones = [question for question in found.questions if question.evidence]
     if found.missing or not open_ones or len(open_ones) < len(found.questions) or "robot" not in answers:
         return found
     told = decided(open_ones, lambda more: _proposed(tables, {**answers, **more}))
     if not told:
         return found
-    again = _by_evidence(tables, {**answers, **{key: choice for key, (choice, _) in told.items()}})
+    more = {key: choice for key, (choice, _) in told.items()}
+    again = _by_evidence(tables, {**answers, **more}, before | frozenset(told))
     return replace(again, said=(*again.said, *(reason for _, reason in told.values())))
 
 
-def _proposed(tables: Sequence[Sequence[Layout]], answers: Mapping[str, str]) -> Proposal:
+def _proposed(
+    tables: Sequence[Sequence[Layout]], answers: Mapping[str, str], told: frozenset[str] = frozenset()
+) -> Proposal:
     said: list[str] = []
     questions: list[Question] = []
     chosen = _chosen(tables, answers, questions, said)
     prefixes = [""] if len(chosen) == 1 else ["1.", "2."]
-    parts = [assign(layout, answers, prefix) for layout, prefix in zip(chosen, prefixes, strict=True)]
+    parts = [assign(layout, answers, prefix, told) for layout, prefix in zip(chosen, prefixes, strict=True)]
     for each in parts:
         said += _of_file(each)
         questions += each.questions
@@ -129,8 +108,13 @@ def _proposed(tables: Sequence[Sequence[Layout]], answers: Mapping[str, str]) ->
         )
     made = Map(tuple(part.made for part in parts), _header(parts, answers, by), by, within)
     return Proposal(
-        made, tuple(Part(part.layout, part.findings) for part in parts), tuple(questions), tuple(missing), tuple(said)
-    )  # fmt: skip
+        made=made,
+        parts=tuple(Part(part.layout, part.findings) for part in parts),
+        questions=tuple(questions),
+        missing=tuple(missing),
+        said=tuple(said),
+        keys=frozenset(_ALWAYS).union(*(part.keys for part in parts)),
+    )
 
 
 def _chosen(

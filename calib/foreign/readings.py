@@ -5,7 +5,7 @@ Points of a second file are matched to the joints by name, by order or by time, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +20,8 @@ from calib.units import DEG
 
 @dataclass(frozen=True)
 class Readings:
-    """n readings. joints (n, N) by `axes` (`j1`, `e1`), in rad, or mm where `units` says `mm`; points (n, 3) mm, NaN where
+    """n readings. joints (n, N) by `axes` (`j1`, `e1`), in rad, or mm where `units` says `mm`; points (n, 3) mm,
+    NaN where
     not measured; turns (n, 4) quaternions, scalar first, or NaN; texts: quantity -> (n,) names; numbers: further
     quantities (n,); rejected: (n,) why a reading does not count, or ''."""
 
@@ -59,10 +60,12 @@ class Readings:
         )
 
     def of_robot(self, robot: Robot, file: Path | str) -> Readings:
-        """The readings with their joints in the order of the robot's. Raises DataError where they are not its joints."""
+        """The readings with their joints in the order of the robot's. Raises DataError where they are not its
+        joints."""
         if sorted(self.joint_columns) != sorted(robot.joint_columns):
             raise DataError(
-                f"has the joints {', '.join(self.joint_columns)}, and {robot.name} has {', '.join(robot.joint_columns)}.",
+                f"has the joints {', '.join(self.joint_columns)}, and {robot.name} has "
+                f"{', '.join(robot.joint_columns)}.",
                 do="Correct the robot, or the columns of the map and their units.",
                 file=file,
             )

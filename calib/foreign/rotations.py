@@ -1,7 +1,9 @@
 """Conventions by which three numbers are an orientation, by the names that people know them by.
 
-`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are in the order
-in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X, Y, Z), Staubli (Rx,
+`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are
+in the order
+in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X, Y, Z),
+Staubli (Rx,
 Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
 """
 
@@ -44,7 +46,8 @@ def sequence_of(convention: str) -> str | None:
 
 
 def quaternions(numbers: Array, convention: str) -> Array:
-    """(n, 4) scalar first, of numbers (n, 3), rad, by a convention; NaN where one is. Raises KeyError for no convention."""
+    """(n, 4) scalar first, of numbers (n, 3), rad, by a convention; NaN where one is. Raises KeyError for no
+    convention."""
     sequence = sequence_of(convention)
     if sequence is None:
         raise KeyError(convention)

@@ -48,7 +48,8 @@ def refuse_points(points: Array, columns: Sequence[Column], file: str) -> None:
     extent = float(np.ptp(whole, axis=0).max()) if len(whole) >= FEW else 0.0
     if extent and not SMALL_MM <= extent <= HUGE_MM:
         raise DataError(
-            f"columns {', '.join(c.name for c in columns)} as {columns[0].unit} span {extent:.4g} mm: no robot is measured so.",
+            f"columns {', '.join(c.name for c in columns)} as {columns[0].unit} span {extent:.4g} mm: no "
+            f"robot is measured so.",
             do="Correct the unit in the map: [mm], [m], [in], [um].",
             file=file,
         )

@@ -4,7 +4,8 @@
     P1     X         100.000   100.0213    0.021       ->      P1    100.0  100.02  0.021  ..
            Y         200.000   199.9871   -0.013
 
-A point begins where its X is; its name may stand on that line alone. What is neither X, Y nor Z (a distance, a diameter) is left.
+A point begins where its X is; its name may stand on that line alone. What is neither X, Y nor Z (a distance, a
+diameter) is left.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "
 
 
 def joined(layout: Layout) -> Layout:
-    """The layout with one point a line; itself where it has no column of axes. Raises DataError for points with gaps."""
+    """The layout with one point a line; itself where it has no column of axes. Raises DataError for points with
+    gaps."""
     axis = next((name for name in layout.names if _axes(layout.cells[name])), None)
     if axis is None:
         return layout

@@ -1,6 +1,7 @@
 """Words that people name columns by, English and German: what a name means, as far as it can be told.
 
-`Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a target; `A`,
+`Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
+target; `A`,
 `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside by the map.
 """
 
@@ -18,90 +19,239 @@ Kind = Literal[
 ]  # fmt: skip
 Role = Literal["", "measured", "nominal", "read", "own"]
 
-_NOMINAL = {"nom", "nominal", "soll", "cmd", "command", "commanded", "theo", "theoretical", "cad", "ref", "reference",
-            "programmed", "prog", "desired", "setpoint", "planned", "target", "ziel", "vorgabe"}  # fmt: skip
-_MEASURED = {"meas", "measured", "ist", "act", "actual", "gemessen", "mess", "messwert", "messung", "measurement", "tracker",
-             "laser", "smr", "lt", "instrument", "leica", "faro", "api", "read", "readback", "feedback", "fb"}  # fmt: skip
-_OWN = {"tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"}
-_DEVIATION = {
-    "dev",
-    "deviation",
-    "delta",
-    "diff",
-    "difference",
-    "error",
-    "err",
-    "abw",
-    "abweichung",
-    "fehler",
-    "residual",
-}
-_SPREAD = {
-    "sigma",
-    "std",
-    "stdev",
-    "unc",
-    "uncertainty",
-    "u",
-    "unsicherheit",
-    "stabw",
-    "rms",
-    "tol",
-    "tolerance",
-    "toleranz",
-}
-_FILL = {"pos", "position", "coord", "coordinate", "koord", "koordinate", "value", "wert", "point", "punkt", "in", "of", "the",
-         "joint", "joints", "achse", "achsen", "axis", "axes", "gelenk", "gelenke", "winkel", "angle", "angles", "gelenkwinkel", "achswinkel", "robax", "frame", "wcs", "world", "welt"}  # fmt: skip
-_JOINT = {
-    "j",
-    "gelenkwinkel",
-    "achswinkel",
-    "joint",
-    "axis",
-    "achse",
-    "gelenk",
-    "axe",
-    "theta",
-    "th",
-    "θ",
-    "q",
-    "a",
-    "rax",
-    "ax",
-    "s",
-    "phi",
-    "robax",
-}
-_EXTERNAL = {"e", "ext", "external", "eax", "extern", "zusatzachse", "track"}
+_NOMINAL = frozenset(
+    [
+        "nom",
+        "nominal",
+        "soll",
+        "cmd",
+        "command",
+        "commanded",
+        "theo",
+        "theoretical",
+        "cad",
+        "ref",
+        "reference",
+        "programmed",
+        "prog",
+        "desired",
+        "setpoint",
+        "planned",
+        "target",
+        "ziel",
+        "vorgabe",
+    ]
+)
+_MEASURED = frozenset(
+    [
+        "meas",
+        "measured",
+        "ist",
+        "act",
+        "actual",
+        "gemessen",
+        "mess",
+        "messwert",
+        "messung",
+        "measurement",
+        "tracker",
+        "laser",
+        "smr",
+        "lt",
+        "instrument",
+        "leica",
+        "faro",
+        "api",
+        "read",
+        "readback",
+        "feedback",
+        "fb",
+    ]
+)
+_OWN = frozenset(["tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"])
+_DEVIATION = frozenset(
+    [
+        "dev",
+        "deviation",
+        "delta",
+        "diff",
+        "difference",
+        "error",
+        "err",
+        "abw",
+        "abweichung",
+        "fehler",
+        "residual",
+    ]
+)
+_SPREAD = frozenset(
+    [
+        "sigma",
+        "std",
+        "stdev",
+        "unc",
+        "uncertainty",
+        "u",
+        "unsicherheit",
+        "stabw",
+        "rms",
+        "tol",
+        "tolerance",
+        "toleranz",
+    ]
+)
+_FILL = frozenset(
+    [
+        "pos",
+        "position",
+        "coord",
+        "coordinate",
+        "koord",
+        "koordinate",
+        "value",
+        "wert",
+        "point",
+        "punkt",
+        "in",
+        "of",
+        "the",
+        "joint",
+        "joints",
+        "achse",
+        "achsen",
+        "axis",
+        "axes",
+        "gelenk",
+        "gelenke",
+        "winkel",
+        "angle",
+        "angles",
+        "gelenkwinkel",
+        "achswinkel",
+        "robax",
+        "frame",
+        "wcs",
+        "world",
+        "welt",
+    ]
+)
+_JOINT = frozenset(
+    [
+        "j",
+        "gelenkwinkel",
+        "achswinkel",
+        "joint",
+        "axis",
+        "achse",
+        "gelenk",
+        "axe",
+        "theta",
+        "th",
+        "θ",
+        "q",
+        "a",
+        "rax",
+        "ax",
+        "s",
+        "phi",
+        "robax",
+    ]
+)
+_EXTERNAL = frozenset(["e", "ext", "external", "eax", "extern", "zusatzachse", "track"])
 _ROS = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _UR = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _YASKAWA = {"s": 1, "l": 2, "u": 3, "r": 4, "b": 5, "t": 6}
-_GROUP = {"t", "smr", "target", "marker", "ball", "prism", "prisma", "reflektor", "reflector", "kugel", "m", "p", "punkt",
-          "point", "nest", "messpunkt"}  # fmt: skip
-_TIME = {"time", "timestamp", "zeit", "zeitstempel", "t", "datetime", "uhrzeit", "date", "datum", "stamp"}
-_ID = {"id", "nr", "no", "number", "nummer", "index", "#", "name", "point", "punkt", "punktname", "pose", "messpunkt", "reading",
-       "label", "pointname", "feature", "bezeichnung", "messung", "measurement", "idx", "n", "count", "sample", "punktnr"}  # fmt: skip
-_TARGET = {"target", "smr", "marker", "reflector", "reflektor", "ziel", "tool", "werkzeug", "prisma", "prism"}
-_STATUS = {
-    "status",
-    "valid",
-    "gültig",
-    "gueltig",
-    "ok",
-    "quality",
-    "qualität",
-    "state",
-    "zustand",
-    "flag",
-    "result",
+_GROUP = frozenset(
+    [
+        "t",
+        "smr",
+        "target",
+        "marker",
+        "ball",
+        "prism",
+        "prisma",
+        "reflektor",
+        "reflector",
+        "kugel",
+        "m",
+        "p",
+        "punkt",
+        "point",
+        "nest",
+        "messpunkt",
+    ]
+)
+_TIME = frozenset(
+    ["time", "timestamp", "zeit", "zeitstempel", "t", "datetime", "uhrzeit", "date", "datum", "stamp"]
+)
+_ID = frozenset(
+    [
+        "id",
+        "nr",
+        "no",
+        "number",
+        "nummer",
+        "index",
+        "#",
+        "name",
+        "point",
+        "punkt",
+        "punktname",
+        "pose",
+        "messpunkt",
+        "reading",
+        "label",
+        "pointname",
+        "feature",
+        "bezeichnung",
+        "messung",
+        "measurement",
+        "idx",
+        "n",
+        "count",
+        "sample",
+        "punktnr",
+    ]
+)
+_TARGET = frozenset(
+    ["target", "smr", "marker", "reflector", "reflektor", "ziel", "tool", "werkzeug", "prisma", "prism"]
+)
+_STATUS = frozenset(
+    [
+        "status",
+        "valid",
+        "gültig",
+        "gueltig",
+        "ok",
+        "quality",
+        "qualität",
+        "state",
+        "zustand",
+        "flag",
+        "result",
+    ]
+)
+_TEMPERATURE = frozenset(["temp", "temperature", "temperatur", "lufttemperatur"])
+_ANGLES = {
+    "rx": ("rx", "ry", "rz"),
+    "abc": ("a", "b", "c"),
+    "wpr": ("w", "p", "r"),
+    "rpy": ("roll", "pitch", "yaw"),
 }
-_TEMPERATURE = {"temp", "temperature", "temperatur", "lufttemperatur"}
+_KINDS: tuple[tuple[Kind, frozenset[str]], ...] = (
+    ("waypoint", frozenset({"waypoint", "wegpunkt"})),
+    ("series", frozenset({"series", "serie"})),
+    ("set", frozenset({"set"})),
+    ("visit", frozenset({"visit", "besuch"})),
+    ("status", _STATUS),
+)
 _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a name means. index: of a joint (0 where counted from 0), or which of x, y, z; family: of angles, how they are
+    """What a name means. index: of a joint (0 where counted from 0), or which of x, y, z; family: of angles, how
+    they are
     named; group: the target that it belongs to; unit: as the name has it."""
 
     kind: Kind
@@ -196,9 +346,7 @@ def _rotation(tokens: list[str], role: Role, unit: str) -> Meaning | None:
             return Meaning("quaternion", int(text[1]), role, "numbered", unit=unit)
     if len(text) != 1:
         return None
-    for family, names in (
-        ("rx", ("rx", "ry", "rz")), ("abc", ("a", "b", "c")), ("wpr", ("w", "p", "r")), ("rpy", ("roll", "pitch", "yaw")),
-    ):  # fmt: skip
+    for family, names in _ANGLES.items():
         if text[0] in names:
             return Meaning("angle", names.index(text[0]), role, family, unit=unit)
     return None
@@ -234,8 +382,7 @@ def _other(tokens: list[str], words: set[str], unit: str) -> Meaning:
         return Meaning("temperature", unit=unit)
     if words & _TIME and not words & (_ID - {"stamp"}):
         return Meaning("time", family="date" if words & {"date", "datum"} else "", unit=unit)
-    for kind, names in (("waypoint", {"waypoint", "wegpunkt"}), ("series", {"series", "serie"}), ("set", {"set"}),
-                        ("visit", {"visit", "besuch"}), ("status", _STATUS)):  # fmt: skip
+    for kind, names in _KINDS:
         if words & names and len(tokens) <= 2:
             return Meaning(kind, unit=unit)
     if words & _TARGET and len(tokens) <= 3:

@@ -1,7 +1,8 @@
 """Measurements as people export them: one true campaign written in some forty ways, each with what must come of it.
 
-The numbers are of a simulated robot with errors of its own, so that what is read can be held against what was true. The forms
-follow the descriptions of the programs' exports and spreadsheets as they come by mail; none is a maker's own file.
+The numbers are of a simulated robot with errors of its own, so that what is read can be held against what was true. The
+forms follow the descriptions of the programs' exports and spreadsheets as they come by mail; none is a maker's own
+file.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import openpyxl
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import forward
@@ -59,9 +61,10 @@ OWN = forward(load_robot(ROBOT), TRUTH.joints * DEG)[:, :3, 3]  # what the contr
 
 @dataclass(frozen=True)
 class Case:
-    """One export. write: makes the files; answers: what the person gives beside the robot; asks: keys of the questions that
-    must be put before them; refuses: what the refusal must say, where it must be refused; rows, targets: of the truth that
-    the files hold; within: of the points, mm; turned: whether orientations are."""
+    """One export. write: makes the files; answers: what the person gives beside the robot; asks: keys of the questions
+    that must be put before; refuses: what the refusal must say, where it must be refused; targets: of the truth
+    that the
+    files hold; within: of the points, mm; turned: whether orientations are there; lost, rejected: rows that are."""
 
     name: str
     shape: str
@@ -69,13 +72,11 @@ class Case:
     answers: dict[str, str] = field(default_factory=dict)
     asks: tuple[str, ...] = ()
     refuses: str = ""
-    rows: tuple[int, ...] = tuple(range(N))
     targets: int = 1
     within: float = 1e-3
     turned: bool = False
     lost: tuple[int, ...] = ()
     rejected: tuple[int, ...] = ()
-    simulated: bool = False
 
 
 CASES: list[Case] = []
@@ -103,7 +104,7 @@ def num(value: float, decimals: int = 4, comma: bool = False, thousands: str = "
     return "".join(marks.get(c, c) for c in text)
 
 
-def grid(*parts: Array, decimals: int = 6) -> list[list[str]]:
+def grid(*parts: NDArray[Any], decimals: int = 6) -> list[list[str]]:
     return [[f"{value:.{decimals}f}" for value in row] for row in np.column_stack(parts)]
 
 
@@ -198,8 +199,8 @@ def inches(folder: Path) -> Path:
 @case("KUKA: A1 .. A6 beside the controller's X, Y, Z, A, B, C and what the tracker measured")
 def kuka(folder: Path) -> Path:
     own = grid(OWN, angles("ZYX") + 3.0)
-    names = ["Punkt", *(f"{n} [deg]" for n in AXES), *(f"{a} soll [mm]" for a in "XYZ"), "A [deg]", "B [deg]", "C [deg]",
-             *(f"{a}_ist [mm]" for a in "XYZ")]  # fmt: skip
+    names = ["Punkt", *(f"{n} [deg]" for n in AXES), *(f"{a} soll [mm]" for a in "XYZ")]
+    names += ["A [deg]", "B [deg]", "C [deg]", *(f"{a}_ist [mm]" for a in "XYZ")]
     rows = [[f"P{i + 1}", *grid(J)[i], *own[i], *grid(P)[i]] for i in range(N)]
     return save(folder / "kuka.csv", named(names, rows))
 

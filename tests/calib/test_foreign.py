@@ -1,7 +1,7 @@
-"""Measurements as people export them (`tests.calib.exports`): read right, or refused with the right remedy, none read wrong.
+"""Measurements as people export them (`tests.calib.exports`): read right, or refused with the right remedy.
 
-These would catch: a separator, decimal, encoding, unit, convention, target or pairing read wrongly, a question that is guessed in
-place of asked, and a cell that is passed over in silence.
+These would catch: a separator, decimal, encoding, unit, convention, target or pairing read wrongly, a question that is
+guessed in place of asked, and a cell that is passed over in silence.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from calib.foreign import converted, propose, read_map, text_of
 from calib.text.columns import Columns
 from calib.text.toml_text import parse_toml
 from calib.units import DEG
-from tests.calib.exports import CASES, N, ROBOT, TRUTH, Case
+from tests.calib.exports import CASES, ROBOT, TRUTH, Case, N
 
 
 def converted_text(case: Case, folder: Path) -> tuple[str, str]:
@@ -29,7 +29,7 @@ def converted_text(case: Case, folder: Path) -> tuple[str, str]:
     if first.missing:
         raise DataError(f"no file holds {' and '.join(first.missing)}.", do="Give the file.", file=files[0])
     assert {question.key for question in first.questions} == set(case.asks)
-    proposal = propose(files, {"robot": ROBOT, **case.answers, "robot": ROBOT}) if case.asks else first
+    proposal = propose(files, {**case.answers, "robot": ROBOT}) if case.asks else first
     assert not proposal.questions
     kept = folder / "map.toml"
     kept.write_text(text_of(proposal.made, ["kept"]), encoding="utf-8")
