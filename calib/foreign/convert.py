@@ -15,6 +15,7 @@ from calib.foreign.layout import Layout
 from calib.foreign.map_file import FileMap, Map, refuse_other
 from calib.foreign.one_file import readings_of
 from calib.foreign.proposal import tables_of
+from calib.units import DEG
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,13 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
             "controller's own.",
             do="Map the columns of the instrument; or write simulated = true under [header] where nothing "
             "was measured.",
+            file=layouts[-1].sheet.shown,
+        )
+    if fit is not None and fit.turned_wrong:
+        raise DataError(
+            f"has orientations that miss those of {fit.robot} by {fit.turn / DEG:.0f} deg, and its points fit.",
+            do="Correct their convention or the order of the quaternion: rotation in the map, or "
+            "--answer rotation=CONVENTION ('leave' leaves them aside).",
             file=layouts[-1].sheet.shown,
         )
     source = " and ".join(dict.fromkeys(path.name for path in paths))

@@ -14,7 +14,7 @@ from calib.errors import DataError
 from calib.units import DEG
 
 DATE = "date"
-ANGLES = {"deg": DEG, "rad": 1.0, "mrad": 1e-3}
+ANGLES = {"deg": DEG, "rad": 1.0, "mrad": 1e-3, "gon": 0.9 * DEG}
 LENGTHS = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, DATE: 1.0}
 TEMPERATURES = {"c": 1.0}

@@ -30,6 +30,7 @@ from calib.units import DEG
 
 _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what it was measured at
 _LEAST_DEG = 0.1  # below it two conventions are alike
+_TURNED_WRONG = 5.0 * DEG  # by which no arm that reaches the points errs
 _MOST = 128  # combinations of answers that are tried
 _ENOUGH = 300  # readings that tell
 _TOO_GOOD_MM = 0.005
@@ -63,6 +64,11 @@ class Fit:
     def suspicious(self) -> bool:
         """Whether the nominal robot misses by more than an arm does."""
         return self.share > _BELIEVED
+
+    @property
+    def turned_wrong(self) -> bool:
+        """Whether the robot reaches the points and its orientations are others."""
+        return not self.suspicious and self.turn > _TURNED_WRONG
 
     @property
     def own_numbers(self) -> bool:

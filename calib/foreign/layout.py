@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from calib.errors import DataError
 from calib.foreign.dates import seconds_of
-from calib.foreign.number import is_number
+from calib.foreign.number import NOT_MEASURED, is_number
 from calib.foreign.sheet import FEWEST_NUMBERS, Row, Sheet, wide_blanks
 from calib.foreign.unit_words import unit_of, unit_row
 
@@ -29,6 +29,7 @@ _SUMMARY = re.compile(
 _PREAMBLE_UNIT = re.compile(
     r"\b(?:units?|einheit(?:en)?)\b\W*(?:length|angle|länge|winkel)?\W*([\w°µμ]+)", re.IGNORECASE
 )
+_LOST = frozenset(NOT_MEASURED) - {"x"}  # which names a column
 _FEW = 2  # rows above the names that look like readings and are none
 
 
@@ -140,7 +141,8 @@ def _blocks(rows: Sequence[Row]) -> list[list[int]]:
 
 
 def _words(row: Row) -> int:
-    return sum(1 for cell in row.cells if cell and not _value(cell))
+    """Different words of a row that may name columns."""
+    return len({cell for cell in row.cells if not _value(cell) and cell.lower() not in _LOST})
 
 
 def _joined(rows: Sequence[Row], blocks: list[list[int]]) -> list[list[int]]:
@@ -211,7 +213,13 @@ def _header(
         over = _groups(sheet, rows[top - 1], len(names))
         if over and (len(set(names)) < len(names) or _merged(sheet, rows[top - 1])):
             said.append(f"names of lines {rows[top - 1].line} and {rows[top].line} are joined")
-            names = [f"{group} {name}" if group else name for group, name in zip(over, names, strict=True)]
+            whole = _merged(
+                sheet, rows[top - 1]
+            )  # else how far a group reaches is told by names that come again
+            names = [
+                f"{group} {name}" if group and (whole or names.count(name) > 1) else name
+                for group, name in zip(over, names, strict=True)
+            ]
     said.insert(0, f"line {rows[top].line} names the columns")
     return names, units, top, said
 

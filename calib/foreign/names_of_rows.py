@@ -9,6 +9,7 @@ import numpy as np
 from calib.foreign.assigned import Assigned, Question
 from calib.foreign.dates import seconds_of
 from calib.foreign.map_file import UNDECIDED
+from calib.foreign.number import is_number
 from calib.foreign.words import Meaning
 
 _GOOD = {
@@ -40,6 +41,8 @@ def names_of_rows(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
         if name in to.found or not any(cells[name]):
             continue
         kind, filled = meaning.kind, [cell for cell in cells[name] if cell]
+        if kind in ("id", "target") and any(is_number(cell) and not cell.isdecimal() for cell in filled):
+            continue  # measured numbers are no names
         if kind == "time" and "time" not in to.columns:
             _time(to, name, meaning, filled)
         elif kind == "temperature" and "t_air" not in to.columns and np.isfinite(to.values([name])).all():

@@ -17,6 +17,23 @@ _DIGITS = rf"\d+(?:[{_SPACES}]\d{{3}})*"
 _NUMBER = re.compile(rf"[-+−]?(?:{_DIGITS}[.,\d]*|[.,]\d+)(?:[eE][-+−]?\d{{1,3}})?")
 _SUFFIX = re.compile(r"\s?(°|deg|rad|mm|m|um|µm|μm|in|\")$")
 _GROUPED = re.compile(r"[1-9]\d{0,2}")
+NOT_MEASURED = (
+    "",
+    "-",
+    "--",
+    "---",
+    "nan",
+    "n/a",
+    "na",
+    "n.a.",
+    "#n/a",
+    "null",
+    "none",
+    "lost",
+    "no point",
+    "x",
+)
+"""What cells hold, in lower case, where nothing was measured."""
 _LONGEST = 60
 _SPACE = str.maketrans("−", "-", _SPACES)
 

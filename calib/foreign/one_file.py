@@ -17,12 +17,11 @@ from calib.foreign.entry import ANGLES, DATE, Column, column_of
 from calib.foreign.layout import Layout
 from calib.foreign.map_file import UNITLESS, FileMap, Map
 from calib.foreign.matching import matched
-from calib.foreign.number import Notation
+from calib.foreign.number import NOT_MEASURED, Notation
 from calib.foreign.readings import Readings, joined
 from calib.foreign.rotations import quaternions
 from calib.foreign.sizes import refuse_angles, refuse_points
 
-NOT_MEASURED = ("", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "lost", "no point", "x")
 _TEXTS = ("id", "pose", "series", "set", "target", "waypoint", "visit")
 
 

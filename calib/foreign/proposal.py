@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from calib.arm.robot import load_robot
 from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
 from calib.foreign.assigned import Answers, Assigned, Question
@@ -59,12 +60,15 @@ def tables_of(
 def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> Proposal:
     """The proposal for one file or two. answers: by the keys of questions; `robot` as a header names it, `sigma_mm`.
 
-    Raises DataError for files that hold no table, several tables, or tables that nothing can be made of.
+    Raises DataError for files that hold no table, several tables, or tables that nothing can be made of,
+    and for a robot that is none.
     """
     if not 1 <= len(paths) <= MOST_FILES:
         raise DataError(
             f"{len(paths)} files are given.", do="Give one, or one with joints and one with points."
         )
+    if answers.get("robot"):
+        load_robot(answers["robot"], Path.cwd())
     tables = [tables_of(path, lines=lines) for path in paths]
     return _by_evidence(tables, dict(answers))
 

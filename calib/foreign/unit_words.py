@@ -14,12 +14,13 @@ _WORDS = {
     "deg": ("deg", "degs", "degree", "degrees", "°", "grad", "º"),
     "rad": ("rad", "radian", "radians", "bogenmaß", "bogenmass"),
     "mrad": ("mrad",),
+    "gon": ("gon",),
     "s": ("s", "sec", "secs", "second", "seconds", "sekunde", "sekunden"),
     "ms": ("ms", "msec", "millisecond", "milliseconds"),
     "us": ("us", "µs", "μs"),
     "min": ("min", "minutes"),
     "c": ("c", "°c", "degc", "celsius"),
-    "?": ("gon", "ft", "feet", "km", "µrad", "arcsec", "inc", "incs", "counts", "%", "k", "°f"),
+    "?": ("ft", "feet", "km", "µrad", "arcsec", "inc", "incs", "counts", "%", "k", "°f"),
 }
 _UNIT = {word: unit for unit, words in _WORDS.items() for word in words}
 _NO_UNIT = ("", "-", "--", "1", "text", "[-]", "(-)", "string", "n/a")

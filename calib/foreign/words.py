@@ -164,6 +164,8 @@ _YASKAWA = {"s": 1, "l": 2, "u": 3, "r": 4, "b": 5, "t": 6}
 _GROUP = frozenset(
     [
         "t",
+        "tool",
+        "werkzeug",
         "smr",
         "target",
         "marker",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import typer
 
-from calib.arm import built_in_robots
+from calib.arm import built_in_robots, load_robot
 from calib.convert import Table
 from calib.data import dataset_of, header_of
 from calib.errors import DataError
@@ -194,6 +194,12 @@ def _asked(question: Question) -> str:
         typer.echo(f"  {number}  {choice}" + ("   (likely)" if choice == question.proposed else ""))
     while True:
         given = typer.prompt(question.key, default=question.proposed or None, type=str).strip()
+        if question.key == "robot":
+            try:
+                load_robot(given, Path())
+            except DataError as error:
+                typer.echo(str(error))
+                continue
         if not question.choices and given:
             return given
         if given in question.choices:

@@ -62,9 +62,9 @@ OWN = forward(load_robot(ROBOT), TRUTH.joints * DEG)[:, :3, 3]  # what the contr
 @dataclass(frozen=True)
 class Case:
     """One export. write: makes the files; answers: what the person gives beside the robot; asks: keys of the questions
-    that must be put before; refuses: what the refusal must say, where it must be refused; targets: of the truth
-    that the
-    files hold; within: of the points, mm; turned: whether orientations are there; lost, rejected: rows that are."""
+    that must be put before; refuses: what the refusal must say, where it must be refused; targets: of the truth that
+    the files hold; within: of the points, mm; turned: whether orientations are there; lost, rejected: rows that are;
+    lost_rows: rows of which nothing comes."""
 
     name: str
     shape: str
@@ -76,6 +76,7 @@ class Case:
     within: float = 1e-3
     turned: bool = False
     lost: tuple[int, ...] = ()
+    lost_rows: tuple[int, ...] = ()
     rejected: tuple[int, ...] = ()
 
 
@@ -113,6 +114,8 @@ def named(names: Sequence[str], rows: Sequence[Sequence[str]], separator: str = 
 
 
 J, P, Q = TRUTH.joints, TRUTH.points[:, 0], TRUTH.turns
+HEAD = [*(f"J{k} [deg]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]"]
+BODY = [[*J[i].tolist(), *P[i].tolist()] for i in range(N)]
 AXES = [f"A{k}" for k in range(1, 7)]
 
 
@@ -259,6 +262,31 @@ def euler_kuka(folder: Path) -> Path:
     return save(folder / "a.csv", named(names, grid(J, P, angles("ZYX")), ","))
 
 
+@case("A, B, C that are not KUKA's", refuses="orientations that miss")
+def euler_not_kuka(folder: Path) -> Path:
+    names = [
+        *(f"J{k} [deg]" for k in range(1, 7)),
+        *(f"{a} [mm]" for a in "XYZ"),
+        *(f"{a} [deg]" for a in "ABC"),
+    ]
+    return save(folder / "a.csv", named(names, grid(J, P, angles("xyz")), ","))
+
+
+@case("Two lines of names: a group over x, y, z", targets=2)
+def names_in_two_lines(folder: Path) -> Path:
+    over = "Pose" + ";" * 7 + "T1;;;T2;;"
+    rows = [[str(i), *each] for i, each in enumerate(grid(J, TRUTH.points[:, :2].reshape(N, 6)))]
+    return save(folder / "a.csv", [over, *named(["Nr", *HEAD, *HEAD[6:]], rows)])
+
+
+@case("A station in the preamble, a row of words for a lost point; joints in another file", lost_rows=(5,))
+def lost_in_list(folder: Path) -> Sequence[Path]:
+    rows = [[f"Pose{i + 1}", *each] for i, each in enumerate(grid(P))]
+    rows[5] = ["Pose6", "lost", "lost", "lost"]
+    head = ["Station;1000.0;2000.0;1500.0", ""]
+    return [joint_list(folder), save(folder / "p.csv", [*head, *named(["Name", *HEAD[6:]], rows)])]
+
+
 @case("A quaternion with the scalar last, by name", turned=True)
 def quaternion_last(folder: Path) -> Path:
     names = [*(f"J{k} [deg]" for k in range(1, 7)), *(f"{a} [mm]" for a in "XYZ"), "qx", "qy", "qz", "qw"]
@@ -359,10 +387,6 @@ def book(path: Path, sheets: dict[str, Sequence[Sequence[Any]]], merge: Sequence
             sheet.merge_cells(area)
     out.save(path)
     return path
-
-
-HEAD = [*(f"J{k} [deg]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]"]
-BODY = [[*J[i].tolist(), *P[i].tolist()] for i in range(N)]
 
 
 @case("A workbook with a title, a preamble and a row of units")
