@@ -581,3 +581,11 @@ def tall(folder: Path) -> Sequence[Path]:
         joint_list(folder),
         save(folder / "a.txt", [*head, *named(["Name", "Control", "Nom", "Meas", "Dev"], rows, "\t")]),
     ]
+
+
+def outcome(of: Case) -> str:
+    """What becomes of a case, as `docs/howto/exports.md` has it."""
+    if of.refuses and not of.asks:
+        return "refused"
+    asked = f"asked: {', '.join(f'`{key}`' for key in of.asks)}" if of.asks else ""
+    return f"{asked}, then {'refused' if of.refuses else 'read'}" if asked else "read"

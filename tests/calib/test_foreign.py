@@ -20,7 +20,7 @@ from calib.foreign.number import notation_of
 from calib.text.columns import Columns
 from calib.text.toml_text import parse_toml
 from calib.units import DEG
-from tests.calib.exports import CASES, ROBOT, TRUTH, Case, N
+from tests.calib.exports import CASES, ROBOT, TRUTH, Case, N, outcome
 
 
 def converted_text(case: Case, folder: Path) -> tuple[str, str]:
@@ -144,3 +144,10 @@ def test_notations(cells: list[str], decimal: str | None, thousands: str) -> Non
 
 def test_as_many_files_as_were_promised() -> None:
     assert len(CASES) >= 30
+
+
+def test_the_page_has_every_file_with_what_becomes_of_it() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "exports.md").read_text("utf-8")
+    assert [line for line in page.splitlines() if line.startswith("| ")][1:] == [
+        f"| {case.shape} | {outcome(case)} |" for case in CASES
+    ]
