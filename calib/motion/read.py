@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.errors import DataError
-from calib.motion.column_map import DATE, LENGTHS, Column, parse_map
-from calib.motion.dates import seconds_of
+from calib.foreign.dates import seconds_of
+from calib.foreign.entry import DATE, LENGTHS, Column, parse_map
 from calib.motion.point_export import read_export
 from calib.motion.streams import MEND_TIMES, JointStream, PointStream
 from calib.text.columns import Columns

@@ -123,6 +123,14 @@ def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[
         taken[key] = option
 
 
+def check_data_set(out: Path, json: str | None, inputs: Iterable[Path | None]) -> None:
+    """Raise DataError where `out` is no name of a data set, or it or its header cannot be written."""
+    if out.suffix != ".csv":
+        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    data, header = files_of(out)
+    check_outputs({"OUT.csv": data, "header of OUT.csv": header, "--json": json}, inputs=inputs)
+
+
 def write_result(document: Mapping[str, Any], json: str | None, terminal: Terminal) -> None:
     """Write the JSON first of all results, with the spinner out."""
     if json == STANDARD_OUTPUT:

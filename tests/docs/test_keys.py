@@ -23,6 +23,8 @@ from calib.arm.robot import BUILT_IN, load_robot
 from calib.data import read_dataset
 from calib.data.header import read_header
 from calib.fit import identify
+from calib.foreign import map_file, read_map
+from calib.foreign.map_file import is_quantity
 from calib.robot_file import SCHEMA
 from calib.saved import save_model
 from calib.text.columns import Columns
@@ -34,6 +36,7 @@ from tests.service.campaigns import write_data
 ROOT = Path(__file__).parents[2]
 FREE = {  # tables whose keys are names that people give
     *("tool_targets", "base_targets", "priors", "series", "joint_matrices", "nests", "targets", "normals"),
+    *("columns", "header"),
     *("misplaced_mm", "nests_u_mm", "targets_u_mm", "tool_targets_u_mm", "base_targets_u_mm"),
 }
 # What no example has
@@ -157,6 +160,20 @@ def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp
     read_header(tmp_path / "more.toml")
     hold("Data set: NAME.toml", asked["truepose-dataset/1"])
     hold("Data set: NAME.csv", columns)
+
+
+def test_maps(asked: dict[str, Asked], tmp_path: Path) -> None:
+    text = '[[file]]\n[file.columns]\nx = "X[mm]"\n[file.targets.T1]\nx = "a"\ny = "b"\nz = "c"\n'
+    (tmp_path / "map.toml").write_text(f'format = "truepose-map/1"\n{text}[match]\nby = "name"\n', "utf-8")
+    read_map(tmp_path / "map.toml")
+    read = asked["truepose-map/1"]
+    axes = {axis: read.pop(axis) for axis in "xyz"}
+    quantities = {key for key in documented("Map: MAP.toml") if key not in read}
+    assert all(is_quantity(key) for key in quantities)
+    assert quantities >= {*axes, *map_file._TEXT, *map_file._NUMBER}
+    page = {key: cell for key, cell in documented("Map: MAP.toml").items() if key in read}
+    assert set(page) == set(read)
+    assert not {key: each for key, of in read.items() for each in of if not _said(each, page[key])}
 
 
 def test_robots(asked: dict[str, Asked], tmp_path: Path) -> None:

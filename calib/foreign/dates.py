@@ -1,4 +1,5 @@
-"""Times of day as instruments and robots write them: ISO 8601, or MM/DD/YYYY HH:MM:SS with a fraction, AM or PM."""
+"""Times of day as instruments and robots write them: ISO 8601, MM/DD/YYYY HH:MM:SS with a fraction, AM or PM, or
+DD.MM.YYYY HH:MM:SS."""
 
 from __future__ import annotations
 
@@ -7,7 +8,19 @@ from datetime import UTC, datetime
 
 _ISO = re.compile(r"(\d{4})-(\d\d?)-(\d\d?)[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?\s?(?:Z|[+-]\d\d:?\d\d)?")
 _SLASHED = re.compile(r"(\d\d?)/(\d\d?)/(\d{4})[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?(?:\s?([AaPp])[Mm])?")
+_DOTTED = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})[T ,]\s?(\d\d?):(\d\d):(\d\d)([.,]\d{1,9})?")
 STAMP = re.compile(f"(?:{_ISO.pattern})|(?:{_SLASHED.pattern})")
+_DATE_LIKE = re.compile(
+    r"\d{1,4}[\s./-]*(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]*\d*"
+    r"|(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]+\d{1,4}"
+    r"|\d{1,4}[./-]\d{1,2}[./-]\d{1,4}.*",
+    re.IGNORECASE,
+)
+
+
+def looks_like_date(text: str) -> bool:
+    """Whether a cell is a date in some form, as spreadsheets make of 1.5 or 3-4."""
+    return bool(_DATE_LIKE.fullmatch(text.strip()[:40]))
 
 
 def seconds_of(text: str) -> float | None:
@@ -17,6 +30,9 @@ def seconds_of(text: str) -> float | None:
         year, month, day, hour, minute, second, fraction = match.groups()
     elif match := _SLASHED.fullmatch(text):
         month, day, year, hour, minute, second, fraction, half = match.groups()
+    elif match := _DOTTED.fullmatch(text):
+        day, month, year, hour, minute, second, fraction = match.groups()
+        fraction = (fraction or "").replace(",", ".")
     else:
         return None
     hours = int(hour)

@@ -1,0 +1,233 @@
+"""What the columns of one table are: by their names, the row of units and the numbers; what is open is a question.
+
+A unit is what the name, the row of units, the cells or the preamble say. Where none does it is asked, unless the
+numbers
+leave one possibility (angles above two turns are degrees); where numbers cannot be what the name says it is asked
+as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib.foreign.assigned import Answers, Assigned, Question, Set, occurrence
+from calib.foreign.layout import Layout
+from calib.foreign.map_file import UNDECIDED
+from calib.foreign.names_of_rows import names_of_rows
+from calib.foreign.number import Notation, notation_of
+from calib.foreign.orientations import orientations
+from calib.foreign.units_of_columns import units_of_columns
+from calib.foreign.words import Meaning, meaning_of
+
+_YASKAWA = ("s", "l", "u", "r", "b", "t")
+
+
+def assign(
+    layout: Layout, answers: Answers, prefix: str = "", told: frozenset[str] = frozenset()
+) -> Assigned:
+    """What every column of a table is, as far as can be told. prefix: of the keys of questions, for a second file;
+    told: answers that the robot gave."""
+    to = Assigned(layout, answers, prefix, told)
+    meanings = {name: meaning_of(name) for name in layout.names}
+    plain = {
+        name.lower().split("#")[0].split("[")[0].split("(")[0].strip(): name
+        for name in reversed(layout.names)
+    }
+    if all(letter in plain for letter in _YASKAWA):
+        for k, letter in enumerate(_YASKAWA, start=1):
+            meanings[plain[letter]] = Meaning("joint", k, "", "slurbt", unit=meanings[plain[letter]].unit)
+    _notation(to)
+    _copies(to, meanings)
+    _joints(to, meanings)
+    _points(to, meanings)
+    orientations(to, meanings)
+    names_of_rows(to, meanings)
+    for name in layout.names:
+        meaning = meanings.get(name)
+        why = "not known; a map may name it"
+        if meaning is not None:
+            why = {
+                "deviation": "a deviation, not a reading",
+                "spread": "an uncertainty of unknown coverage",
+            }.get(meaning.kind, why)
+            why = {"nominal": "nominal, not measured", "own": "the controller's own, not measured"}.get(
+                meaning.role, why
+            )
+        if not any(layout.cells[name]):
+            why = "empty"
+        to.aside(name, why)
+    return to
+
+
+def _notation(to: Assigned) -> None:
+    found = notation_of([cell for cell in cells if cell] for cells in to.layout.cells.values())
+    to.keys.add(f"{to.prefix}decimal")
+    answer = to.answers.get(f"{to.prefix}decimal")
+    if answer in (".", ","):
+        other = "," if answer == "." else "."
+        uses = any(
+            other in cell
+            for cells in to.layout.cells.values()
+            for cell in cells
+            if Notation(answer, other).number(cell)
+        )
+        to.notation = Notation(answer, other if uses else "")
+    elif found is None:
+        text = (
+            "Points and commas in the numbers contradict each other, or may be decimals or thousands. "
+            "Which mark stands before decimals?"
+        )
+        to.ask(Question(f"{to.prefix}decimal", text, (".", ",")))
+        to.notation = Notation(UNDECIDED)
+    else:
+        to.notation = found
+
+
+def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
+    """Columns given twice with the same contents count once."""
+    for name in to.layout.names:
+        first, mark, number = name.rpartition("#")
+        if (
+            mark
+            and number.isdigit()
+            and first in meanings
+            and to.layout.cells[name] == to.layout.cells[first]
+        ):
+            to.aside(name, f"the same as '{first}'")
+            del meanings[name]
+
+
+def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
+    sets: dict[tuple[str, ...], dict[int, str]] = {}
+    for name, meaning in meanings.items():
+        if meaning.kind == "joint":
+            key = (meaning.role, meaning.family, occurrence(name))
+            sets.setdefault(key, {}).setdefault(meaning.index, name)
+    whole = {}
+    for key, by_index in sets.items():
+        start = min(by_index)
+        if start > 1 or sorted(by_index) != list(range(start, start + len(by_index))) or len(by_index) < 2:
+            continue
+        whole[key] = tuple(by_index[k] for k in sorted(by_index))
+    for key in list(whole):  # q1..q4 beside joints are a quaternion, as is q0..q3 of norm 1
+        if key[1] == "q" and len(whole[key]) == 4 and (len(whole) > 1 or _normed(to, whole[key])):
+            for k, name in enumerate(whole.pop(key)):
+                meanings[name] = Meaning("quaternion", k, key[0], "numbered")  # type: ignore[arg-type]
+    commanded = {key: names for key, names in whole.items() if key[0] != "read"}
+    read = {key: names for key, names in whole.items() if key[0] == "read"}
+    chosen = _one_of(
+        to, "joints", "Several sets of columns may be the joints as commanded", commanded or read
+    )
+    if not chosen:
+        return
+    unit, why = units_of_columns(to, chosen, meanings, "angles", ("deg", "rad"))
+    is_read = chosen in read.values()
+    note = "; what the controller read back, commanded ones are not there" if is_read else ""
+    for k, name in enumerate(chosen, start=1):
+        to.columns[f"j{k}"] = f"{name}[{unit[k - 1]}]"
+        to.take(name, f"joint {k}", unit[k - 1], why[k - 1] + note)
+    beside = [names for names in read.values() if len(names) == len(chosen)]
+    if not is_read and len(beside) == 1:
+        unit, why = units_of_columns(to, beside[0], meanings, "angles", ("deg", "rad"))
+        for k, name in enumerate(beside[0], start=1):
+            to.columns[f"read{k}"] = f"{name}[{unit[k - 1]}]"
+            to.take(name, f"joint {k} as read back", unit[k - 1], why[k - 1])
+    _further(to, meanings, len(chosen))
+
+
+def _further(to: Assigned, meanings: dict[str, Meaning], joints: int) -> None:
+    """External axes that move, and what says how joints arrived."""
+    for name, meaning in meanings.items():
+        bare = name.lower()
+        if meaning.kind == "external" and f"e{meaning.index}" not in to.columns and meaning.role != "read":
+            values = to.values([name])[:, 0]
+            if np.nanmax(np.abs(values), initial=0.0) == 0.0:
+                to.aside(name, "an external axis that is 0 throughout")
+                continue
+            unit, why = units_of_columns(
+                to, (name,), meanings, f"e{meaning.index}", ("mm", "m", "deg", "rad")
+            )
+            to.columns[f"e{meaning.index}"] = f"{name}[{unit[0]}]"
+            to.take(name, f"external axis {meaning.index}", unit[0], why[0])
+        for start, end in (("approach", ""), ("prev", "_deg")):
+            number = bare.removeprefix(start).removesuffix(end)
+            if bare == f"{start}{number}{end}" and number.isdigit() and int(number) <= joints:
+                to.columns[f"{start}{number}"] = name + ("[deg]" if end else "")
+                to.take(name, f"{start} of joint {number}", end[1:])
+
+
+def _normed(to: Assigned, names: Sequence[str]) -> bool:
+    norm = np.linalg.norm(to.values(names), axis=1)
+    return bool(len(norm) and np.nanmax(np.abs(norm - 1.0)) < 1e-2)
+
+
+def _one_of(to: Assigned, what: str, text: str, sets: Mapping[tuple[str, ...], Set]) -> Set | None:
+    """The only set, or the one that was answered; None where there is none, or it is open."""
+    if not sets:
+        return None
+    if len(sets) == 1:
+        return next(iter(sets.values()))
+    choices = {names[0]: names for names in sets.values()}
+    shown = "; ".join(f"{names[0]} .. {names[-1]}" for names in sets.values())
+    answer = to.ask(Question(f"{to.prefix}{what}", f"{text}: {shown}. Which?", tuple(choices), evidence=True))
+    if answer in choices:
+        return choices[answer]
+    for names in sets.values():
+        for name in names:
+            to.aside(name, "open: see the question")
+    first = next(iter(sets.values()))
+    for quantity, name in zip(("j1",) if what == "joints" else "xyz", first, strict=False):
+        to.columns[quantity] = UNDECIDED
+        del name
+    return None
+
+
+def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
+    sets: dict[tuple[str, ...], dict[int, str]] = {}
+    for name, meaning in meanings.items():
+        if meaning.kind == "point":
+            sets.setdefault((meaning.role, meaning.group, occurrence(name)), {}).setdefault(
+                meaning.index, name
+            )
+    whole = {key: tuple(of[k] for k in range(3)) for key, of in sets.items() if len(of) == 3}
+    for role in ("measured", ""):
+        if candidates := {key: names for key, names in whole.items() if key[0] == role}:
+            break
+    else:
+        candidates = {}
+    if not candidates and whole:
+        shown = "; ".join(f"{names[0]} ({key[0]})" for key, names in whole.items())
+        choices = {names[0]: names for names in whole.values()}
+        text = f"No coordinates are named as measured, only {shown}. Which were measured by an instrument?"
+        answer = to.ask(Question(f"{to.prefix}points", text, (*choices, "none")))
+        if answer in choices:
+            candidates = {("",): choices[answer]}
+        elif answer == UNDECIDED:
+            to.columns.update(dict.fromkeys("xyz", UNDECIDED))
+    groups = {key[1]: names for key, names in candidates.items() if len(key) == 3 and key[1]}
+    if groups and len(groups) == len(candidates) and not any(group.isdigit() for group in groups):
+        _unit_of_points(to, [name for names in groups.values() for name in names], meanings)
+        for group, names in groups.items():
+            to.targets[group] = {
+                axis: to.columns.pop(f"{axis}@{name}") for axis, name in zip("xyz", names, strict=True)
+            }
+            for axis, name in zip("xyz", names, strict=True):
+                of = to.found[name]
+                to.found[name] = replace(of, read_as=f"{axis} of target {group}")
+        return
+    chosen = _one_of(to, "points", "Several sets of columns may be the measured point", candidates)
+    if chosen:
+        _unit_of_points(to, chosen, meanings)
+        for axis, name in zip("xyz", chosen, strict=True):
+            to.columns[axis] = to.columns.pop(f"{axis}@{name}")
+
+
+def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, Meaning]) -> None:
+    """Entries `x@NAME` of columns of coordinates, for the caller to put where they belong."""
+    units, why = units_of_columns(to, names, meanings, "points", ("mm", "m", "in", "um"))
+    for k, (name, unit, reason) in enumerate(zip(names, units, why, strict=True)):
+        to.columns[f"{'xyz'[k % 3]}@{name}"] = f"{name}[{unit}]"
+        to.take(name, f"{'xyz'[k % 3]} measured", unit, reason)

@@ -1,0 +1,73 @@
+"""Foreign files and their map become a data set, which its nominal robot has been held against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib.arm.robot import load_robot
+from calib.convert.table import Table
+from calib.errors import DataError
+from calib.foreign.data_set import table_of
+from calib.foreign.evidence import Fit, fit_of
+from calib.foreign.layout import Layout
+from calib.foreign.map_file import FileMap, Map, refuse_other
+from calib.foreign.one_file import readings_of
+from calib.foreign.proposal import tables_of
+from calib.units import DEG
+
+
+@dataclass(frozen=True)
+class Converted:
+    """A data set, how the nominal robot fits it (None where that cannot be said), and what was made of the files."""
+
+    table: Table
+    fit: Fit | None
+    said: tuple[str, ...]
+
+
+def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Path) -> Converted:
+    """The data set of foreign files by a map. beside: the folder from which its header names a robot file.
+
+    Raises DataError (file, line) for files that the map is not for, and for cells that it cannot read.
+    """
+    if len(paths) == 1 and len(made.files) == 2 and all(each.sheet for each in made.files):
+        paths = [paths[0], paths[0]]  # two sheets of one workbook
+    if len(paths) != len(made.files):
+        raise DataError(
+            f"is for {len(made.files)} files, and {len(paths)} are given.",
+            do="Give the files that it is for.",
+            file=map_path,
+        )
+    layouts = [_layout(each, path, map_path) for each, path in zip(made.files, paths, strict=True)]
+    readings, left = readings_of(made, layouts, map_path)
+    robot = load_robot(str(made.header.get("robot", "")), beside)
+    readings = readings.of_robot(robot, layouts[0].sheet.shown)
+    fit = fit_of(readings, robot)
+    if fit is not None and fit.own_numbers and not made.header.get("simulated", False):
+        raise DataError(
+            f"meets the nominal {fit.robot} to {fit.miss * 1000.0:.2g} um, as no measured robot does: these "
+            f"coordinates are the "
+            "controller's own.",
+            do="Map the columns of the instrument; or write simulated = true under [header] where nothing "
+            "was measured.",
+            file=layouts[-1].sheet.shown,
+        )
+    if fit is not None and fit.turned_wrong:
+        raise DataError(
+            f"has orientations that miss those of {fit.robot} by {fit.turn / DEG:.0f} deg, and its points fit.",
+            do="Correct their convention or the order of the quaternion: rotation in the map, or "
+            "--answer rotation=CONVENTION ('leave' leaves them aside).",
+            file=layouts[-1].sheet.shown,
+        )
+    source = " and ".join(dict.fromkeys(path.name for path in paths))
+    table = table_of(readings, made, map_path, source)
+    said = [each for layout in layouts for each in (*layout.sheet.said, *layout.said)]
+    return Converted(table, fit, (*said, *left))
+
+
+def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
+    found = tables_of(path, made.separator, made.sheet, made.lines)[0]
+    refuse_other(made, found, map_path)
+    return found

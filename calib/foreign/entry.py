@@ -1,0 +1,87 @@
+"""Entries of a map of columns: a quantity is a column of a foreign file and the unit of its numbers, `Timestamp[ms]`.
+
+A map of a recording is written in one line, with commas between: `time=Timestamp[ms], j1=actual_q_0[rad], ...`; that of
+a measured file is a file (`calib.foreign.map_file`). The unit `date` of a time is a date and a time of day.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from calib.errors import DataError
+from calib.units import DEG
+
+DATE = "date"
+ANGLES = {"deg": DEG, "rad": 1.0, "mrad": 1e-3, "gon": 0.9 * DEG}
+LENGTHS = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, DATE: 1.0}
+TEMPERATURES = {"c": 1.0}
+_ENTRY = re.compile(r"(\w++)\s*+=\s*+(\S.*)\[\s*+(\w++)\s*+\]")
+_COLUMN = re.compile(r"(\S.*)\[\s*+(\w++)\s*+\]")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a file, the unit of its numbers, and by what they are multiplied."""
+
+    name: str
+    unit: str
+    factor: float
+
+
+def units_of(quantity: str) -> Mapping[str, float]:
+    """Units that numbers of a quantity may have, and by what they are multiplied: to rad, mm, s or degC."""
+    if quantity == "time":
+        return TIMES
+    if quantity == "t_air":
+        return TEMPERATURES
+    if quantity.startswith("rot_"):
+        return ANGLES
+    return (
+        {**ANGLES, **LENGTHS} if quantity.startswith(("j", "e", "read", "prev")) else LENGTHS
+    )  # a joint may slide
+
+
+def column_of(text: str, quantity: str, key: str, file: str | None = None) -> Column:
+    """The column that `name[unit]` names. Raises DataError (file, key)."""
+    match = _COLUMN.fullmatch(text.strip())
+    if match is None:
+        raise DataError(
+            f"{text.strip()[:100]!r} cannot be read.",
+            do="Write the name of the column and the unit of its numbers, e.g. X_meas[mm].",
+            file=file,
+            key=key,
+        )
+    name, unit = match.groups()
+    known = units_of(quantity)
+    if unit not in known:
+        raise DataError(
+            f"gives {quantity} the unit '{unit}'.", do=f"Use {', '.join(known)}.", file=file, key=key
+        )
+    return Column(name.strip(), unit, known[unit])
+
+
+def parse_map(text: str, quantities: Sequence[str], key: str) -> dict[str, Column]:
+    """Quantity -> column. Raises DataError (key) for a map that cannot be read or does not name every quantity once."""
+    found: dict[str, Column] = {}
+    names = f"Name {', '.join(quantities)}, each once."
+    for part in re.split(r"(?<=\])\s*+,", text):
+        match = _ENTRY.fullmatch(part.strip())
+        if match is None:
+            raise DataError(
+                f"{part.strip()[:100]!r} cannot be read.",
+                do="Write quantity=column[unit], e.g. time=Timestamp[ms].",
+                key=key,
+            )
+        quantity, name, unit = match.groups()
+        if quantity.startswith("j") and unit not in ANGLES:  # joints of a stream turn
+            raise DataError(f"gives {quantity} the unit '{unit}'.", do=f"Use {', '.join(ANGLES)}.", key=key)
+        if quantity not in quantities or quantity in found:
+            raise DataError(f"names '{quantity}'.", do=names, key=key)
+        found[quantity] = column_of(f"{name}[{unit}]", quantity, key)
+    for quantity in quantities:
+        if quantity not in found:
+            raise DataError(f"does not name '{quantity}'.", do=names, key=key)
+    return found

@@ -1,0 +1,277 @@
+"""The layout of a sheet: which line names the columns, which gives units, where the readings are, and what is neither.
+
+A table is a run of rows whose numbers stand in the same columns, below a row of words. Lines above it are a preamble, a
+row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark
+below is
+left aside and said. Two tables on one sheet are never one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+from calib.errors import DataError
+from calib.foreign.dates import seconds_of
+from calib.foreign.number import NOT_MEASURED, is_number
+from calib.foreign.sheet import FEWEST_NUMBERS, Row, Sheet, wide_blanks
+from calib.foreign.unit_words import unit_of, unit_row
+
+_SUMMARY = re.compile(
+    r"(mean|average|avg|median|min|max|minimum|maximum|std|stdev|rms|range|sum|total|mittel|mittelwert|durchschnitt"
+    r"|standardabweichung|stabw|spannweite|summe|streuung)\W*",
+    re.IGNORECASE,
+)
+_PREAMBLE_UNIT = re.compile(
+    r"\b(?:units?|einheit(?:en)?)\b\W*(?:length|angle|länge|winkel)?\W*([\w°µμ]+)", re.IGNORECASE
+)
+_LOST = frozenset(NOT_MEASURED) - {"x"}  # which names a column
+_FEW = 2  # rows above the names that look like readings and are none
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A table of a sheet. names: of the columns, each once (`X`, `X#2`); units: of the row of units, '' where it
+    has none;
+    rows: of the readings; said: what was made of the rest; above: the text of the preamble."""
+
+    sheet: Sheet
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[Row, ...]
+    header_line: int | None
+    said: tuple[str, ...]
+    above: tuple[str, ...]
+
+    @cached_property
+    def cells(self) -> dict[str, tuple[str, ...]]:
+        """Name -> its cells, row by row; '' beyond the end of a short row."""
+        return {
+            name: tuple(row.cells[k] if k < len(row.cells) else "" for row in self.rows)
+            for k, name in enumerate(self.names)
+        }
+
+    @cached_property
+    def lines(self) -> tuple[int, ...]:
+        """The line of every row."""
+        return tuple(row.line for row in self.rows)
+
+    def spoilt(self, row: int, name: str) -> str:
+        """Why a cell holds no value, or ''."""
+        return self.sheet.spoilt.get((self.lines[row], self.names.index(name)), "")
+
+    @cached_property
+    def stated_unit(self) -> tuple[str, int] | None:
+        """The unit of lengths that the preamble states, and the number of its line among `above`."""
+        for i, text in enumerate(self.above):
+            if (match := _PREAMBLE_UNIT.search(text)) and unit_of(match[1]):
+                return unit_of(match[1]), i
+        return None
+
+
+@dataclass(frozen=True)
+class TwoTables(Exception):
+    """A sheet has several tables. lines: first and last of each."""
+
+    lines: tuple[tuple[int, int], ...]
+
+
+def layout_of(sheet: Sheet, lines: tuple[int, int] | None = None) -> Layout | None:
+    """The only table of a sheet, or that between two lines; None where there is none. Raises TwoTables."""
+    rows = [row for row in sheet.rows if lines is None or lines[0] <= row.line <= lines[1]]
+    blocks = _blocks(rows)
+    if not blocks:
+        return None
+    if len(blocks) > 1:
+        blocks = _joined(rows, blocks)
+    if len(blocks) > 1:
+        raise TwoTables(tuple((rows[_top(rows, b)].line, rows[b[-1]].line) for b in blocks))
+    of = blocks[0]
+    width = Counter(len(rows[i].cells) for i in of).most_common(1)[0][0]
+    names, units, top, said = _header(sheet, rows, of[0], width)
+    readings, left = [], []
+    inside = set(of)
+    for i in range(of[0], len(rows)):
+        row = rows[i]
+        if i in inside and not any(_SUMMARY.fullmatch(cell) for cell in row.cells[:3]):
+            readings.append(row)
+        elif top is None or row.cells != rows[top].cells:
+            left.append(row)
+    said += [f"line {row.line} is left aside: '{' '.join(filter(None, row.cells))[:50]}'" for row in left[:5]]
+    if len(left) > 5:
+        said.append(f"{len(left) - 5} more lines between or below the readings are left aside")
+    longest = max(len(row.cells) for row in readings)
+    if longest > len(names):
+        names += [f"column {k + 1}" for k in range(len(names), longest)]
+        units += [""] * (longest - len(units))
+    first = of[0] if top is None else top
+    above = tuple(" ".join(filter(None, row.cells)) for row in rows[:first])
+    line = None if top is None else rows[top].line
+    return Layout(sheet, _each_once(names), tuple(units), tuple(readings), line, tuple(said), above)
+
+
+def _value(cell: str) -> bool:
+    return is_number(cell) or seconds_of(cell) is not None
+
+
+def _blocks(rows: Sequence[Row]) -> list[list[int]]:
+    """Runs of rows whose values stand in the commonest columns, apart where a row of words stands between."""
+    where = [
+        frozenset() if row.comment else frozenset(k for k, cell in enumerate(row.cells) if _value(cell))
+        for row in rows
+    ]
+    common = [each for each in where if len(each) >= FEWEST_NUMBERS]
+    if not common:
+        return []
+    usual = Counter(common).most_common(1)[0][0]
+    blocks: list[list[int]] = [[]]
+    for i, row in enumerate(rows):
+        # another table may have its numbers elsewhere
+        if len(where[i]) >= FEWEST_NUMBERS and (
+            len(where[i] & usual) * 2 >= len(usual) or len(where[i]) * 2 >= len(usual)
+        ):
+            blocks[-1].append(i)
+        elif _words(row) >= max(2, len(usual) // 2) and not where[i] and blocks[-1]:
+            blocks.append([])
+    return [block for block in blocks if block]
+
+
+def _words(row: Row) -> int:
+    """Different words of a row that may name columns."""
+    return len({cell for cell in row.cells if not _value(cell) and cell.lower() not in _LOST})
+
+
+def _joined(rows: Sequence[Row], blocks: list[list[int]]) -> list[list[int]]:
+    """Blocks, one where the names are repeated between two (a page break), without few rows above the first names."""
+    if len(blocks[0]) <= _FEW < len(blocks[1]) and _top(rows, blocks[0]) == blocks[0][0]:
+        blocks = blocks[1:]
+    out = [blocks[0]]
+    for before, block in pairwise(blocks):
+        same = rows[_top(rows, block)].cells == rows[_top(rows, before)].cells
+        lost = all(row.cells[:1] and _words(row) < len(row.cells) for row in rows[before[-1] + 1 : block[0]])
+        if same or (lost and _top(rows, block) == block[0]):
+            out[-1] = out[-1] + block
+        else:
+            out.append(block)
+    return out
+
+
+def _top(rows: Sequence[Row], block: list[int]) -> int:
+    """The row that names the columns of a block; its first reading where none does."""
+    for i in range(block[0] - 1, max(block[0] - 4, -1), -1):
+        if unit_row(rows[i].cells):
+            continue
+        return i if _words(rows[i]) >= 2 and not any(map(_value, rows[i].cells)) else block[0]
+    return block[0]
+
+
+def _header(
+    sheet: Sheet, rows: Sequence[Row], first: int, width: int
+) -> tuple[list[str], list[str], int | None, list[str]]:
+    """Names, units, index of the row of names (None without) and what is to be said."""
+    top = _top(rows, [first])
+    units = [""] * width
+    said: list[str] = []
+    for row in rows[top + 1 : first]:
+        if unit_row(row.cells):
+            units = [unit_of(cell) for cell in row.cells] + [""] * (width - len(row.cells))
+            said.append(f"line {row.line} holds units")
+    if top == first:
+        return (
+            [f"column {k + 1}" for k in range(width)],
+            units,
+            None,
+            ["no line names the columns: they are numbered"],
+        )
+    names = list(rows[top].cells)
+    if len(names) != width and sheet.separator == "blanks":
+        wide = wide_blanks(sheet.path, rows[top].line)
+        names = wide if len(wide) == width else names
+        if len(names) != width:
+            said = [
+                f"line {rows[top].line} has {len(names)} words over {width} columns: columns are numbered"
+            ]
+            return [f"column {k + 1}" for k in range(width)], units, None, said
+    if (
+        sheet.separator == "comma"
+        and len(names) < width
+        and not any("." in cell for cell in rows[first].cells)
+    ):
+        raise DataError(
+            f"has {len(names)} names over {width} columns: commas stand between the cells and in the numbers.",
+            do="Export it with semicolons or tabs between the cells, or with decimal points.",
+            file=sheet.shown,
+            line=rows[first].line,
+        )
+    names += [""] * (width - len(names))
+    names = [name or f"column {k + 1}" for k, name in enumerate(names)]
+    if top and not any(map(_value, rows[top - 1].cells)):
+        over = _groups(sheet, rows[top - 1], len(names))
+        if over and (len(set(names)) < len(names) or _merged(sheet, rows[top - 1])):
+            said.append(f"names of lines {rows[top - 1].line} and {rows[top].line} are joined")
+            whole = _merged(
+                sheet, rows[top - 1]
+            )  # else how far a group reaches is told by names that come again
+            names = [
+                f"{group} {name}" if group and (whole or names.count(name) > 1) else name
+                for group, name in zip(over, names, strict=True)
+            ]
+    said.insert(0, f"line {rows[top].line} names the columns")
+    return names, units, top, said
+
+
+def _merged(sheet: Sheet, row: Row) -> bool:
+    return any(line == row.line for line, _ in sheet.groups)
+
+
+def _groups(sheet: Sheet, row: Row, width: int) -> list[str]:
+    """The group over each column; [] where the row is none of groups."""
+    filled = [k for k, cell in enumerate(row.cells[:width]) if cell]
+    if not filled or row.comment or len(row.cells) > width or (len(filled) == 1 and not _merged(sheet, row)):
+        return []
+    if _merged(sheet, row):
+        return [
+            sheet.groups.get((row.line, k), row.cells[k] if k < len(row.cells) else "") for k in range(width)
+        ]
+    out, group = [], ""
+    for k in range(width):
+        group = (row.cells[k] if k < len(row.cells) else "") or group
+        out.append(group)
+    return out
+
+
+def _each_once(names: Sequence[str]) -> tuple[str, ...]:
+    count: Counter[str] = Counter()
+    out = []
+    for name in names:
+        count[name] += 1
+        out.append(name if count[name] == 1 else f"{name}#{count[name]}")
+    return tuple(out)
+
+
+def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) -> list[Layout]:
+    """The table of every sheet that has one. Raises DataError where none has, or one has several."""
+    out = []
+    for sheet in sheets:
+        try:
+            found = layout_of(sheet, lines)
+        except TwoTables as two:
+            shown = ", ".join(f"{first} to {last}" for first, last in two.lines)
+            raise DataError(
+                f"holds {len(two.lines)} tables, in lines {shown}.",
+                do=f"Say which: lines = [{two.lines[0][0]}, {two.lines[0][1]}] in the map, or --lines "
+                f"{two.lines[0][0]} {two.lines[0][1]}.",
+                file=sheet.shown,
+            ) from two
+        out += [found] if found is not None and found.rows else []
+    if not out:
+        raise DataError(
+            f"holds no table: no rows with {FEWEST_NUMBERS} numbers or more.",
+            do="Give one row a reading, columns apart by tabs, semicolons, commas or blanks.",
+            file=sheets[0].path,
+        )
+    return out

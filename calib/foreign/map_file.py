@@ -1,0 +1,208 @@
+"""The map of foreign files, `map.toml` (`truepose-map/1`): which column is what, in which unit, and how files
+belong together.
+
+It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
+of the
+columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands where
+nobody
+has decided.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import tomli_w
+
+from calib.errors import DataError
+from calib.foreign.layout import Layout
+from calib.foreign.rotations import FOR_PEOPLE, sequence_of
+from calib.text.toml_table import TomlTable
+from calib.text.toml_text import read_toml
+
+FORMAT = "truepose-map/1"
+UNDECIDED = "?"
+By = Literal["name", "order", "time"]
+BY = ("name", "order", "time")
+_TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
+_NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
+_NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
+UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
+_FILE = (
+    "names",
+    "sheet",
+    "separator",
+    "decimal",
+    "thousands",
+    "lines",
+    "fill_down",
+    "columns",
+    "targets",
+    "rotation",
+    "status_ok",
+)
+
+
+@dataclass(frozen=True)
+class FileMap:
+    """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the
+    same of
+    x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of readings
+    that hold."""
+
+    names: tuple[str, ...]
+    columns: Mapping[str, str]
+    targets: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    sheet: str = ""
+    separator: str = ""
+    decimal: str = "."
+    thousands: str = ""
+    lines: tuple[int, int] | None = None
+    fill_down: tuple[str, ...] = ()
+    rotation: str = ""
+    status_ok: tuple[str, ...] = ()
+
+    @property
+    def with_joints(self) -> bool:
+        return any(_NUMBERED.fullmatch(q) for q in self.columns)
+
+    @property
+    def with_points(self) -> bool:
+        return "x" in self.columns or bool(self.targets)
+
+
+@dataclass(frozen=True)
+class Map:
+    """The map of one file, or of one with joints and one with points. header: keys of the data set's header as
+    they will
+    be written; by, within_s: how the points are matched to the joints."""
+
+    files: tuple[FileMap, ...]
+    header: Mapping[str, Any]
+    by: str = ""
+    within_s: float = 0.0
+
+    def refuse_undecided(self, file: Path | str) -> None:
+        """Raise DataError naming every place where `?` stands."""
+        places = [f"header.{key}" for key, value in self.header.items() if value == UNDECIDED]
+        for number, each in enumerate(self.files, start=1):
+            entries = {
+                "sheet": each.sheet, "rotation": each.rotation, "decimal": each.decimal,
+                **{f"columns.{quantity}": text for quantity, text in each.columns.items()},
+                **{f"targets.{t}.{axis}": text for t, axes in each.targets.items() for axis, text in axes.items()},
+            }  # fmt: skip
+            places += [
+                f"file {number}: {key}"
+                for key, text in entries.items()
+                if text == UNDECIDED or text.endswith("[?]")
+            ]
+        places += ["match.by"] if self.by == UNDECIDED else []
+        if places:
+            raise DataError(
+                f"is undecided: '?' stands at {', '.join(places)}.", do="Write there what it is.", file=file
+            )
+
+
+def is_quantity(name: str) -> bool:
+    """Whether a map may have this key among its columns."""
+    return name in _TEXT or name in _NUMBER or bool(_NUMBERED.fullmatch(name))
+
+
+def read_map(path: Path) -> Map:
+    """The map in a file. Raises DataError (file, key)."""
+    _, values = read_toml(path)
+    table = TomlTable(values, path)
+    table.text("format", allowed=(FORMAT,))
+    table.only(("format", "file", "header", "match"))
+    match = table.table("match")
+    match.only(("by", "within_s"))
+    files = table.tables("file")
+    if not 1 <= len(files) <= 2:
+        raise table.refuse(
+            "file", f"there are {len(files)}.", "Give one [[file]], or one with joints and one with points."
+        )
+    return Map(
+        tuple(_file(each) for each in files),
+        table.table("header").values,
+        match.text("by", "", (*BY, UNDECIDED, "")),
+        match.number("within_s", 0.0, low=0.0),
+    )
+
+
+def _file(table: TomlTable) -> FileMap:
+    table.only(_FILE)
+    columns = table.table("columns")
+    for quantity in columns.values:
+        if not is_quantity(quantity):
+            raise columns.refuse(
+                quantity, "is no quantity.", "There are j1 .., x, y, z and those of docs/files.md."
+            )
+    targets = table.table("targets")
+    axes = {name: targets.table(name) for name in targets.values}
+    for each in axes.values():
+        each.only(("x", "y", "z"))
+    rotation = table.text("rotation", "")
+    if rotation not in ("", UNDECIDED) and sequence_of(rotation) is None:
+        raise table.refuse("rotation", f"is {rotation!r}.", f"Use {', '.join(FOR_PEOPLE)}.")
+    lines = table.numbers("lines")
+    if lines is not None and (len(lines) != 2 or lines[0] > lines[1]):
+        raise table.refuse("lines", f"is {list(lines)}.", "Give the first and the last line, [3, 40].")
+    return FileMap(
+        names=table.names("names") or (),
+        columns={quantity: columns.text(quantity) for quantity in columns.values},
+        targets={name: {axis: each.text(axis) for axis in ("x", "y", "z")} for name, each in axes.items()},
+        sheet=table.text("sheet", ""),
+        separator=table.text("separator", ""),
+        decimal=table.text("decimal", ".", (".", ",", UNDECIDED)),
+        thousands=table.text("thousands", "", (".", ",", "")),
+        lines=None if lines is None else (int(lines[0]), int(lines[1])),
+        fill_down=table.names("fill_down") or (),
+        rotation=rotation,
+        status_ok=table.names("status_ok") or (),
+    )
+
+
+def text_of(made: Map, remarks: Sequence[str] = ()) -> str:
+    """The map as its file has it, remarks first."""
+    out = [*(f"# {remark}" for remark in remarks), f'format = "{FORMAT}"', ""]
+    for each in made.files:
+        out.append("[[file]]")
+        out.append(f"names = {json.dumps(list(each.names), ensure_ascii=False)}")
+        for key in ("sheet", "separator", "decimal", "thousands", "rotation"):
+            if value := getattr(each, key):
+                out.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
+        for key in ("lines", "fill_down", "status_ok"):
+            if value := getattr(each, key):
+                out.append(f"{key} = {json.dumps(list(value), ensure_ascii=False)}")
+        out += ["", "[file.columns]", tomli_w.dumps(each.columns)]
+        for name, axes in each.targets.items():
+            out += [f"[file.targets.{json.dumps(name, ensure_ascii=False)}]", tomli_w.dumps(axes)]
+    if made.by:
+        within = f"within_s = {made.within_s:g}\n" if made.by == "time" else ""
+        out += ["[match]", f'by = "{made.by}"', within]
+    return "\n".join(out) + "\n" + tomli_w.dumps({"header": dict(made.header)})
+
+
+def refuse_other(each: FileMap, layout: Layout, map_path: Path | str) -> None:
+    """Raise DataError where a file is not made as the one that its map was made for, with what differs."""
+    missing = [name for name in each.names if name not in layout.names]
+    new = [name for name in layout.names if name not in each.names]
+    if not missing and not new:
+        return
+    differs = [f"lacks {_some(missing)}"] * bool(missing) + [f"has {_some(new)} besides"] * bool(new)
+    raise DataError(
+        f"is not made as the file for which the map {map_path} was made: it {' and '.join(differs)}.",
+        do="Propose a map for it anew: --propose.",
+        file=layout.sheet.shown,
+        line=layout.header_line,
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:6])
+    return shown + (f" and {len(names) - 6} more" if len(names) > 6 else "")

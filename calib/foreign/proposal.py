@@ -1,0 +1,237 @@
+"""The proposal of a map: what was found in files that nobody has seen before, and what must be decided.
+
+`propose` is asked again with every answer. Questions that the nominal robot can tell (units, conventions, which of
+two sets of
+columns) are tried on it: where exactly one answer lets it reach the readings, that answer is taken and the reason said.
+Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from calib.arm.robot import load_robot
+from calib.data.groups import DEFAULT_GROUPS
+from calib.errors import DataError
+from calib.foreign.assigned import Answers, Assigned, Question
+from calib.foreign.assignment import assign
+from calib.foreign.evidence import decided
+from calib.foreign.layout import Layout, layouts_of
+from calib.foreign.map_file import BY, UNDECIDED, Map
+from calib.foreign.matching import pose_name, with_target
+from calib.foreign.proposed import Part, Proposal
+from calib.foreign.sheet import Sheet, text_sheet
+from calib.foreign.tall import joined
+from calib.foreign.workbook import workbook_sheets
+
+WORKBOOKS = (".xlsx", ".xlsm", ".xls")
+MOST_FILES = 2
+ASSUMED_SIGMA_MM = 0.05
+_ALWAYS = ("robot", "instrument", "sigma_mm", "match", "within_s", "sheet", "1.sheet", "2.sheet")
+_ENOUGH = 0.8  # share of the poses whose names must be among the points
+
+
+def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
+    """The sheets of a file. Raises DataError."""
+    if path.suffix.lower() in WORKBOOKS:
+        return workbook_sheets(path)
+    return [text_sheet(path, separator or None)]
+
+
+def tables_of(
+    path: Path, separator: str = "", sheet: str = "", lines: tuple[int, int] | None = None
+) -> list[Layout]:
+    """The tables of a file, of one of its sheets, or of some lines. Raises DataError where there is none."""
+    sheets = sheets_of(path, separator)
+    if sheet and sheet not in (each.name for each in sheets):
+        raise DataError(
+            f"has no sheet '{sheet}'.",
+            do=f"Correct it in the map: there are {', '.join(repr(each.name) for each in sheets)}.",
+            file=path,
+        )
+    return [
+        joined(layout) for layout in layouts_of([each for each in sheets if sheet in ("", each.name)], lines)
+    ]
+
+
+def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> Proposal:
+    """The proposal for one file or two. answers: by the keys of questions; `robot` as a header names it, `sigma_mm`.
+
+    Raises DataError for files that hold no table, several tables, or tables that nothing can be made of,
+    and for a robot that is none.
+    """
+    if not 1 <= len(paths) <= MOST_FILES:
+        raise DataError(
+            f"{len(paths)} files are given.", do="Give one, or one with joints and one with points."
+        )
+    if answers.get("robot"):
+        load_robot(answers["robot"], Path.cwd())
+    tables = [tables_of(path, lines=lines) for path in paths]
+    return _by_evidence(tables, dict(answers))
+
+
+def _by_evidence(
+    tables: Sequence[Sequence[Layout]], answers: dict[str, str], before: frozenset[str] = frozenset()
+) -> Proposal:
+    found = _proposed(tables, answers, before)
+    open_ones = [question for question in found.questions if question.evidence]
+    if found.missing or not open_ones or len(open_ones) < len(found.questions) or "robot" not in answers:
+        return found
+    told = decided(open_ones, lambda more: _proposed(tables, {**answers, **more}))
+    if not told:
+        return found
+    more = {key: choice for key, (choice, _) in told.items()}
+    again = _by_evidence(tables, {**answers, **more}, before | frozenset(told))
+    return replace(again, said=(*again.said, *(reason for _, reason in told.values())))
+
+
+def _proposed(
+    tables: Sequence[Sequence[Layout]], answers: Mapping[str, str], told: frozenset[str] = frozenset()
+) -> Proposal:
+    said: list[str] = []
+    questions: list[Question] = []
+    chosen = _chosen(tables, answers, questions, said)
+    prefixes = [""] if len(chosen) == 1 else ["1.", "2."]
+    parts = [assign(layout, answers, prefix, told) for layout, prefix in zip(chosen, prefixes, strict=True)]
+    for each in parts:
+        said += _of_file(each)
+        questions += each.questions
+    by, within, notes = _match(parts, answers, questions)
+    said += notes
+    missing = []
+    if not any(part.made.with_joints for part in parts):
+        missing.append("joint angles (J1 .. or Achse 1 .., one column a joint)")
+    if not any(part.made.with_points for part in parts):
+        missing.append("measured coordinates (X, Y, Z of an instrument)")
+    if not answers.get("robot"):
+        questions.append(
+            Question("robot", "Which robot was measured (a built-in name, or a robot file)?", ())
+        )
+    made = Map(tuple(part.made for part in parts), _header(parts, answers, by), by, within)
+    return Proposal(
+        made=made,
+        parts=tuple(Part(part.layout, part.findings) for part in parts),
+        questions=tuple(questions),
+        missing=tuple(missing),
+        said=tuple(said),
+        keys=frozenset(_ALWAYS).union(*(part.keys for part in parts)),
+    )
+
+
+def _chosen(
+    tables: Sequence[Sequence[Layout]], answers: Mapping[str, str], questions: list[Question], said: list[str]
+) -> list[Layout]:
+    """The tables that count: the only one of each file, or by name of the sheet, or joints on one sheet and points on
+    another."""
+    out: list[Layout] = []
+    for number, of_file in enumerate(tables, start=1):
+        if len(of_file) == 1:
+            out += of_file
+            if of_file[0].sheet.name:
+                said.append(f"the table is on sheet '{of_file[0].sheet.name}'")
+            continue
+        key = "sheet" if len(tables) == 1 else f"{number}.sheet"
+        named = {layout.sheet.name: layout for layout in of_file}
+        if answers.get(key) in named:
+            out.append(named[answers[key]])
+            continue
+        made = {name: assign(layout, {}).made for name, layout in named.items()}
+        joints = [name for name, each in made.items() if each.with_joints and not each.with_points]
+        points = [name for name, each in made.items() if each.with_points and not each.with_joints]
+        if len(tables) == 1 and len(joints) == len(points) == 1 and len(made) == 2:
+            said.append(f"joints are on sheet '{joints[0]}', points on sheet '{points[0]}'")
+            out += [named[joints[0]], named[points[0]]]
+            continue
+        shown = ", ".join(f"'{name}'" for name in named)
+        questions.append(Question(key, f"Tables are on the sheets {shown}. Which one?", tuple(named)))
+        out.append(of_file[0])
+    return out
+
+
+def _of_file(part: Assigned) -> list[str]:
+    sheet = part.layout.sheet
+    name = sheet.path.name
+    apart = (
+        f"columns apart by {sheet.separator}{'s' if sheet.separator not in ('blanks', '') else ''}, "
+        if sheet.separator
+        else ""
+    )
+    decimal = {",": "decimal commas", ".": "decimal points"}.get(part.notation.decimal, "decimals open")
+    thousands = f", thousands apart by '{part.notation.thousands}'" if part.notation.thousands else ""
+    out = [f"{name}: {apart}{decimal}{thousands}; {len(part.layout.rows)} rows"]
+    return out + [f"{name}: {each}" for each in (*sheet.said, *part.layout.said)]
+
+
+def _match(
+    parts: Sequence[Assigned], answers: Mapping[str, str], questions: list[Question]
+) -> tuple[str, float, list[str]]:
+    """How two tables belong together, and what is said of it."""
+    if len(parts) == 1:
+        return "", 0.0, []
+    joints = [part for part in parts if part.made.with_joints]
+    points = [part for part in parts if part.made.with_points]
+    if len(joints) == 2 and len(points) == 2:
+        raise DataError(
+            "both files hold joints and points.",
+            do="Convert them one by one, or give one with joints and one with points.",
+            file=parts[1].layout.sheet.shown,
+        )
+    if len(joints) != 1 or len(points) != 1:
+        return UNDECIDED, 0.0, []
+    within = float(answers.get("within_s", 0.0) or 0.0)
+    if answers.get("match") in BY:
+        return answers["match"], within, []
+    counted = agreed = 0
+    for part, other in ((joints[0], points[0]),):
+        key, of = _key(part), _key(other)
+        if key and of:
+            poses = {pose_name(cell) for cell in part.layout.cells[key]}
+            seen = {with_target(cell, poses)[0] for cell in other.layout.cells[of]}
+            agreed = len(poses & seen)
+            counted = len(poses)
+            numbers = all(pose.isdigit() for pose in poses)
+            if agreed >= _ENOUGH * counted and not numbers:
+                return (
+                    "name",
+                    0.0,
+                    [
+                        f"points belong to joints by name: {agreed} of {counted} names of '{key}' are in '{of}'"
+                    ],
+                )
+    text = f"How do points and joints belong together? {agreed} of {counted} names agree"
+    if counted and agreed >= _ENOUGH * counted:
+        text += ", but they are mere numbers, which may count the rows of either file"
+    questions.append(Question("match", f"{text}. (time needs within_s too)", BY, "name" if agreed else ""))
+    return UNDECIDED, within, []
+
+
+def _key(part: Assigned) -> str:
+    return part.columns.get("pose") or part.columns.get("id") or ""
+
+
+def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> dict[str, Any]:
+    """The header that will be written: the tool is fitted, since no file says where targets sit on the flange."""
+    names: list[str] = []
+    for part in parts:
+        names += list(part.targets)
+        if "target" in part.columns:
+            names += list(dict.fromkeys(part.layout.cells[part.columns["target"]]))
+    if not names and by == "name":
+        points = [part for part in parts if not part.made.with_joints]
+        joints = [part for part in parts if part.made.with_joints]
+        if points and joints and _key(points[0]) and _key(joints[0]):
+            poses = {pose_name(cell) for cell in joints[0].layout.cells[_key(joints[0])]}
+            found = {with_target(cell, poses)[1] for cell in points[0].layout.cells[_key(points[0])]}
+            names = sorted(found - {""})
+    return {
+        "format": "truepose-dataset/1",
+        "robot": answers.get("robot", UNDECIDED),
+        "instrument": answers.get("instrument", "unknown"),
+        "world": "free",
+        "model": {"fit": [*DEFAULT_GROUPS, "tool"]},
+        "noise": {"kind": "isotropic", "sigma_mm": float(answers.get("sigma_mm", ASSUMED_SIGMA_MM))},
+        "tool_targets": {name: [0.0, 0.0, 0.0] for name in dict.fromkeys(names)} or {"T1": [0.0, 0.0, 0.0]},
+    }

@@ -1,0 +1,145 @@
+"""A sheet: rows of cells as a file has them, with the line of each, before anybody has said what they are.
+
+Text in any usual encoding, its cells apart by tabs, semicolons, commas, bars or blanks; or one sheet of a workbook
+(`calib.foreign.workbook`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from calib.errors import DataError
+from calib.foreign.number import is_number
+from calib.text.csv_text import LONGEST_LINE, rows_of
+from calib.text.text_file import decoded, read_bytes
+
+SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}
+_COMMENT = re.compile(r"\s*(?://+|#+|%+)\s*(?=[^\s;,|])")
+_BLANKS = re.compile(r'"[^"]*"|\S+')
+_WIDE = re.compile(r"\t+| {2,}")
+_LOOKED_AT = 400  # lines that tell how cells are set apart
+FEWEST_NUMBERS = 3
+"""Numbers in a row that make it one of a table."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
+
+    line: int
+    cells: tuple[str, ...]
+    comment: bool = False
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The rows of a file, or of one sheet of a workbook, that are not empty.
+
+    separator: a name of `SEPARATORS`, '' in a workbook; said: what the reader had to make of the file; groups: (line,
+    column) of a merged cell's empty rest -> what its first cell holds, where it lies in one row; spoilt: (line, column)
+    -> why a cell that looks empty or odd holds no value.
+    """
+
+    path: Path
+    name: str
+    rows: tuple[Row, ...]
+    separator: str = ""
+    said: tuple[str, ...] = ()
+    groups: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    spoilt: Mapping[tuple[int, int], str] = field(default_factory=dict)
+
+    @property
+    def shown(self) -> str:
+        """The file, and the sheet where there are several."""
+        return f"{self.path}, sheet '{self.name}'" if self.name else str(self.path)
+
+
+def text_sheet(path: Path, separator: str | None = None) -> Sheet:
+    """The sheet that a file of text holds. Raises DataError (file, line) for what is no text."""
+    text, said = _text(path)
+    lines = text.split("\n")
+    for number, line in enumerate(lines, start=1):
+        if len(line) > LONGEST_LINE:
+            raise DataError(
+                f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
+                do="Check whether it is a table.",
+                file=path,
+                line=number,
+            )
+    if lines and (match := re.fullmatch(r"sep=(.)", lines[0].strip())):  # a line for Excel
+        lines[0] = ""
+        separator = next((name for name, mark in SEPARATORS.items() if mark == match[1]), separator)
+    tried = [separator] if separator else list(SEPARATORS)
+    few = "\n".join(lines[:_LOOKED_AT])
+    best = max(tried, key=lambda name: _tableness(_rows(few, path, name))) if len(tried) > 1 else tried[0]
+    return Sheet(path, "", tuple(_rows("\n".join(lines), path, best)), best, said)
+
+
+def _rows(text: str, path: Path, separator: str) -> list[Row]:
+    """Rows that are not empty; marks of comments are taken off."""
+    lines = text.split("\n")
+    marks = [_COMMENT.match(line) for line in lines]
+    bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
+    rows: list[tuple[int, list[str]]]
+    if separator == "blanks":
+        rows = [(i, [cell.strip('"') for cell in _BLANKS.findall(line)]) for i, line in enumerate(bare, 1)]
+    else:
+        rows = rows_of("\n".join(bare), path, SEPARATORS[separator])
+    out = []
+    for line, cells in rows:
+        stripped = tuple(cell.strip() for cell in cells)
+        if any(stripped):
+            out.append(Row(line, stripped, marks[line - 1] is not None))
+    return out
+
+
+def wide_blanks(path: Path, line: int) -> list[str]:
+    """The cells of one line where two blanks or a tab stand between: names with blanks in them."""
+    text = _text(path)[0].split("\n")[line - 1]
+    mark = _COMMENT.match(text)
+    return [cell for cell in _WIDE.split(text[mark.end() if mark else 0 :].strip()) if cell]
+
+
+def _tableness(rows: list[Row]) -> tuple[int, int]:
+    """How much of a table rows are: those of the commonest width that hold numbers, and their numbers."""
+    numbers = [
+        (len(row.cells), sum(map(is_number, row.cells)))
+        for row in rows
+        if not row.comment and sum(map(is_number, row.cells)) >= FEWEST_NUMBERS
+    ]
+    if not numbers:
+        return 0, 0
+    width = Counter(width for width, _ in numbers).most_common(1)[0][0]
+    of_width = [count for each, count in numbers if each == width]
+    return len(of_width), sum(of_width)
+
+
+def _text(path: Path) -> tuple[str, tuple[str, ...]]:
+    """The text of a file in the encoding that it is in, and what was made of it."""
+    data = read_bytes(path)
+    for mark, name in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+        if data.startswith(mark):
+            return _decode(data, name, path), ("is UTF-16",)
+    half = data[: 2 * _LOOKED_AT]
+    for offset, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(half) > 20 and half[offset::2].count(0) > 0.8 * len(half[offset::2]):
+            return _decode(data, name, path), ("is UTF-16 without its mark",)
+    if b"\0" in data:
+        raise DataError("is no text.", do="Export it as text (CSV) or as a workbook (.xlsx).", file=path)
+    try:
+        data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return _decode(data, "cp1252", path), ("is not UTF-8: read as Windows-1252 (Latin-1)",)
+    return decoded(data, path), ()
+
+
+def _decode(data: bytes, encoding: str, path: Path) -> str:
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise DataError(f"is no text in {encoding}.", do="Save it as UTF-8.", file=path) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")

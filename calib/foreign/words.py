@@ -1,0 +1,394 @@
+"""Words that people name columns by, English and German: what a name means, as far as it can be told.
+
+`Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
+target; `A`,
+`B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside by the map.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from calib.foreign.unit_words import split
+
+Kind = Literal[
+    "joint", "external", "point", "angle", "quaternion", "id", "target", "time", "temperature", "status", "set",
+    "series", "waypoint", "visit", "spread", "deviation", "other",
+]  # fmt: skip
+Role = Literal["", "measured", "nominal", "read", "own"]
+
+_NOMINAL = frozenset(
+    [
+        "nom",
+        "nominal",
+        "soll",
+        "cmd",
+        "command",
+        "commanded",
+        "theo",
+        "theoretical",
+        "cad",
+        "ref",
+        "reference",
+        "programmed",
+        "prog",
+        "desired",
+        "setpoint",
+        "planned",
+        "target",
+        "ziel",
+        "vorgabe",
+    ]
+)
+_MEASURED = frozenset(
+    [
+        "meas",
+        "measured",
+        "ist",
+        "act",
+        "actual",
+        "gemessen",
+        "mess",
+        "messwert",
+        "messung",
+        "measurement",
+        "tracker",
+        "laser",
+        "smr",
+        "lt",
+        "instrument",
+        "leica",
+        "faro",
+        "api",
+        "read",
+        "readback",
+        "feedback",
+        "fb",
+    ]
+)
+_OWN = frozenset(["tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"])
+_DEVIATION = frozenset(
+    [
+        "dev",
+        "deviation",
+        "delta",
+        "diff",
+        "difference",
+        "error",
+        "err",
+        "abw",
+        "abweichung",
+        "fehler",
+        "residual",
+    ]
+)
+_SPREAD = frozenset(
+    [
+        "sigma",
+        "std",
+        "stdev",
+        "unc",
+        "uncertainty",
+        "u",
+        "unsicherheit",
+        "stabw",
+        "rms",
+        "tol",
+        "tolerance",
+        "toleranz",
+    ]
+)
+_FILL = frozenset(
+    [
+        "pos",
+        "position",
+        "coord",
+        "coordinate",
+        "koord",
+        "koordinate",
+        "value",
+        "wert",
+        "point",
+        "punkt",
+        "in",
+        "of",
+        "the",
+        "joint",
+        "joints",
+        "achse",
+        "achsen",
+        "axis",
+        "axes",
+        "gelenk",
+        "gelenke",
+        "winkel",
+        "angle",
+        "angles",
+        "gelenkwinkel",
+        "achswinkel",
+        "robax",
+        "frame",
+        "wcs",
+        "world",
+        "welt",
+    ]
+)
+_JOINT = frozenset(
+    [
+        "j",
+        "gelenkwinkel",
+        "achswinkel",
+        "joint",
+        "axis",
+        "achse",
+        "gelenk",
+        "axe",
+        "theta",
+        "th",
+        "θ",
+        "q",
+        "a",
+        "rax",
+        "ax",
+        "s",
+        "phi",
+        "robax",
+    ]
+)
+_EXTERNAL = frozenset(["e", "ext", "external", "eax", "extern", "zusatzachse", "track"])
+_ROS = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
+_UR = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
+_YASKAWA = {"s": 1, "l": 2, "u": 3, "r": 4, "b": 5, "t": 6}
+_GROUP = frozenset(
+    [
+        "t",
+        "tool",
+        "werkzeug",
+        "smr",
+        "target",
+        "marker",
+        "ball",
+        "prism",
+        "prisma",
+        "reflektor",
+        "reflector",
+        "kugel",
+        "m",
+        "p",
+        "punkt",
+        "point",
+        "nest",
+        "messpunkt",
+    ]
+)
+_TIME = frozenset(
+    ["time", "timestamp", "zeit", "zeitstempel", "t", "datetime", "uhrzeit", "date", "datum", "stamp"]
+)
+_ID = frozenset(
+    [
+        "id",
+        "nr",
+        "no",
+        "number",
+        "nummer",
+        "index",
+        "#",
+        "name",
+        "point",
+        "punkt",
+        "punktname",
+        "pose",
+        "messpunkt",
+        "reading",
+        "label",
+        "pointname",
+        "feature",
+        "bezeichnung",
+        "messung",
+        "measurement",
+        "idx",
+        "n",
+        "count",
+        "sample",
+        "punktnr",
+    ]
+)
+_TARGET = frozenset(
+    ["target", "smr", "marker", "reflector", "reflektor", "ziel", "tool", "werkzeug", "prisma", "prism"]
+)
+_STATUS = frozenset(
+    [
+        "status",
+        "valid",
+        "gültig",
+        "gueltig",
+        "ok",
+        "quality",
+        "qualität",
+        "state",
+        "zustand",
+        "flag",
+        "result",
+    ]
+)
+_TEMPERATURE = frozenset(["temp", "temperature", "temperatur", "lufttemperatur"])
+_ANGLES = {
+    "rx": ("rx", "ry", "rz"),
+    "abc": ("a", "b", "c"),
+    "wpr": ("w", "p", "r"),
+    "rpy": ("roll", "pitch", "yaw"),
+}
+_KINDS: tuple[tuple[Kind, frozenset[str]], ...] = (
+    ("waypoint", frozenset({"waypoint", "wegpunkt"})),
+    ("series", frozenset({"series", "serie"})),
+    ("set", frozenset({"set"})),
+    ("visit", frozenset({"visit", "besuch"})),
+    ("status", _STATUS),
+)
+_SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a name means. index: of a joint (0 where counted from 0), or which of x, y, z; family: of angles, how
+    they are
+    named; group: the target that it belongs to; unit: as the name has it."""
+
+    kind: Kind
+    index: int = 0
+    role: Role = ""
+    family: str = ""
+    group: str = ""
+    unit: str = ""
+
+
+def meaning_of(name: str) -> Meaning:
+    """What the name of a column means."""
+    bare, unit = split(re.sub(r"#\d+$", "", name))
+    tokens = [token.lower() for token in _SPLIT.findall(bare)]
+    tokens = [part for token in tokens for part in _unglued(token)]
+    words = set(tokens)
+    role: Role = (
+        "measured" if words & _MEASURED else "nominal" if words & _NOMINAL else "own" if words & _OWN else ""
+    )
+    if words & _DEVIATION or any(re.fullmatch(r"d[xyz]", token) for token in tokens):
+        return Meaning("deviation", unit=unit)
+    if "d" in tokens and words & set("xyz"):
+        return Meaning("deviation", unit=unit)
+    if words & {"ux", "uy", "uz"} or (words & _SPREAD and words & (set("xyz") | {"rms"})):
+        return Meaning("spread", unit=unit)
+    for kind in (_joint, _rotation, _point):
+        if (found := kind(tokens, role, unit)) is not None:
+            return found
+    return _other(tokens, words, unit)
+
+
+def _unglued(token: str) -> list[str]:
+    """`posx` -> pos x; `xist` -> x ist; `xmeas` -> x meas."""
+    for word in sorted(_FILL | _NOMINAL | _MEASURED | _OWN | {"dev"}, key=len, reverse=True):
+        if len(word) >= 3 and len(token) == len(word) + 1:
+            if token.startswith(word) and token[-1] in "xyz":
+                return [word, token[-1]]
+            if token.endswith(word) and token[0] in "xyz":
+                return [token[0], word]
+    return [token]
+
+
+def _joint(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+    text = " ".join(
+        token for token in tokens if token not in _MEASURED | _NOMINAL | {"joint", "winkel", "angle"}
+    )
+    for names in (_ROS, _UR):
+        if text in names and (names is _ROS or unit in ("deg", "rad", "")):
+            return Meaning(
+                "joint",
+                names.index(text) + 1,
+                _of_joint(role, tokens),
+                "ros" if names is _ROS else "ur",
+                unit=unit,
+            )
+    numbers = [i for i, token in enumerate(tokens) if token.isdigit()]
+    if len(numbers) != 1 or len(tokens[numbers[0]]) > 2:
+        return None
+    at = numbers[0]
+    rest = [*tokens[:at], *tokens[at + 1 :]]
+    names = [token for token in rest if token in _JOINT]
+    others = [token for token in rest if token not in _JOINT | _FILL | _MEASURED | _NOMINAL | _OWN]
+    if at and tokens[at - 1] in _EXTERNAL and not [token for token in others if token not in _EXTERNAL]:
+        return Meaning("external", int(tokens[at]), _of_joint(role, tokens), unit=unit)
+    if not names or others or (at and tokens[at - 1] not in _JOINT | _FILL):
+        return None
+    return Meaning("joint", int(tokens[at]), _of_joint(role, tokens), names[-1], unit=unit)
+
+
+def _of_joint(role: Role, tokens: list[str]) -> Role:
+    return "read" if role == "measured" else role if role == "nominal" else ""
+
+
+def _rotation(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+    text = [
+        token
+        for token in tokens
+        if token not in _MEASURED | _NOMINAL | _OWN | _FILL | {"euler", "rot", "rotation"}
+    ]
+    turned = bool({"euler", "rot", "rotation"} & set(tokens))
+    if len(text) == 1 and (match := re.fullmatch(r"(?:q|quat|rot)?([wxyz])", text[0])):
+        if text[0][0] == "q":
+            return Meaning("quaternion", "wxyz".index(match[1]), role, "named", unit=unit)
+        if text[0] in "xyz" and turned:
+            return Meaning("angle", "xyz".index(text[0]), role, "rx", unit=unit)
+        if text[0] == "w" and turned:
+            return Meaning("quaternion", 0, role, "named", unit=unit)
+    if len(text) == 2 and text[0] in ("q", "quat", "quaternion"):
+        if text[1] in "wxyz":
+            return Meaning("quaternion", "wxyz".index(text[1]), role, "named", unit=unit)
+        if text[0] != "q" and text[1].isdigit():
+            return Meaning("quaternion", int(text[1]), role, "numbered", unit=unit)
+    if len(text) != 1:
+        return None
+    for family, names in _ANGLES.items():
+        if text[0] in names:
+            return Meaning("angle", names.index(text[0]), role, family, unit=unit)
+    return None
+
+
+def _point(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+    axes = [token for token in tokens if token in ("x", "y", "z")]
+    glued = [re.fullmatch(r"(?:p|t|m)?([xyz])(\d*)", token) for token in tokens]
+    if len(axes) != 1:
+        if len(tokens) == 1 and glued[0]:
+            axes = [glued[0][1]]
+        else:
+            return None
+    rest = [token for token in tokens if token != axes[0]]
+    known = _FILL | _MEASURED | _NOMINAL | _OWN
+    group = ""
+    for i, token in enumerate(rest):
+        if token.isdigit():
+            before = rest[i - 1] if i and rest[i - 1] in _GROUP else ""
+            group = (before.upper() if len(before) < 4 else before.capitalize()) + token
+            rest = [other for other in rest if other not in (token, before)]
+            break
+    if [
+        token for token in rest if token not in known and len(token) > 1 and token not in ("p", "t", "m")
+    ] and len(tokens) > 1:
+        return None
+    return Meaning("point", "xyz".index(axes[0]), role, group=group, unit=unit)
+
+
+def _other(tokens: list[str], words: set[str], unit: str) -> Meaning:
+    first = tokens[0] if tokens else ""
+    if words & _TEMPERATURE or (unit == "c" and first == "t"):
+        return Meaning("temperature", unit=unit)
+    if words & _TIME and not words & (_ID - {"stamp"}):
+        return Meaning("time", family="date" if words & {"date", "datum"} else "", unit=unit)
+    for kind, names in _KINDS:
+        if words & names and len(tokens) <= 2:
+            return Meaning(kind, unit=unit)
+    if words & _TARGET and len(tokens) <= 3:
+        return Meaning("target", unit=unit)
+    if words & _ID and len(tokens) <= 3:
+        return Meaning("id", family="pose" if words & {"pose"} else "", unit=unit)
+    return Meaning("other", unit=unit)

@@ -1,0 +1,132 @@
+"""Workbooks (.xlsx): the values of cells as Excel last saved them, what is merged, and cells that hold no value.
+
+Read with openpyxl. A merged cell over several rows is the value of each; over several columns, a group of names. A
+formula
+counts by its saved value; one that was never computed, and an error such as #DIV/0!, is no value. Dates are dates, also
+where a spreadsheet has made one of a number.
+"""
+
+from __future__ import annotations
+
+import datetime
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from calib.errors import DataError
+from calib.foreign.sheet import Row, Sheet
+from calib.text.csv_text import MOST_COLUMNS
+from calib.text.text_file import read_bytes
+
+_MOST_BYTES = 64 * 1024 * 1024
+_MOST_UNPACKED = 512 * 1024 * 1024
+_MOST_ROWS = 300_000
+
+
+def workbook_sheets(path: Path) -> list[Sheet]:
+    """Every visible sheet that holds anything. Raises DataError for what is no workbook, or is too large."""
+    _refuse_unread(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore"
+        )  # of parts of a workbook that hold no cells: styles, filters, printers
+        values, formulas = _load(path, values=True), _load(path, values=False)
+    out = []
+    for sheet in values.worksheets:
+        if sheet.sheet_state == "visible":
+            found = _sheet(path, sheet, formulas[sheet.title])
+            if found.rows:
+                out.append(found)
+    if not out:
+        raise DataError("holds no filled sheet.", do="Check the file.", file=path)
+    return out
+
+
+def _load(path: Path, *, values: bool) -> Any:
+    import openpyxl  # of no use to whoever has no workbook, and slow to import
+
+    try:
+        return openpyxl.load_workbook(path, data_only=values)
+    except (KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, SyntaxError) as error:
+        raise DataError(
+            f"cannot be read as a workbook ({type(error).__name__}).",
+            do="Open it in Excel or LibreOffice and save it as .xlsx, or export the sheet as CSV.",
+            file=path,
+        ) from error
+
+
+def _refuse_unread(path: Path) -> None:
+    if path.suffix.lower() == ".xls":
+        raise DataError("is a workbook of before 2007.", do="Save it as .xlsx.", file=path)
+    read_bytes(path, _MOST_BYTES)
+    try:
+        with zipfile.ZipFile(path) as packed:
+            size = sum(part.file_size for part in packed.infolist())
+    except zipfile.BadZipFile as error:
+        raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
+    if size > _MOST_UNPACKED:
+        raise DataError(
+            f"is {size / 2**20:.0f} MB unpacked.",
+            do="Export the sheet as CSV, or leave other sheets out.",
+            file=path,
+        )
+
+
+def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
+    if values.max_row > _MOST_ROWS or values.max_column > MOST_COLUMNS:
+        raise DataError(
+            f"sheet '{values.title}' has {values.max_row} rows and {values.max_column} columns.",
+            do="Delete what lies outside the table (also emptied rows), or export it as CSV.",
+            file=path,
+        )
+    grid = [[_text(cell) for cell in row] for row in values.iter_rows(values_only=True)]
+    spoilt: dict[tuple[int, int], str] = {}
+    computed = dates = 0
+    for cells, row in zip(formulas.iter_rows(), grid, strict=True):
+        for cell in cells:
+            where = (cell.row, cell.column - 1)
+            if cell.data_type == "f":
+                computed += 1
+                if not row[cell.column - 1]:
+                    spoilt[where] = "holds a formula whose value was never computed"
+            if cell.data_type == "d":
+                dates += 1
+                spoilt.setdefault(where, "is a date to the spreadsheet, not a number")
+            if row[cell.column - 1].startswith("#") and row[cell.column - 1].endswith(("!", "?", "A")):
+                spoilt[where] = f"holds the error {row[cell.column - 1]}"
+    groups, filled = _merged(values, grid)
+    said = []
+    if computed:
+        said.append(f"{computed} cells are formulas: the values that were saved with them count")
+    if filled:
+        said.append(f"{filled} cells merged over several rows: each row has the value")
+    rows = tuple(Row(i, tuple(row)) for i, row in enumerate(grid, start=1) if any(row))
+    return Sheet(path, values.title, rows, "", tuple(said), groups, spoilt)
+
+
+def _merged(sheet: Any, grid: list[list[str]]) -> tuple[dict[tuple[int, int], str], int]:
+    """Groups of names by (line, column) of the rests of cells merged in one row; fills those merged downwards."""
+    groups: dict[tuple[int, int], str] = {}
+    filled = 0
+    for area in sheet.merged_cells.ranges:
+        value = grid[area.min_row - 1][area.min_col - 1]
+        if area.min_row == area.max_row:
+            groups.update({(area.min_row, k): value for k in range(area.min_col - 1, area.max_col)})
+        elif area.min_col == area.max_col:
+            for row in grid[area.min_row : area.max_row]:
+                row[area.min_col - 1] = value
+                filled += 1
+    return groups, filled
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, datetime.datetime | datetime.date | datetime.time):
+        return value.isoformat(" ") if isinstance(value, datetime.datetime) else value.isoformat()
+    return str(value).strip()

@@ -1,0 +1,69 @@
+"""What became of foreign files, for people and for programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from calib.convert import Table
+from calib.foreign import Converted, Proposal
+from service import wording
+
+
+def summary(out: Path, table: Table) -> str:
+    """One sentence on a data set that was written."""
+    return f"{out}: {wording.counted(len(table), 'reading')}, {_held(table)} of them held out for validation."
+
+
+def document(out: Path, table: Table, holdout: str | None) -> dict[str, Any]:
+    """The result of a conversion, `truepose-conversion/1`."""
+    return {
+        "format": "truepose-conversion/1",
+        "data": str(out),
+        "header": str(out.with_suffix(".toml")),
+        "readings": len(table),
+        "validation": _held(table),
+        "holdout": holdout,
+    }
+
+
+def mapped_document(
+    out: Path, table: Table, holdout: str | None, found: Converted, kept: Path
+) -> dict[str, Any]:
+    """The same of files that were read by a map, with how the nominal robot fits them."""
+    fit = found.fit
+    return document(out, table, holdout) | {
+        "map": str(kept),
+        "fit": None if fit is None else {"robot": fit.robot, "miss_mm": fit.miss, "extent_mm": fit.extent},
+        "said": list(found.said),
+    }
+
+
+def proposal_document(proposal: Proposal, kept: Path | None) -> dict[str, Any]:
+    """A proposal, `truepose-proposal/1`: what every column was taken for, and what is open."""
+    return {
+        "format": "truepose-proposal/1",
+        "map": None if kept is None else str(kept),
+        "complete": proposal.complete,
+        "columns": [
+            {
+                "file": part.layout.sheet.path.name,
+                "column": f.column,
+                "read_as": f.read_as,
+                "unit": f.unit,
+                "why": f.why,
+            }
+            for part in proposal.parts
+            for f in part.findings
+        ],
+        "questions": [
+            {"key": q.key, "text": q.text, "choices": list(q.choices), "proposed": q.proposed}
+            for q in proposal.questions
+        ],
+        "missing": list(proposal.missing),
+        "said": list(proposal.said),
+    }
+
+
+def _held(table: Table) -> int:
+    return table.columns.get("set", []).count("validation")

@@ -1,0 +1,95 @@
+"""`truepose convert` with files of a user's own.
+
+These would catch: an open question passed over without a terminal, a map or a data set that is written although it
+was refused, and an answer that is taken for nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from calib.data import read_dataset
+from service.cli import main
+from tests.calib.exports import CASES, ROBOT, N
+
+
+def files_of(name: str, folder: Path) -> list[str]:
+    return [str(path) for path in next(case for case in CASES if case.name == name).write(folder)]
+
+
+def test_a_file_of_ones_own_becomes_a_data_set_and_its_map_is_kept_and_reused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, out, again = files_of("excel_german", tmp_path), tmp_path / "out.csv", tmp_path / "again.csv"
+    assert main(["convert", *files, "--robot", ROBOT, "--out", str(out), "--sigma", "0.1"]) == 0
+    shown = capsys.readouterr().out
+    assert "left aside" in shown
+    assert "these fit abb-irb120 to 0.3" in shown
+    assert (
+        main(["convert", *files, "--map", str(tmp_path / "out.map.toml"), "-o", str(again), "--json", "-"])
+        == 0
+    )
+    assert again.read_text("utf-8") == out.read_text("utf-8")
+    assert json.loads(capsys.readouterr().out)["fit"]["miss_mm"] == pytest.approx(0.3, abs=0.05)
+    data = read_dataset(again)
+    assert len(data) == N
+    assert data.header.noise.sigma_mm == 0.1
+
+
+def test_without_a_terminal_questions_end_with_2_and_stand_in_the_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, out, kept = files_of("by_order", tmp_path), tmp_path / "out.csv", tmp_path / "map.toml"
+    assert main(["convert", *files, "--robot", ROBOT, "--out", str(out)]) == 2
+    assert "To decide: match [name | order | time]" in capsys.readouterr().out
+    assert not out.exists()
+    assert not out.with_suffix(".map.toml").exists()
+    assert main(["convert", *files, "--robot", ROBOT, "--propose", str(kept)]) == 2
+    assert main(["convert", *files, "--map", str(kept), "--out", str(out)]) == 2
+    assert "'?' stands at match.by" in capsys.readouterr().err
+    kept.write_text(kept.read_text("utf-8").replace('by = "?"', 'by = "order"'), encoding="utf-8")
+    assert main(["convert", *files, "--map", str(kept), "--out", str(out)]) == 0
+    assert len(read_dataset(out)) == N
+
+
+def test_at_a_terminal_the_questions_are_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files, out = files_of("by_order", tmp_path), tmp_path / "out.csv"
+    answers = iter(["nobody", ROBOT, "someday", "2"])  # no robot, no answer, the second choice
+    for stream in (sys.stdin, sys.stdout):
+        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    assert main(["convert", *files, "--out", str(out)]) == 0
+    assert 'by = "order"' in out.with_suffix(".map.toml").read_text("utf-8")
+    assert next(answers, None) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "refused"),
+    [
+        (["--robot", "ur10", "--out", "{new}.csv"], r"not of the robot ur10: they fit abb-irb120.* --robot"),
+        (["--robot", ROBOT, "--answer", "rotations=x"], r"answers 'rotations', which nothing asks"),
+        (["--robot", ROBOT, "--answer", "rotation"], r"'rotation' is no answer. Write KEY=CHOICE"),
+        (["--robot", "nobody"], r"nobody"),
+        (["--robot", ROBOT, "--out", "{new}"], r"Let it end in \.csv"),
+        (["--robot", ROBOT, "--out", "{file}"], r"would be written over"),
+        (["--robot", ROBOT, "--propose", "{file}"], r"would be written over"),
+        (["--map", "{file}"], r"--out: is missing"),
+        (["--map", "{file}", "--robot", ROBOT, "--out", "{new}.csv"], r"holds all answers"),
+        (["--from", "ipa-ur10", "--robot", ROBOT], r"takes no map and no answers"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_and_leaves_nothing(
+    arguments: list[str], refused: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = files_of("kuka", tmp_path)[0]
+    before = sorted(tmp_path.iterdir())
+    given = [text.format(new=tmp_path / "new", file=file) for text in arguments]
+    assert main(["convert", file, *given]) == 2
+    assert re.search(refused, " ".join(capfd.readouterr().err.split()))
+    assert sorted(tmp_path.iterdir()) == before
