@@ -168,7 +168,8 @@ class ManualArm:
             return None
         worst = max(range(len(asked)), key=lambda i: abs(rows[0].values[i] - asked[i]))
         slip = slip_of(rows[0], asked, _ROUNDING)
-        far = f"{self._names[worst]} at {rows[0].texts[worst]} deg is {off:g} deg from the {target[worst]} deg asked for"
+        typed = rows[0].texts[worst]
+        far = f"{self._names[worst]} at {typed} deg is {off:g} deg from the {target[worst]} deg asked for"
         if slip is not None:
             name = self._names[worst] if slip.index is None else self._names[slip.index]
             words = f"{far}: {in_words(slip, self._names, 'deg')}"

@@ -25,7 +25,7 @@ _ONE_POINT_MM = 1.0  # rows of one point lie closer together
 
 
 class ManualMeter:
-    """One instrument. `unit`: of what it shows, mm, m or in; `within_mm`: how far a point may be from where it should."""
+    """One instrument. `unit`: of what it shows, mm, m or in; `within_mm`: how far off a point may be."""
 
     unverified_on_hardware = True
     weakness = "its readings are typed by a person"
