@@ -4,7 +4,7 @@
 """
 
 from service.programs.compensation import Compensation, TargetOutcome, compensate
-from service.programs.frames import KnownFrames, named_frames
+from service.programs.frames import KnownFrames, named_frames, pulses_of
 from service.programs.program import Driven, Program, Target, rewritten
 from service.programs.read import parse, read_program
 from service.programs.text import write_text
@@ -19,6 +19,7 @@ __all__ = [
     "compensate",
     "named_frames",
     "parse",
+    "pulses_of",
     "read_program",
     "rewritten",
     "write_text",
