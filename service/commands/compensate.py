@@ -53,6 +53,10 @@ def compensate_command(
     pulses: Annotated[
         str, typer.Option(metavar="P1,P2,...", help="Yaskawa: pulses a degree of every axis, with its sign.")
     ] = "",
+    external_apart: Annotated[
+        bool,
+        typer.Option("--external-apart", help="External axes carry neither robot nor work: they are kept."),
+    ] = False,
     inverse: Annotated[
         bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")
     ] = False,
@@ -73,6 +77,7 @@ def compensate_command(
         named_frames("--tool", tool or []),
         named_frames("--frame", frame or []),
         pulses_of("--pulses", pulses),
+        external_apart,
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model} and {program}")

@@ -27,12 +27,22 @@ _FEWEST_PULSES, _MOST_PULSES = 1.0, 1e6  # a degree
 class KnownFrames:
     """Tools on the flange and frames in the controller's world, by the name or number a program calls them.
 
-    pulses_per_deg: of every axis, for programs that count in pulses; empty: not known.
+    pulses_per_deg: of every axis, for programs that count in pulses; empty: not known. external_apart: the external
+    axes carry neither the robot nor the work, so that they stay as they are and change nothing.
     """
 
     tools: Mapping[str, Array] = field(default_factory=dict)
     frames: Mapping[str, Array] = field(default_factory=dict)
     pulses_per_deg: tuple[float, ...] = ()
+    external_apart: bool = False
+
+    def note_external(self, *, used: bool) -> tuple[str, ...]:
+        """What to know beside a target. Raises ValueError for external axes that may change where the tool is."""
+        if used and not self.external_apart:
+            raise ValueError(
+                "it positions an external axis, which may carry the robot or the work (--external-apart: it does not)"
+            )
+        return ("its external axes stay as they are",) if used else ()
 
 
 def joint_angles(angles: Sequence[float] | Array) -> Array:

@@ -5,10 +5,10 @@
     PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
 
 mm and deg; A, B and C turn about z, y' and x'': R = Rz(A) Ry(B) Rx(C). S, bit 0: the wrist in front of axis 1 or behind
-it; bit 1: of the two elbows the one with the larger A3. T, bit k: axis k + 1 is negative. S and T are read together: the one posture that fits both is meant, and none is
-guessed. One statement fills one line. Tool and base are those of the FDAT, else of $TOOL, $BASE or BAS before the
-motion, by number; 0 is the flange, and the world in which the robot stands without an offset. Source: descriptions of
-the language, and public programs; not tried on a controller.
+it; bit 1: of the two elbows the one with the larger A3. T, bit k: axis k + 1 is negative. S and T are read together:
+the one posture that fits both is meant, and none is guessed. One statement fills one line. Tool and base are those of the
+FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the flange, and the world in which the robot stands
+without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
 """
 
 from __future__ import annotations
@@ -189,8 +189,8 @@ class KukaProgram:
         values = [numbers[key].value for key in wanted]
         if wanted is _AXES:
             return replace(target, joints=frames.joint_angles(np.array(values) * DEG)), place
-        if any(re.fullmatch(r"E\d", key) and slot.value != 0.0 for key, slot in numbers.items()):
-            raise ValueError("it positions an external axis, which may carry the robot or the work")
+        used = any(re.fullmatch(r"E\d", key) and slot.value != 0.0 for key, slot in numbers.items())
+        target = replace(target, notes=self._known.note_external(used=used))
         x, y, z, a, b, c = values
         pose = frames.of_wpr((x, y, z), (c, b, a))
         tool, base = self._tool_and_base(of)

@@ -26,10 +26,10 @@ class Target:
     joints: (N,) controller angles, rad; or flange: (4, 4) in the nominal base frame, mm. tool: (4, 4) tool point on
     the flange. branch: of a pose target, None for the one nearest to the target before. windows: joint (from 0) ->
     range of its controller angle, rad, within which the controller keeps it; among: branches of which the one that
-    fits all windows is meant, and of two elbows the one with the larger angle of joint 3 where `larger_elbow` says so,
-    the smaller where it is False; turns_written: whether the dialect can write other turns than those read, but for those
-    of the joints `kept`. refused: why it is not corrected, as a
-    sentence part. empty: the position holds nothing yet and stays so. notes: what to know beside it.
+    fits all windows is meant, and of two elbows the one with the larger angle of joint 3 where `larger_elbow` says
+    so, the smaller where it is False; turns_written: whether the dialect can write other turns than those read, but
+    for those of the joints `kept`. refused: why it is not corrected, as a sentence part. empty: the position holds
+    nothing yet and stays so. notes: what to know beside it.
     """
 
     name: str

@@ -25,7 +25,7 @@ from service.programs.program import Driven, Target
 from service.programs.text import Edit, Lines, decimal
 
 PLACES = 6
-_TAG = re.compile(r"<!--(?:[^-]++|-(?!->))*+-->|<(?P<name>/?+[A-Za-z]\w*+)(?P<rest>[^<>]*+)>")
+_TAG = re.compile(r"<(?P<name>/?+[A-Za-z]\w*+)(?P<rest>[^<>]*+)>")
 _ATTRIBUTE = re.compile(r"(?P<name>[A-Za-z][\w:]*+)\s*+=\s*+\"(?P<value>[^\"<>]*+)\"")
 _NUMBER = re.compile(r"\s*+[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d{1,3}+)?\s*+")
 _AXES = ("j1", "j2", "j3", "j4", "j5", "j6")
@@ -52,6 +52,7 @@ class Val3Data:
                 file=file,
                 line=1,
             )
+        self._tags = self._without_comments(file)
         found = list(self._read())
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._numbers = tuple(numbers for _, numbers in found)
@@ -65,9 +66,21 @@ class Val3Data:
             if abs(slot.value - values[name]) > 0.5 * 10.0**-PLACES
         ]
 
+    def _without_comments(self, file: str) -> str:
+        """The text with blanks where comments are. Raises DataError for one that is not closed."""
+        parts, at = [], 0
+        while (begin := self.text.find("<!--", at)) >= 0:
+            end = self.text.find("-->", begin)
+            if end < 0:
+                line = self._lines.at(begin)
+                raise DataError("a comment is not closed.", do="Close it.", file=file, line=line)
+            parts += [self.text[at:begin], " " * (end + 3 - begin)]
+            at = end + 3
+        return "".join([*parts, self.text[at:]])
+
     def _read(self) -> Iterator[tuple[Target, Mapping[str, _Number]]]:
         name, kind = "", ""
-        for tag in _TAG.finditer(self.text):
+        for tag in _TAG.finditer(self._tags):
             if tag["name"] not in ("Data", "/Data", "Value"):
                 continue
             attributes = {m["name"].lower(): m for m in _ATTRIBUTE.finditer(tag["rest"])}
