@@ -6,9 +6,9 @@
 
 mm and deg; A, B and C turn about z, y' and x'': R = Rz(A) Ry(B) Rx(C). S, bit 0: the wrist in front of axis 1 or behind
 it; bit 1: of the two elbows the one with the larger A3. T, bit k: axis k + 1 is negative. S and T are read together:
-the one posture that fits both is meant, and none is guessed. One statement fills one line. Tool and base are those of the
-FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the flange, and the world in which the robot stands
-without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
+the one posture that fits both is meant, and none is guessed. One statement fills one line. Tool and base are those of
+the FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the flange, and the world in which the robot
+stands without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ is guessed, a number outside of targets that changes, and a comment that is take
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,14 @@ def test_what_is_not_understood_is_refused_by_name(tmp_path: Path, case: str) ->
     refused = [outcome for outcome in done(tmp_path, name, text)[2].outcomes if outcome.status == REFUSED]
     assert refused
     assert words in refused[0].why
+
+
+def test_external_axes_are_kept_where_they_carry_nothing(tmp_path: Path) -> None:
+    text = DAT.replace("E1 0.0,E2", "E1 10.0,E2")
+    _, _, made = done(tmp_path, "a.dat", text, replace(KNOWN, external_apart=True))
+    assert {outcome.status for outcome in made.outcomes} == {CORRECTED}
+    assert made.outcomes[0].target.notes == ("its external axes stay as they are",)
+    assert "E1 10.0,E2 0.0" in made.text
 
 
 def test_pulses_are_not_guessed(tmp_path: Path) -> None:
