@@ -51,7 +51,8 @@ class Questions:
             again = ""
             if doubted is not None:
                 entry, again = replace(entry, needed=False), " Type it again, or confirm alone if it is so."
-            words = f"{wrong.words[:1].upper()}{wrong.words[1:]}.{again} {text}"
+            end = "" if wrong.words.endswith("?") else "."
+            words = f"{wrong.words[:1].upper()}{wrong.words[1:]}{end}{again} {text}"
             shown = "/".join(part for part in (picture, "again", wrong.reason, wrong.name) if part)
 
 

@@ -43,7 +43,7 @@ export function promptCard() {
     entry.hidden = !numbers;
     if (!numbers) return;
     typed.value = "";
-    shown.textContent = numbers.shown.map((value, i) => `${numbers.names[i]} ${value}`).join("   "); shown.hidden = !numbers.shown.length;
+    shown.textContent = numbers.shown.map((value, i) => `${numbers.names[i]}\u00a0${value}`).join("   "); shown.hidden = !numbers.shown.length;
     stopless.textContent = drives ? t("byHand") : "";
     entryName.textContent = t("typedHere", { unit: numbers.unit, names: numbers.names.join(" ") });
     typed.setAttribute("aria-label", entryName.textContent);
