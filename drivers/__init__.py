@@ -9,7 +9,7 @@ from drivers.abb.simple import AbbSimpleArm
 from drivers.abb.simple_stream import AbbSimpleDeadlines
 from drivers.creaform.ctrack import CTrack
 from drivers.deadlines import InstrumentDeadlines
-from drivers.declaration import InstrumentDriver, RobotDriver
+from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
 from drivers.entry_points import installed
@@ -23,6 +23,7 @@ from drivers.errors import (
     EmergencyStop,
     EnableLost,
     JointLimit,
+    LeftOut,
     LinkError,
     LinkLost,
     LinkTimeout,
@@ -46,8 +47,12 @@ from drivers.fanuc.controller import FanucDeadlines
 from drivers.faro.ion import FaroTracker
 from drivers.interfaces import (
     Answer,
+    Asking,
+    Attended,
     Candid,
     Device,
+    Entry,
+    Guided,
     Identity,
     InstrumentStatus,
     JointReading,
@@ -65,10 +70,13 @@ from drivers.interfaces import (
     RobotStatus,
     Sample,
     Streams,
+    Typed,
 )
 from drivers.leica.at960 import LeicaTracker
 from drivers.leica.emscon import EmsconTracker
 from drivers.link import WireLog, WireSink
+from drivers.manual.arm import ManualArm
+from drivers.manual.meter import ManualMeter
 from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt
 from drivers.registry import (
     INSTRUMENTS,
@@ -93,6 +101,8 @@ __all__ = [
     "AbbSimpleDeadlines",
     "AcquisitionError",
     "Answer",
+    "Asking",
+    "Attended",
     "BallbarTest",
     "BeamBroken",
     "Busy",
@@ -107,22 +117,27 @@ __all__ = [
     "EmergencyStop",
     "EmsconTracker",
     "EnableLost",
+    "Entry",
     "Factory",
     "FanucArm",
     "FanucDeadlines",
     "FaroTracker",
+    "Guided",
     "Identity",
     "InstrumentDeadlines",
     "InstrumentDriver",
     "InstrumentStatus",
     "JointLimit",
     "JointReading",
+    "LeftOut",
     "LeicaTracker",
     "LengthMeter",
     "LengthReading",
     "LinkError",
     "LinkLost",
     "LinkTimeout",
+    "ManualArm",
+    "ManualMeter",
     "MotionStopped",
     "NoOperator",
     "NoisyMeasurement",
@@ -130,6 +145,7 @@ __all__ = [
     "NotReached",
     "NotReady",
     "Operator",
+    "Option",
     "OutOfRange",
     "Paced",
     "PointMeter",
@@ -152,6 +168,8 @@ __all__ = [
     "Streams",
     "TargetNotSeen",
     "TerminalOperator",
+    "TextOption",
+    "Typed",
     "UnknownPrompt",
     "Unmeasurable",
     "UrArm",

@@ -26,10 +26,25 @@ def _no_clock(device: Any) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A number, mm, that the cell file has for one driver, from 1 to 5000. `needed`: the file must have it."""
+    """A number that the cell file has for one driver, mm unless its key says otherwise.
+
+    needed: the file must have it; default: what the driver takes without it, None where that depends.
+    """
 
     key: str
     needed: bool = False
+    low: float = 1.0
+    high: float = 5000.0
+    default: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TextOption:
+    """A text that the cell file may have for one driver, one of `allowed` where there are any."""
+
+    key: str
+    allowed: tuple[str, ...] = ()
+    default: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +56,14 @@ class RobotDriver:
     details: what a connected robot says of itself beyond the status that it has just answered; raises LinkError.
     clock_s: the controller's own clock, None where the protocol does not say; raises LinkError.
     streams: its joints can be recorded while it moves (`drivers.interfaces.Streams`).
+    by_hand: a person drives it, at no address: what they say it shows is what was commanded.
     """
 
     name: str
     make: Callable[..., RobotArm]
     joints: int = 6
+    options: tuple[Option | TextOption, ...] = ()
+    by_hand: bool = False
     takes_reach: bool = False
     streams: bool = False
     details: Callable[[Any, RobotStatus], Details] = _nothing_more
@@ -60,15 +78,18 @@ class InstrumentDriver:
     instrument. stroke_mm: of a ballbar, to either side; None for an instrument that measures points. finds_by_name:
     it finds a target by its name, before the world is known. needs_weather: its wavelength depends on the air.
     body_mm, extensions_mm: of a ballbar without extension bars, and of these.
-    unreported: what its protocol does not say, and a person has to look at. details, clock_s, streams: as for a
-    `RobotDriver`.
+    by_hand: a person reads it, at no address. takes_within: `make` takes `within_mm` as well, how far a point may be
+    from where it should be. unreported: what its protocol does not say, and a person has to look at. details,
+    clock_s, streams: as for a `RobotDriver`.
     """
 
     name: str
     maker: str
     instrument: str
     make: Callable[..., PointMeter | LengthMeter]
-    options: tuple[Option, ...] = ()
+    options: tuple[Option | TextOption, ...] = ()
+    by_hand: bool = False
+    takes_within: bool = False
     cone_deg: float = SMR_CONE_DEG
     stroke_mm: float | None = None
     body_mm: float = 0.0

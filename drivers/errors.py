@@ -202,6 +202,18 @@ class CommandRefused(Refused):
     code = 3009
 
 
+class LeftOut(Refused):
+    """A person skips what a device asked them for, or wants the reading before it once more."""
+
+    code = 3010
+    advice = "The reading is left out; it can be measured again later."
+
+    def __init__(self, message: str, *, again: bool = False, device: str = "", command: str = "") -> None:
+        """`again`: it is not left out, something else is measured before it."""
+        super().__init__(message, device=device, command=command)
+        self.again = again
+
+
 class SafetyStop(AcquisitionError):
     """A safety function acted. Nothing resumes by itself."""
 

@@ -8,7 +8,7 @@ and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum
@@ -146,13 +146,45 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Entry:
+    """Numbers that a person reads off a display and types beside CONFIRM.
+
+    names: of the numbers, in their order; shown: what the display should show, as it writes it, empty where nobody
+    knows; needed: False where CONFIRM alone says that it shows just that.
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    shown: tuple[str, ...] = ()
+    needed: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class Prompt:
-    """A question to a person. `expects`: the answers that make sense, in the order shown; `picture`: its name."""
+    """A question to a person. `expects`: the answers that make sense, in the order shown; `picture`: its name.
+
+    entry: what is typed beside CONFIRM; None: nothing.
+    """
 
     id: str
     text: str
     expects: tuple[Answer, ...] = field(default=(Answer.CONFIRM, Answer.SKIP, Answer.REDO, Answer.ABORT))
     picture: str | None = None
+    entry: Entry | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """CONFIRM with what a person typed beside it."""
+
+    text: str
+
+
+Asking = Callable[[str, Entry, str], str]
+"""Puts words, what is to be typed and the name of a picture to a person: what was typed, empty for CONFIRM alone.
+
+Raises LeftOut where they skip it, NoOperator, and what unwinds the caller.
+"""
 
 
 @runtime_checkable
@@ -251,7 +283,21 @@ class Paced(Protocol):
 
 
 @runtime_checkable
+class Attended(Protocol):
+    """A device that a person works: driven or read by hand. What it cannot know it asks through `ask`."""
+
+    def attend(self, ask: Asking) -> None: ...
+
+
+@runtime_checkable
+class Guided(Protocol):
+    """A robot that a person drives: `move_over` tells the whole way at once, over postures (deg) to the last one."""
+
+    def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading: ...
+
+
+@runtime_checkable
 class Operator(Protocol):
     """A person behind a terminal, a page or a test."""
 
-    def ask(self, prompt: Prompt) -> Answer: ...
+    def ask(self, prompt: Prompt) -> Answer | Typed: ...

@@ -11,7 +11,7 @@ import threading
 from typing import TextIO
 
 from drivers.errors import Busy, NoOperator, Refused
-from drivers.interfaces import Answer, Prompt
+from drivers.interfaces import Answer, Prompt, Typed
 
 _LETTERS = {answer.value[0]: answer for answer in Answer}
 
@@ -23,18 +23,40 @@ class UnknownPrompt(Refused):
     advice = "Look at the prompt shown now and answer that one."
 
 
+def refused(prompt: Prompt, answer: Answer | Typed) -> str:
+    """Why a prompt does not take this answer; empty where it does."""
+    entry = prompt.entry
+    if isinstance(answer, Typed):
+        return "" if entry is not None else f"prompt {prompt.id} asks for no numbers"
+    if answer not in prompt.expects:
+        return f"prompt {prompt.id} does not expect {answer.value}"
+    if answer is Answer.CONFIRM and entry is not None and entry.needed:
+        return f"prompt {prompt.id} asks for {', '.join(entry.names)} in {entry.unit}: type them"
+    return ""
+
+
 class TerminalOperator:
-    """Asks on a terminal. Answers: the word or its first letter; an empty line confirms nothing."""
+    """Asks on a terminal. Answers: the word or its first letter; an empty line confirms nothing.
+
+    Where numbers are asked for, any other line is what was typed.
+    """
 
     def __init__(self, reader: TextIO | None = None, writer: TextIO | None = None) -> None:
         self._reader = sys.stdin if reader is None else reader
         self._writer = sys.stderr if writer is None else writer
 
-    def ask(self, prompt: Prompt) -> Answer:
+    def ask(self, prompt: Prompt) -> Answer | Typed:
         """Ask until one of the expected answers is given. Raises NoOperator."""
         if self._reader is None or self._reader.closed or not self._reader.isatty():
             raise NoOperator("no terminal to ask on", device="operator", command=prompt.id)
-        keys = ", ".join(f"{answer.value[0]} to {answer.value}" for answer in prompt.expects)
+        needed = prompt.entry is not None and prompt.entry.needed
+        expects = [answer for answer in prompt.expects if not (needed and answer is Answer.CONFIRM)]
+        keys = ", ".join(f"{answer.value[0]} to {answer.value}" for answer in expects)
+        keys = (
+            keys
+            if prompt.entry is None
+            else f"{' '.join(prompt.entry.names)} [{prompt.entry.unit}], or {keys}"
+        )
         while True:
             self._writer.write(f"{prompt.text}\n  Type {keys}, then Enter: ")
             self._writer.flush()
@@ -43,8 +65,10 @@ class TerminalOperator:
                 raise NoOperator("input of the terminal ended", device="operator", command=prompt.id)
             word = line.strip().lower()
             answer = _LETTERS.get(word[:1]) if word else None
-            if answer in prompt.expects and word in (answer.value, answer.value[0]):
+            if answer in expects and answer is not None and word in (answer.value, answer.value[0]):
                 return answer
+            if prompt.entry is not None and any(map(str.isdigit, word)):
+                return Typed(line.strip())
             self._writer.write(
                 f"  {word!r} is not one of these. " if word else "  Enter alone answers nothing. "
             )
@@ -56,7 +80,7 @@ class RemoteOperator:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._pending: Prompt | None = None
-        self._answer: Answer | None = None
+        self._answer: Answer | Typed | None = None
         self._closed = False
 
     @property
@@ -65,7 +89,7 @@ class RemoteOperator:
         with self._changed:
             return self._pending
 
-    def ask(self, prompt: Prompt) -> Answer:
+    def ask(self, prompt: Prompt) -> Answer | Typed:
         """Wait, for ever if need be. Raises NoOperator when closed, Busy when already asking."""
         with self._changed:
             if self._pending is not None:
@@ -81,7 +105,7 @@ class RemoteOperator:
                 self._pending = None
                 self._changed.notify_all()
 
-    def answer(self, prompt_id: str, answer: Answer) -> None:
+    def answer(self, prompt_id: str, answer: Answer | Typed) -> None:
         """Answer the pending prompt. Raises UnknownPrompt for any other id or an unexpected answer."""
         with self._changed:
             pending = self._pending
@@ -89,10 +113,8 @@ class RemoteOperator:
                 raise UnknownPrompt(
                     f"prompt {prompt_id} is not being asked", device="operator", command=prompt_id
                 )
-            if answer not in pending.expects:
-                raise UnknownPrompt(
-                    f"prompt {prompt_id} does not expect {answer.value}", device="operator", command=prompt_id
-                )
+            if refusal := refused(pending, answer):
+                raise UnknownPrompt(refusal, device="operator", command=prompt_id)
             self._answer = answer
             self._changed.notify_all()
 

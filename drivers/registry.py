@@ -19,6 +19,7 @@ from drivers.fanuc import declaration as fanuc
 from drivers.faro import declaration as faro
 from drivers.interfaces import LengthMeter, PointMeter, RobotArm
 from drivers.leica import declaration as leica
+from drivers.manual import declaration as manual
 from drivers.renishaw import declaration as renishaw
 from drivers.ur import declaration as ur
 
@@ -31,9 +32,9 @@ def _by_name(makers: Iterable[Iterable[_D]]) -> dict[str, _D]:
     return {driver.name: driver for drivers in makers for driver in drivers}
 
 
-ROBOTS: Mapping[str, RobotDriver] = _by_name([abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS])
+ROBOTS: Mapping[str, RobotDriver] = _by_name([abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS, manual.ROBOTS])
 INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
-    [creaform.DRIVERS, faro.DRIVERS, leica.DRIVERS, renishaw.DRIVERS]
+    [creaform.DRIVERS, faro.DRIVERS, leica.DRIVERS, renishaw.DRIVERS, manual.INSTRUMENTS]
 )
 
 

@@ -20,6 +20,7 @@ from mocks.faro.bridge import FaroBridge
 from mocks.leica.bridge import LeicaBridge
 from mocks.leica.device import LeicaDevice
 from mocks.leica.emscon import EmsconServer
+from mocks.manual.operator import SimulatedPerson
 from mocks.misplaced import offsets, true_nests
 from mocks.renishaw.qc20w import BallbarBridge, BallbarDevice
 from mocks.shared.arm_device import ArmDevice
@@ -79,6 +80,10 @@ class Cell:
         self.faro = FaroBridge(self.tracker, self.clock)
         self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, nests, cell.normals))
         self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, nests, cell.ballbar_mm))
+        as_shown = self.fanuc.controller
+        self.person = SimulatedPerson(
+            cell, self.arm, self.tracker, self.clock, as_shown.to_model, as_shown.joints_deg
+        )
         self.at960 = LeicaDevice(self.world, self.arm, self.clock, nests, cell.normals)
         self.leica, self.emscon = LeicaBridge(self.at960), EmsconServer(self.at960)
         self.backdoor = BackDoor(
@@ -178,6 +183,7 @@ class Cell:
                 ("emscon", "emscon", self.emscon.serve),
                 ("ctrack", "mbp1", self.ctrack.bridge.serve),
                 ("qc20w", "mbp1", self.qc20w.bridge.serve),
+                ("manual", "jsonl", self.person.serve),
             ):
                 if name in self.devices:
                     first = port if not ends else 0

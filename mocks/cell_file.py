@@ -39,6 +39,8 @@ class CellFile:
         0.0  # how far the clock of a device may be off, to either side: drawn from the seed
     )
     clock_rate_ppm: float = 0.0
+    resolution_deg: float = 0.01  # of a pendant that a person reads
+    within_deg: float | None = None  # how far from a posture that person may stop
 
 
 def read_cell(path: Path) -> CellFile:
@@ -56,6 +58,8 @@ def read_cell(path: Path) -> CellFile:
         "u_mm": _stated(table.get("world", {}), "nests") | _stated(tool, "targets"),
         "misplaced_mm": simulation.get("misplaced_mm"),
         "ballbar_mm": table.get("instrument", {}).get("nominal_mm"),
+        "resolution_deg": robot.get("resolution_deg"),
+        "within_deg": robot.get("within_deg"),
         "robot_driver": robot.get("driver"),
         "instrument_driver": table.get("instrument", {}).get("driver"),
         "tool_mass_kg": tool.get("mass_kg"),

@@ -44,11 +44,12 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Prompt:
-    """A question to a person, and the answers that can be given."""
+    """A question to a person, and the answers that can be given. `entry`: the numbers to be typed, where there are."""
 
     id: str
     text: str
     expects: tuple[str, ...]
+    entry: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,9 @@ class Run:
     @staticmethod
     def of(document: Mapping[str, Any]) -> Run:
         asked = document.get("prompt")
-        prompt = None if asked is None else Prompt(asked["id"], asked["text"], tuple(asked["expects"]))
+        prompt = None
+        if asked is not None:
+            prompt = Prompt(asked["id"], asked["text"], tuple(asked["expects"]), asked.get("entry"))
         return Run(
             id=document["id"],
             state=document["state"],
@@ -208,13 +211,16 @@ class Client:
             if run.version > seen:
                 yield run
 
-    def answer(self, run: Run, verb: str, *, reason: str = "") -> Run:
-        """Answer the prompt of a run: confirm, skip, redo or abort. A late or second answer is no error."""
+    def answer(self, run: Run, verb: str, *, reason: str = "", typed: str = "") -> Run:
+        """Answer the prompt of a run: confirm, skip, redo or abort. A late or second answer is no error.
+
+        typed: the numbers that its `entry` asks for, with confirm.
+        """
         if run.prompt is None:
             return run
         path = f"/runs/{quote(run.id)}/prompts/{quote(run.prompt.id)}/{quote(verb)}"
         try:
-            return Run.of(self.once(path, {"reason": reason}))
+            return Run.of(self.once(path, {"reason": reason} | ({"typed": typed} if typed else {})))
         except Refused as error:
             if error.status == 409:
                 return self.run(run.id)  # somebody was quicker

@@ -9,13 +9,14 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO
+from typing import IO, Any
 
 from acquisition import Cell, Devices, open_devices
 from drivers.errors import ConfigError
-from drivers.interfaces import Operator
+from drivers.interfaces import Answer, Operator, Prompt, Typed
 from drivers.operator import RehearsalOperator
 
 START_TIMEOUT_S = 60.0  # a shared machine may be slow to import numpy
@@ -35,18 +36,37 @@ class SimulatedDevices:
 
         `operator` is left out where the cell file has the operator simulated as well.
         """
+        by_hand = [each.driver for each in (cell.robot, cell.instrument) if each.declared.by_hand]
         return open_devices(
             cell,
             operator=RehearsalOperator() if cell.rehearsed else operator,
+            person=SimulatedPerson(self._port(by_hand[0])) if by_hand else None,
             robot_url=self._url(cell.robot.driver),
             instrument_url=self._url(cell.instrument.driver),
             hands=SimulatedHands(self.ports[_LAST]),
         )
 
     def _url(self, driver: str) -> str:
+        return f"tcp://127.0.0.1:{self._port(driver)}"
+
+    def _port(self, driver: str) -> int:
         if driver not in self.ports:
             raise ConfigError(f"there is no simulator for the driver {driver!r} in this cell")
-        return f"tcp://127.0.0.1:{self.ports[driver]}"
+        return self.ports[driver]
+
+
+class SimulatedPerson:
+    """The person who works the devices of a simulated cell that have no driver: drives the arm, reads, and types."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+
+    def ask(self, prompt: Prompt) -> Answer | Typed:
+        """Raises ConfigError where the simulators do not answer."""
+        entry = None if prompt.entry is None else asdict(prompt.entry)
+        question = {"text": prompt.text, "picture": prompt.picture, "entry": entry}
+        answer = _answer_of(self._port, question, None)
+        return Typed(answer["typed"]) if answer["typed"] else Answer.CONFIRM
 
 
 class SimulatedHands:
@@ -64,18 +84,26 @@ class SimulatedHands:
         self._do({"do": "jog", "joints_deg": list(joints_deg)})
 
     def _do(self, order: Mapping[str, object]) -> None:
-        try:
-            with (
-                socket.create_connection(("127.0.0.1", self._port), HAND_TIMEOUT_S) as door,
-                door.makefile("rwb") as lines,
-            ):
-                lines.write(json.dumps(order).encode() + b"\n")
-                lines.flush()
-                answer = json.loads(lines.readline() or b"{}")
-        except OSError as error:
-            raise ConfigError(f"the simulators of the cell do not answer: {error}") from error
+        answer = _answer_of(self._port, order, HAND_TIMEOUT_S)
         if not answer.get("ok"):
             raise ConfigError(f"the simulated arm was not jogged: {answer.get('error', 'no answer')}")
+
+
+def _answer_of(port: int, question: Mapping[str, object], seconds: float | None) -> dict[str, Any]:
+    """The answer of a simulator to one JSON line. `seconds` None: as long as it takes. Raises ConfigError."""
+    try:
+        with (
+            socket.create_connection(("127.0.0.1", port), HAND_TIMEOUT_S) as door,
+            door.makefile("rwb") as lines,
+        ):
+            door.settimeout(seconds)
+            lines.write(json.dumps(question).encode() + b"\n")
+            lines.flush()
+            if line := lines.readline():
+                return json.loads(line)
+    except OSError as error:
+        raise ConfigError(f"the simulators of the cell do not answer: {error}") from error
+    raise ConfigError("the simulators of the cell have ended")
 
 
 def command_of(*arguments: str) -> list[str]:

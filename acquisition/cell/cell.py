@@ -7,6 +7,7 @@ of the program can believe a `Cell`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +25,7 @@ from acquisition.errors import as_config_error
 from calib.arm import Load, Robot, load_robot
 from calib.text import TomlTable, Vector, parse_toml, read_toml
 from calib.units import DEG
-from drivers import InstrumentDriver, RobotDriver, instrument_driver, robot_driver
+from drivers import InstrumentDriver, Option, RobotDriver, TextOption, instrument_driver, robot_driver
 from drivers.errors import ConfigError
 
 FORMAT = "truepose-cell/1"
@@ -47,7 +48,8 @@ class NoiseFigures:
 class RobotSection:
     """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`.
 
-    home_deg: a posture over which every pose can be reached, where the cell file has one.
+    home_deg: a posture over which every pose can be reached, where the cell file has one; options: what only its
+    driver uses.
     """
 
     model: Robot
@@ -61,6 +63,7 @@ class RobotSection:
     keep_out: tuple[Obstacle, ...]
     home_deg: tuple[float, ...] | None
     repeatability_deg: float
+    options: Mapping[str, float | str] = field(default_factory=dict)
 
     @property
     def declared(self) -> RobotDriver:
@@ -87,7 +90,7 @@ class InstrumentSection:
     noise: NoiseFigures
     one_smr: bool
     expected_within_mm: float
-    options: Mapping[str, float]
+    options: Mapping[str, float | str]
 
     @property
     def declared(self) -> InstrumentDriver:
@@ -97,7 +100,7 @@ class InstrumentSection:
     @property
     def nominal_mm(self) -> float:
         """Length of a ballbar with its extension bars."""
-        return self.options["nominal_mm"]
+        return float(self.options["nominal_mm"])
 
 
 @dataclass(frozen=True)
@@ -210,10 +213,16 @@ def cell_of_record(source: str, where: str) -> Cell:
 
 
 def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
+    driver = table.text("driver")
+    declared = None
+    with suppress(ConfigError):  # an unknown driver is named when its device is opened
+        declared = robot_driver(driver)
+    options = () if declared is None else declared.options
     table.only(
         (
             *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
             *("table_z_mm", "keep_out", "home_deg", "repeatability_deg"),
+            *(option.key for option in options),
         )
     )
     model = table.text("model")
@@ -240,7 +249,7 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         model=robot,
         coupling=table.text("joint_coupling", usual, allowed=("none", *robot.joint_matrices)),
         driver=driver,
-        url=table.text("url"),
+        url=_url(table, by_hand=declared is not None and declared.by_hand),
         speed_mm_s=table.number("speed_mm_s", SPEED_CAP_MM_S, low=1.0, high=SPEED_CAP_MM_S),
         speed_deg_s=table.number("speed_deg_s", SPEED_CAP_DEG_S, low=0.1, high=SPEED_CAP_DEG_S),
         limits_deg=tuple((low, high) for low, high in rows),
@@ -248,6 +257,7 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         keep_out=tuple(read_keep_out(table)),
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
+        options=_options(table, options),
     )
 
 
@@ -265,15 +275,31 @@ def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
             do,
         )
     try:
-        joints = robot_driver(driver).joints
+        declared = robot_driver(driver)
     except ConfigError:
         return  # whoever needs the driver says so
-    if robot.joints != joints:
+    if not declared.by_hand and robot.joints != declared.joints:
         raise table.refuse(
             "model",
-            f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {joints}.",
+            f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {declared.joints}.",
             do,
         )
+
+
+def _url(table: TomlTable, *, by_hand: bool) -> str:
+    """The address; what a person works has none."""
+    return table.text("url", "") if by_hand else table.text("url")
+
+
+def _options(table: TomlTable, options: Sequence[Option | TextOption]) -> dict[str, float | str]:
+    """What the cell file has for a driver, and what it must have."""
+    return {
+        option.key: table.text(option.key, allowed=option.allowed or None)
+        if isinstance(option, TextOption)
+        else table.number(option.key, low=option.low, high=option.high)
+        for option in options
+        if option.key in table.values or (isinstance(option, Option) and option.needed)
+    }
 
 
 def _home(table: TomlTable, limits_deg: Sequence[Sequence[float]]) -> tuple[float, ...] | None:
@@ -311,16 +337,12 @@ def _instrument(table: TomlTable) -> InstrumentSection:
     return InstrumentSection(
         name=declared.instrument,
         driver=driver,
-        url=table.text("url"),
+        url=_url(table, by_hand=declared.by_hand),
         station_mm=station,
         noise=NoiseFigures(**{name: table.number(name, getattr(noise, name), low=0.0) for name in figures}),
         one_smr=table.flag("one_smr", False),
         expected_within_mm=table.number("expected_within_mm", 50.0, low=1.0, high=10_000.0),
-        options={
-            option.key: table.number(option.key, low=1.0, high=5000.0)
-            for option in declared.options
-            if option.needed or option.key in table.values
-        },
+        options=_options(table, declared.options),
     )
 
 

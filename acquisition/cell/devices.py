@@ -28,13 +28,15 @@ class Hands(Protocol):
 @dataclass(frozen=True)
 class Devices:
     """The devices of a cell, not yet connected. `operator` None: prompts are answered through `Run.answer` only;
-    `hands` None: whoever confirms has jogged the arm with their own.
+    `hands` None: whoever confirms has jogged the arm with their own; `person`: who works the devices of a simulated
+    cell that are driven or read by hand.
     """
 
     robot: RobotArm
     instrument: PointMeter | LengthMeter
     operator: Operator | None = None
     hands: Hands | None = None
+    person: Operator | None = None
 
 
 def open_devices(
@@ -42,6 +44,7 @@ def open_devices(
     *,
     operator: Operator | None = None,
     hands: Hands | None = None,
+    person: Operator | None = None,
     robot_url: str | None = None,
     instrument_url: str | None = None,
     wire: WireSink | None = None,
@@ -55,14 +58,18 @@ def open_devices(
         limits_deg=cell.robot.limits_deg,
         wire=wire,
         **({"reach_mm": _reach_mm(cell)} if cell.robot.declared.takes_reach else {}),
+        **cell.robot.options,
     )
     instrument = open_instrument(
         cell.instrument.driver,
         instrument_url or cell.instrument.url,
         wire=wire,
+        **(
+            {"within_mm": cell.instrument.expected_within_mm} if cell.instrument.declared.takes_within else {}
+        ),
         **cell.instrument.options,
     )
-    return Devices(robot, instrument, operator, hands)
+    return Devices(robot, instrument, operator, hands, person)
 
 
 def _reach_mm(cell: Cell) -> float:

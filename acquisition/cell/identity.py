@@ -36,6 +36,8 @@ class Match:
 def match_robot(cell: Cell, who: Identity) -> Match:
     """The controller's own words against `[robot] model`."""
     robot = cell.robot.model
+    if cell.robot.declared.by_hand:
+        return Match(None, f"{robot.name} by the cell file; nobody but its type plate says so")
     if _plain(who.maker) != _plain(robot.maker):
         return Match(False, f"{who.maker} answers, the cell file names {robot.name} of {robot.maker}")
     if not who.model:
@@ -51,9 +53,11 @@ def match_instrument(cell: Cell, who: Identity) -> Match:
     """The maker that the instrument or its bridge reports, against the one that the driver is for."""
     driver = cell.instrument.driver
     wanted, reported = cell.instrument.declared.maker, _plain(who.maker)
+    if cell.instrument.declared.by_hand:
+        return Match(None, "read by a person: nobody but its type plate says what it is")
     if _plain(wanted) in reported:
         return Match(True, f"{who.maker}, for which the driver '{driver}' is made")
-    if any(_plain(each.maker) in reported for each in INSTRUMENTS.values()):
+    if any(_plain(each.maker) in reported for each in INSTRUMENTS.values() if each.maker):
         return Match(False, f"{who.maker} {who.model} answers, the driver '{driver}' is for {wanted}")
     return Match(None, f"the maker is reported as {who.maker!r}, the driver '{driver}' is for {wanted}")
 

@@ -44,19 +44,21 @@ def examine(
     charts = [Chart(name, progress) for name in ("robot", "instrument", "computer")]
     robot, instrument, computer = charts
     places = [
-        Place("its simulator", True, cell.time_scale) if simulated else Place(url)
-        for url in (cell.robot.url, cell.instrument.url)
+        Place("its simulator", True, cell.time_scale)
+        if simulated
+        else Place(device.url or "whoever works it")
+        for device in (cell.robot, cell.instrument)
     ]
     with ThreadPoolExecutor(max_workers=len(charts)) as pool, ExitStack() as stack:
         under_way = {pool.submit(examine_computer, cell, computer, record): computer}
         try:
-            if not simulated:  # simulated cells are as many as one likes
+            if not simulated and not cell.robot.declared.by_hand:  # simulated cells are as many as one likes
                 stack.enter_context(Mover(cell.robot.url))
         except RobotInUse as error:
             robot.fault("lease", error)
             instrument.note("lease", "not asked, so as not to disturb the campaign that is running")
         else:
-            if not simulated:
+            if not simulated and not cell.robot.declared.by_hand:
                 robot.ok("lease", "no campaign of this computer uses it")
             under_way |= {
                 pool.submit(examine_robot, cell, devices.robot, robot, places[0]): robot,

@@ -32,7 +32,7 @@ def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
     _room(chart, record)
     _operator(cell, chart)
     for role, url in (("robot", cell.robot.url), ("instrument", cell.instrument.url)):
-        if "://" not in url:
+        if url and "://" not in url:  # a device that a person works has no address
             _serial_port(chart, role, url)
 
 
@@ -83,10 +83,11 @@ def _room(chart: Chart, record: Path) -> None:
 def _operator(cell: Cell, chart: Chart) -> None:
     if sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty():
         chart.ok("operator", "a terminal, on which prompts can be answered")
-    elif cell.instrument.one_smr:
+    elif cell.instrument.one_smr or cell.instrument.declared.by_hand or cell.robot.declared.by_hand:
+        asks = "one_smr asks" if cell.instrument.one_smr else "what is done by hand is asked of"
         chart.note(
             "operator",
-            "no terminal, and one_smr asks a person to move the SMR",
+            f"no terminal, and {asks} a person" + (" to move the SMR" if cell.instrument.one_smr else ""),
             "Start campaigns in a terminal or from the operator page, else the first prompt ends them.",
         )
     else:

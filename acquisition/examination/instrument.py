@@ -35,6 +35,8 @@ def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: 
 
 def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float) -> None:
     declared = cell.instrument.declared
+    if declared.by_hand:
+        return  # nothing can be asked but of a person
     clock = partial(declared.clock_s, instrument)
     first = read_clock(clock, chart)
     status = chart.ask("status", instrument.status)

@@ -13,7 +13,7 @@ from acquisition.cell.identity import Match, OtherDevice
 from acquisition.examination.clocks import APART_S, ClockReading, examine_clock
 from acquisition.examination.finding import Chart
 from drivers.errors import AcquisitionError, LinkError, SafetyStop
-from drivers.interfaces import Device, Identity, weakness_of
+from drivers.interfaces import Attended, Device, Identity, weakness_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,10 @@ def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity]
         _compare(chart, who, match(who))
         if who.simulated and not place.simulated:
             chart.note("simulated", "a simulator answers, no device", "Correct the url in the cell file.")
-    if weakness := weakness_of(device):
+    weakness = weakness_of(device)
+    if weakness and isinstance(device, Attended):
+        chart.note("hand", weakness, "Have what is typed read once more before it is confirmed.")
+    elif weakness:
         chart.note(
             "wire",
             weakness,

@@ -32,6 +32,13 @@ def examine_robot(cell: Cell, robot: RobotArm, chart: Chart, place: Place) -> No
 
 
 def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> None:
+    if cell.robot.declared.by_hand:
+        chart.note(
+            "stop",
+            "moved by hand: Stop does not reach it",
+            "Agree on a word for stop with whoever drives it.",
+        )
+        return  # nothing more can be asked but of a person
     first_read = chart.ask("position", robot.position)
     clock = partial(cell.robot.declared.clock_s, robot)
     first = read_clock(clock, chart)

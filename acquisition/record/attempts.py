@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from acquisition.campaign.plan import Visit
@@ -99,32 +100,38 @@ class Attempts:
                 "INSERT INTO prompt (id, text, picture, expects, asked_utc) VALUES (?, ?, ?, ?, ?)",
                 (prompt.id, prompt.text, prompt.picture, json.dumps(expects), self._store.moment().utc),
             )
-            self._store.note(db, "prompt", id=prompt.id, text=prompt.text, expects=expects)
+            entry = {} if prompt.entry is None else {"entry": asdict(prompt.entry)}
+            self._store.note(db, "prompt", id=prompt.id, text=prompt.text, expects=expects, **entry)
             self._store.change_state(db, State.WAITING, prompt.text)
 
-    def answered(self, prompt_id: str, answer: str, by: str, reason: str = "") -> None:
-        """The answer, with which the campaign goes on; or VOID."""
+    def answered(self, prompt_id: str, answer: str, by: str, reason: str = "", typed: str = "") -> None:
+        """The answer, with which the campaign goes on; or VOID. What was typed beside it is kept as it was typed."""
         with self._store.changing() as db:
             db.execute(
                 "UPDATE prompt SET answer = ?, answered_by = ?, reason = ?, answered_utc = ? "
                 "WHERE id = ? AND answer IS NULL",
                 (answer, by, reason, self._store.moment().utc, prompt_id),
             )
-            self._store.note(db, "answer", id=prompt_id, answer=answer, by=by, reason=reason)
+            beside = {"typed": typed} if typed else {}
+            self._store.note(db, "answer", id=prompt_id, answer=answer, by=by, reason=reason, **beside)
             if answer != VOID:
                 self._store.change_state(db, State.RUNNING, "")
 
     def open_prompt(self) -> dict[str, Any] | None:
-        """The prompt that waits for its answer: id, text, picture, expects."""
+        """The prompt that waits for its answer: id, text, picture, expects, entry."""
         rows = self._store.database.query("SELECT * FROM prompt WHERE answer IS NULL ORDER BY rowid DESC")
         if not rows:
             return None
         row = rows[0]
+        asked = self._store.database.query(
+            "SELECT data FROM event WHERE kind = 'prompt' ORDER BY id DESC LIMIT 1"
+        )
         return {
             "id": row["id"],
             "text": row["text"],
             "picture": row["picture"],
             "expects": json.loads(row["expects"]),
+            "entry": json.loads(asked[0]["data"]).get("entry") if asked else None,
         }
 
 

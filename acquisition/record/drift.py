@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.cell.workspace import targets_at
 from acquisition.record.readings import readings_of
 from acquisition.record.store import Store
 
@@ -37,6 +38,11 @@ def drift_of(store: Store) -> Drift | None:
     rows = [row for row in readings_of(store, "reference") if row.counts]
     for row in rows:
         point = np.array(row.world)
+        if (
+            store.driven_by_hand
+        ):  # never twice in the same place: what the nominal robot does from one to the other
+            at = targets_at(store.cell, np.array([row.joints]))[0]
+            point = point - at[list(store.cell.tool.targets).index(row.target)]
         if row.target in first:
             drifts.append((row.t_s, point - first[row.target]))
         else:

@@ -33,7 +33,8 @@ class Reading:
     """One reading of a target at a pose, or the last attempt at one that was given up. What is not known is None.
 
     point: in the instrument's own frame, world: in the frame of the nests, turn: the quaternion in that frame, scalar
-    first. joints, approach: as commanded; reached: the controller's read-back; sides: from which the joints came.
+    first. joints, approach: as commanded, the joints of a robot that is driven by hand as a person said that it shows
+    them; reached: the controller's read-back; sides: from which the joints came.
     arrival: number of the arrival on which it relies: those of one share where the robot came to rest. robot,
     instrument: their numbers in the record. counts: it was measured, and not measured again; else `reason`.
     """
@@ -64,7 +65,10 @@ class Reading:
 
 def readings_of(store: Store, set_name: str | None = None) -> list[Reading]:
     """Every reading of a record, in the order of measuring; of one set where it is named. Raises StorageError."""
-    return [_reading(row) for row in store.database.query(_ROWS.format(which=_AT_POSES), (set_name,))]
+    return [
+        _reading(row, by_hand=store.driven_by_hand)
+        for row in store.database.query(_ROWS.format(which=_AT_POSES), (set_name,))
+    ]
 
 
 def spans_of(store: Store) -> list[Reading]:
@@ -80,7 +84,7 @@ def touches_of(store: Store) -> list[Reading]:
     return [_reading(row) for row in store.database.query(_ROWS.format(which=_TOUCHES), (None,))]
 
 
-def _reading(row: sqlite3.Row) -> Reading:
+def _reading(row: sqlite3.Row, *, by_hand: bool = False) -> Reading:
     def all_of(*names: str) -> Numbers | None:
         values = tuple(row[name] for name in names)
         return None if None in values else values
@@ -94,7 +98,7 @@ def _reading(row: sqlite3.Row) -> Reading:
         set_name=row["set_name"],
         target=row["target"],
         base_target=row["base_target"],
-        joints=tuple(json.loads(row["joints_deg"])),
+        joints=tuple(json.loads(reached if by_hand and reached else row["joints_deg"])),
         approach=tuple(json.loads(row["approach_deg"])),
         sides=tuple(json.loads(row["sides"])),
         reached=tuple(json.loads(reached)) if reached else None,

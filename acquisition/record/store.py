@@ -15,10 +15,12 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 from acquisition.campaign.plan import Visit
+from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordTaken, damaged
 from acquisition.record import seal
@@ -343,6 +345,16 @@ class Store:
         return again
 
     # -- world frame --------------------------------------------------------------------------------------
+
+    @cached_property
+    def driven_by_hand(self) -> bool:
+        """Whether a person drives the robot: the joints that they said it shows are those that were commanded."""
+        return self.cell.robot.declared.by_hand
+
+    @cached_property
+    def cell(self) -> Cell:
+        """The cell that the campaign was begun with. Raises ConfigError."""
+        return cell_of_record(self.campaign["cell"], str(self.database.path))
 
     @property
     def world(self) -> WorldFrame | None:

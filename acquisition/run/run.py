@@ -162,7 +162,9 @@ class Run:
         simulated = bool(self._store.campaign["simulated"])
         clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
         with ExitStack() as stack:
-            if not simulated:  # simulated cells are as many as one likes
+            if (
+                not simulated and not self.cell.robot.declared.by_hand
+            ):  # simulated cells are as many as one likes
                 self._mover = stack.enter_context(Mover(self.cell.robot.url))
             if on_event is not None:
                 stack.enter_context(self._store.listening(on_event))
@@ -212,7 +214,9 @@ class Run:
             self._resumed = False
             control = Control(clock)
             rig = Rig(devices, control, self._met)
-            desk = Desk(Attempts(self._store), devices.operator, control, self.folder / PROMPT)
+            desk = Desk(
+                Attempts(self._store), devices.operator, control, self.folder / PROMPT, devices.person
+            )
             done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
             self._execution = _Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
             return self._execution
@@ -356,13 +360,13 @@ class Run:
             execution = self._execution
         return [] if execution is None else execution.rig.halt()
 
-    def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "") -> None:
-        """Answer the prompt that is being asked; `reason` is kept beside it. Raises UnknownPrompt."""
+    def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "", typed: str = "") -> None:
+        """Answer the prompt that is being asked; `reason` and what was `typed` are kept. Raises UnknownPrompt."""
         with self._mutex:
             execution = self._execution
         if execution is None:
             raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
-        execution.desk.answer(prompt_id, answer, by, reason)
+        execution.desk.answer(prompt_id, answer, by, reason, typed)
 
     @property
     def visits(self) -> Visits:

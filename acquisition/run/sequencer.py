@@ -36,20 +36,20 @@ from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
 from acquisition.run.checks.calendar import Calendar
-from acquisition.run.checks.expected import Expectation
+from acquisition.run.checks.expected import Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
 from acquisition.run.orders.control import Control, Stopping
-from acquisition.run.prompts.desk import Desk
+from acquisition.run.prompts.desk import Desk, Given
 from acquisition.run.prompts.hands import Hands
 from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
 from acquisition.run.rig.rig import Rig
 from acquisition.run.rig.settling import until_still
-from drivers.errors import AcquisitionError, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
-from drivers.interfaces import Answer, JointReading, LengthReading, PointReading, Reading
+from drivers.errors import AcquisitionError, LeftOut, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
+from drivers.interfaces import Answer, Entry, JointReading, LengthReading, PointReading, Reading
 from drivers.read_back import apart_deg
 
 DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
@@ -95,6 +95,8 @@ class Sequencer:
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
         self._transit = Transit(self._placing.cell())
+        rig.attend(self._by_person)
+        self._by_hand_driven = cell.robot.declared.by_hand
         self._path = PathDrive(store, campaign, rig, control, self._transit)
         self._checks = BallbarChecks(store, cell)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
@@ -183,7 +185,10 @@ class Sequencer:
                 self._check_not_displaced(arrival)
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
-            self._measure(planned, attempt)
+            self._measure(planned, attempt, arrival)
+        except LeftOut as error:
+            if planned.visit.counted and not error.again:
+                self._done_with(planned, "skipped", self._reason or "by the operator")
         except LinkError as error:
             self._control.check_stop()
             self._after_link_error(error)
@@ -214,9 +219,7 @@ class Sequencer:
             self._store.add_event("detour", visit=visit.number, over_deg=path[0])
         arrival = self._attempts.begin_arrival(visit)
         try:
-            for joints_deg in path:
-                self._rig.move(joints_deg)
-            reached = self._rig.move(visit.joints_deg)
+            reached = self._rig.go(path, visit.joints_deg)
             settle = self._campaign.settle_of(visit.block)
             self._control.settle(settle.seconds)
             if settle.check:
@@ -234,8 +237,11 @@ class Sequencer:
     def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
         """Refuse to file a reading under angles that the robot does not read back, whatever its driver believes.
 
-        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say.
+        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say. Of a
+        robot that is driven by hand the record says where it stood.
         """
+        if self._by_hand_driven:
+            return
         off = apart_deg(reached.joints_deg, visit.joints_deg)
         if off > DISPLACED_DEG:
             raise NotReached(
@@ -251,12 +257,12 @@ class Sequencer:
         if off > DISPLACED_DEG:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 
-    def _measure(self, planned: Planned, attempt: int) -> None:
+    def _measure(self, planned: Planned, attempt: int, arrival: _Arrival | None) -> None:
         try:
             if planned.base_target is not None:
                 reading: Reading = self._length(planned, planned.base_target)
             else:
-                reading = self._point(planned)
+                reading = self._point(planned, arrival)
             if planned.visit.waypoints:
                 self._path.drive(planned, attempt)
         except AcquisitionError as error:
@@ -267,7 +273,8 @@ class Sequencer:
             self._last = planned.id
             point = None
             if self._nests.world is not None and isinstance(reading, PointReading):
-                point = self._nests.world.to_world(reading.xyz_mm).tolist()
+                seen = self._nests.world.to_world(reading.xyz_mm)
+                point = as_planned(self._cell, planned, self._stands(planned, arrival), seen)
             self._gates.measured(planned, point)
             if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
                 self._ask(moved)
@@ -283,15 +290,19 @@ class Sequencer:
         self._checks.refuse_others(planned, reading.length_mm)
         return reading
 
-    def _point(self, planned: Planned) -> PointReading:
+    def _point(self, planned: Planned, arrival: _Arrival | None) -> PointReading:
         """Measured point of a target. Raises Misplaced and WronglySeated for what cannot be the target."""
-        if self._nests.world is None or planned.visit.kind == "nest":
+        if self._nests.world is None or arrival is None:
             return self._rig.measure(planned.target, self._campaign.samples, None)
-        expected = Expectation(self._cell, planned)
+        expected = Expectation(self._cell, planned, self._stands(planned, arrival))
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
         return reading
+
+    def _stands(self, planned: Planned, arrival: _Arrival | None) -> tuple[float, ...]:
+        """The joints at which a target is expected: as planned; of a robot driven by hand, where it stands."""
+        return arrival.read_deg if self._by_hand_driven and arrival is not None else planned.visit.joints_deg
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
         """CONFIRM when a person has done what the reading needs; one that they skip is left out."""
@@ -386,13 +397,28 @@ class Sequencer:
         """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        answer, reason = self._desk.ask(text, picture, redo=self._last is not None)
-        if answer is Answer.ABORT:
+        given = self._desk.ask(text, picture, redo=self._last is not None)
+        return self._obeyed(given).answer, given.reason
+
+    def _obeyed(self, given: Given) -> Given:
+        """An answer, with what it orders beside the question done. Raises Stopping for abort."""
+        if given.answer is Answer.ABORT:
             self._control.stop()
             raise Stopping
-        if answer is Answer.REDO and self._last is not None:
-            self._store.measure_again([self._last], reason or "by the operator")
+        if given.answer is Answer.REDO and self._last is not None:
+            self._store.measure_again([self._last], given.reason or "by the operator")
             self._last = None
             self._hands.doubt()  # somebody looks before the robot goes back there
-        self._reason = reason
-        return answer, reason
+        self._reason = given.reason
+        return given
+
+    def _by_person(self, text: str, entry: Entry, picture: str) -> str:
+        """What a device asks whoever works it: what they type. That is its way of acting, and voids no approach.
+
+        Raises LeftOut for skip and redo, Stopping for abort, NoOperator, Pausing.
+        """
+        given = self._obeyed(self._desk.ask(text, Picture(picture), redo=self._last is not None, entry=entry))
+        if given.answer is not Answer.CONFIRM:
+            again = given.answer is Answer.REDO
+            raise LeftOut(given.reason or "by the operator", again=again, device="operator")
+        return given.typed

@@ -48,7 +48,8 @@ class FanucController:
 
     # -- angles -------------------------------------------------------------------------------------------
 
-    def _to_model(self, q: Sequence[float]) -> tuple[float, ...]:
+    def to_model(self, q: Sequence[float]) -> tuple[float, ...]:
+        """Angles of the model, deg, where the controller counts q."""
         return (q[0], q[1], -(q[1] + q[2]), -q[3], -q[4], -q[5]) if self.coupled else tuple(q)
 
     def joints_deg(self) -> tuple[float, ...]:
@@ -113,7 +114,7 @@ class FanucController:
         self._stop_asked, self.alarm = False, (0, 0)
         share = max(percent, 0.01) / 100.0
         seconds = max(abs(b - a) / (share * top) for a, b, top in zip(here, target, MAX_DEG_S, strict=True))
-        model = self._to_model(target)
+        model = self.to_model(target)
         far = max(abs(b - a) for a, b in zip(arm.joints_deg(), model, strict=True))
         arm.start(model, rate_deg_s=far / seconds if far > 0.0 < seconds else 1.0, tool_mm_s=NO_CAP_MM_S)
         lead_s = self.cnt_lead_s if cnt else 0.0

@@ -12,7 +12,15 @@ from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal
-from service.programs import KnownFrames, compensate, named_frames, read_program, summary, write_text
+from service.programs import (
+    KnownFrames,
+    compensate,
+    named_frames,
+    pulses_of,
+    read_program,
+    summary,
+    write_text,
+)
 from service.programs.compensation import REFUSED
 from service.programs.conditions import stated_conditions
 
@@ -20,7 +28,11 @@ from service.programs.conditions import stated_conditions
 def compensate_command(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The identified model.")],
     program: Annotated[
-        Path, typer.Argument(metavar="IN", help="Targets .csv, RAPID .mod, Fanuc .ls or URScript .script.")
+        Path,
+        typer.Argument(
+            metavar="IN",
+            help="Targets .csv, RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, Yaskawa .jbi, VAL3 .dtx.",
+        ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The corrected program.")],
     conditions: Annotated[
@@ -38,6 +50,13 @@ def compensate_command(
         list[str] | None,
         typer.Option(metavar="[NAME=]x,y,z,w,p,r", help="A work object or user frame that is not in it."),
     ] = None,
+    pulses: Annotated[
+        str, typer.Option(metavar="P1,P2,...", help="Yaskawa: pulses a degree of every axis, with its sign.")
+    ] = "",
+    external_apart: Annotated[
+        bool,
+        typer.Option("--external-apart", help="External axes carry neither robot nor work: they are kept."),
+    ] = False,
     inverse: Annotated[
         bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")
     ] = False,
@@ -54,7 +73,12 @@ def compensate_command(
         raise DataError(
             "is named as another kind of program than IN.", do=f"Let it end in {program.suffix}.", file=out
         )
-    known = KnownFrames(named_frames("--tool", tool or []), named_frames("--frame", frame or []))
+    known = KnownFrames(
+        named_frames("--tool", tool or []),
+        named_frames("--frame", frame or []),
+        pulses_of("--pulses", pulses),
+        external_apart,
+    )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model} and {program}")
         saved = options.read_model(model, robot, largest_correction)

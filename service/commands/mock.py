@@ -15,7 +15,9 @@ from calib.errors import DataError
 from drivers import INSTRUMENTS, ROBOTS
 from service.simulated_cell import command_of
 
-DEVICES = (*ROBOTS, *INSTRUMENTS)  # every driver has its simulator
+DEVICES = tuple(
+    each.name for each in (*ROBOTS.values(), *INSTRUMENTS.values()) if not each.by_hand
+)  # every driver has its simulator; a person is simulated in a cell alone
 CELL = "cell"
 
 

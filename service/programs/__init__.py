@@ -4,9 +4,9 @@
 """
 
 from service.programs.compensation import Compensation, compensate
-from service.programs.frames import KnownFrames, named_frames
+from service.programs.frames import KnownFrames, named_frames, pulses_of
 from service.programs.program import rewritten
-from service.programs.read import read_program
+from service.programs.read import parse, read_program
 from service.programs.text import write_text
 
 __all__ = [
@@ -14,6 +14,8 @@ __all__ = [
     "KnownFrames",
     "compensate",
     "named_frames",
+    "parse",
+    "pulses_of",
     "read_program",
     "rewritten",
     "write_text",

@@ -85,7 +85,8 @@ def compensate(
         if target.empty or why[i]:
             continue
         why[i] = done.reasons[i]
-        if not why[i] and not target.turns_written and (outside := leaves_window(target, counted[i])):
+        kept = target.kept if target.turns_written else frozenset(target.windows)
+        if not why[i] and (outside := leaves_window(target, counted[i], kept)):
             why[i] = f"its configuration would change: {outside}"
         if not why[i]:
             driven[i] = Driven(counted[i], flange[i])

@@ -148,8 +148,8 @@ class FanucProgram:
 
     def _pose(self, target: Target, body: str, place: _Place, values: list[float]) -> tuple[Target, _Place]:
         """A Cartesian position. Raises ValueError, saying why, where its joints cannot be found."""
-        if any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items()):
-            raise ValueError("it positions an extended axis, which may carry the robot or the work")
+        used = any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items())
+        beside = self._known.note_external(used=used)
         of = _FRAMES.search(body)
         config = _CONFIG.search(body)
         if of is None or config is None:
@@ -159,7 +159,7 @@ class FanucProgram:
         branch, windows = _configuration(config[1])
         flange = frame @ frames.of_wpr(values[:3], values[3:]) @ inverse_poses(tool)
         return (
-            replace(target, flange=flange, tool=tool, branch=branch, windows=windows),
+            replace(target, flange=flange, tool=tool, branch=branch, windows=windows, notes=beside),
             replace(place, frame=frame),
         )
 

@@ -20,14 +20,29 @@ from calib.units import DEG
 
 NORM_TOLERANCE = 1e-3  # how far from 1 the norm of a quaternion may be, that was written with four digits
 UNNAMED = ""
+_FEWEST_PULSES, _MOST_PULSES = 1.0, 1e6  # a degree
 
 
 @dataclass(frozen=True)
 class KnownFrames:
-    """Tools on the flange and frames in the controller's world, by the name or number a program calls them."""
+    """Tools on the flange and frames in the controller's world, by the name or number a program calls them.
+
+    pulses_per_deg: of every axis, for programs that count in pulses; empty: not known. external_apart: the external
+    axes carry neither the robot nor the work, so that they stay as they are and change nothing.
+    """
 
     tools: Mapping[str, Array] = field(default_factory=dict)
     frames: Mapping[str, Array] = field(default_factory=dict)
+    pulses_per_deg: tuple[float, ...] = ()
+    external_apart: bool = False
+
+    def note_external(self, *, used: bool) -> tuple[str, ...]:
+        """What to know beside a target. Raises ValueError for external axes that may change where the tool is."""
+        if used and not self.external_apart:
+            raise ValueError(
+                "it positions an external axis, which may carry the robot or the work (--external-apart: it does not)"
+            )
+        return ("its external axes stay as they are",) if used else ()
 
 
 def joint_angles(angles: Sequence[float] | Array) -> Array:
@@ -128,3 +143,18 @@ def named_frames(option: str, texts: Sequence[str]) -> dict[str, Array]:
             raise DataError(f"'{key}' is given twice.", do="Give it once.", key=option)
         out[key.lower()] = pose
     return out
+
+
+def pulses_of(option: str, text: str) -> tuple[float, ...]:
+    """Pulses a degree of every axis from `p1,p2,...`; none from an empty text. Raises DataError naming the option."""
+    try:
+        pulses = tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        pulses = (math.nan,)
+    if not all(_FEWEST_PULSES <= abs(each) <= _MOST_PULSES for each in pulses):
+        raise DataError(
+            f"'{text[:60]}' is no list of pulses a degree.",
+            do=f"Give a number for each axis, {_FEWEST_PULSES:g} to {_MOST_PULSES:g}, with ',' between.",
+            key=option,
+        )
+    return pulses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -78,6 +78,8 @@ def _chosen(
     """The solution that the controller takes among those `counted` (B, N), or why there is none."""
     nowhere = np.full(robot.joints, np.nan)
     lower, upper = np.array(robot.lower), np.array(robot.upper)
+    if target.among:
+        return _only_one(target, counted, reached, branches, robot)
     if target.branch is None:
         if before is None:
             return nowhere, _NO_POSTURE
@@ -103,10 +105,41 @@ def _chosen(
     return (nowhere, f"its configuration does not fit: {outside}") if outside else (turned, "")
 
 
-def leaves_window(target: Target, angles: Array) -> str:
-    """Which joint is outside the turns that the program asks for, as a sentence part; '' where none does."""
+def _only_one(
+    target: Target, counted: Array, reached: tuple[Reached, ...], branches: tuple[str, ...], robot: Robot
+) -> tuple[Array, str]:
+    """The one solution of `counted` (B, N) within the limits that fits every window, or why there is none."""
+    if not set(target.among) <= set(branches):
+        return np.full(robot.joints, np.nan), f"this arm has no such posture, only {', '.join(branches)}"
+    lower, upper = np.array(robot.lower), np.array(robot.upper)
+    seed = np.zeros(robot.joints)
     for joint, (begin, end) in target.windows.items():
-        if not begin <= angles[joint] <= end:
+        seed[joint] = 0.5 * (begin + end)
+    fitting = []
+    elbows = np.remainder(counted[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    for branch in target.among:
+        k, other = branches.index(branch), branches.index(_other_elbow(branch))
+        elbow_fits = target.larger_elbow in (None, bool(elbows[k] > elbows[other]))
+        if reached[k] is Reached.YES and elbow_fits:
+            turned = nearest_turns(counted[k], seed, lower, upper, slides=robot.slides)
+            fits = np.all(np.isfinite(turned)) and not leaves_window(target, turned)
+            fitting += [turned] if fits else []
+    if len(fitting) == 1:
+        return fitting[0], ""
+    many = "several postures fit" if fitting else "no posture fits"
+    return np.full(robot.joints, np.nan), f"{many} the configuration that it asks for"
+
+
+def _other_elbow(branch: str) -> str:
+    side, elbow, wrist = branch.split("/")
+    return "/".join((side, {"up": "down", "down": "up"}[elbow], wrist))
+
+
+def leaves_window(target: Target, angles: Array, joints: Collection[int] | None = None) -> str:
+    """Which joint, of `joints` where given, is outside the turns that the program asks for, as a sentence part; ''
+    where none is."""
+    for joint, (begin, end) in target.windows.items():
+        if (joints is None or joint in joints) and not begin <= angles[joint] <= end:
             asked = f"{np.degrees(begin):.1f} to {np.degrees(end):.1f}"
             return f"joint {joint + 1} is at {np.degrees(angles[joint]):.2f} deg, asked for is {asked}"
     return ""

@@ -25,9 +25,11 @@ class Target:
 
     joints: (N,) controller angles, rad; or flange: (4, 4) in the nominal base frame, mm. tool: (4, 4) tool point on
     the flange. branch: of a pose target, None for the one nearest to the target before. windows: joint (from 0) ->
-    range of its controller angle, rad, within which the controller keeps it; turns_written: whether the dialect can
-    write other turns than those read. refused: why it is not corrected, as a
-    sentence part. empty: the position holds nothing yet and stays so. notes: what to know beside it.
+    range of its controller angle, rad, within which the controller keeps it; among: branches of which the one that
+    fits all windows is meant, and of two elbows the one with the larger angle of joint 3 where `larger_elbow` says
+    so, the smaller where it is False; turns_written: whether the dialect can write other turns than those read, but
+    for those of the joints `kept`. refused: why it is not corrected, as a sentence part. empty: the position holds
+    nothing yet and stays so. notes: what to know beside it.
     """
 
     name: str
@@ -37,7 +39,10 @@ class Target:
     tool: Array = field(default_factory=lambda: np.eye(4))
     branch: str | None = None
     windows: Mapping[int, Window] = field(default_factory=dict)
+    among: tuple[str, ...] = ()
+    larger_elbow: bool | None = None
     turns_written: bool = False
+    kept: frozenset[int] = frozenset()
     refused: str = ""
     empty: bool = False
     notes: tuple[str, ...] = ()

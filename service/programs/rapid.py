@@ -152,8 +152,8 @@ class RapidProgram:
                 raise ValueError(f"its configuration number is {cfx:g}, not 0 to 7")
             if any(abs(quarter) > _MOST_QUARTERS for quarter in (cf1, cf4, cf6)):
                 raise ValueError(f"its quarter turns are beyond {_MOST_QUARTERS}")
-            if any(abs(value) < UNUSED for value in self._module.numbers(external, 6)):
-                raise ValueError("it positions an external axis, which may carry the robot or the work")
+            used = any(abs(value) < UNUSED for value in self._module.numbers(external, 6))
+            beside = self._known.note_external(used=used)
             tool, frame = self._tool_and_frame(uses)
         except Unknown as unknown:
             return replace(target, refused=f"is not a plain value: {unknown}"), place
@@ -167,6 +167,7 @@ class RapidProgram:
                 branch=BRANCHES[int(cfx)],
                 windows={k: _window(cf) for k, cf in zip(_QUARTERED, (cf1, cf4, cf6), strict=True)},
                 turns_written=True,
+                notes=(*target.notes, *beside),
             ),
             replace(place, frame=frame),
         )

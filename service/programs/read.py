@@ -10,13 +10,17 @@ from calib.arm import Robot
 from calib.errors import DataError
 from service.programs.fanuc import FanucProgram
 from service.programs.frames import KnownFrames
+from service.programs.kuka import KukaProgram
 from service.programs.program import Program
 from service.programs.rapid import RapidProgram
 from service.programs.target_table import TargetTable
 from service.programs.text import read_text
 from service.programs.urscript import UrScript
+from service.programs.val3 import Val3Data
+from service.programs.yaskawa import YaskawaJob
 
 RAPID, FANUC, URSCRIPT, TABLE = "RAPID module", "Fanuc program", "URScript", "target table"
+KUKA, YASKAWA, VAL3 = "KUKA program", "Yaskawa job", "VAL3 data file"
 SUFFIXES = {
     ".mod": RAPID,
     ".modx": RAPID,
@@ -25,9 +29,20 @@ SUFFIXES = {
     ".ls": FANUC,
     ".script": URSCRIPT,
     ".urscript": URSCRIPT,
+    ".src": KUKA,
+    ".dat": KUKA,
+    ".jbi": YASKAWA,
+    ".dtx": VAL3,
     ".csv": TABLE,
 }
-_MAKERS = {RAPID: "abb", FANUC: "fanuc", URSCRIPT: "universal robots"}
+_MAKERS = {
+    RAPID: "abb",
+    FANUC: "fanuc",
+    URSCRIPT: "universal robots",
+    KUKA: "kuka",
+    YASKAWA: "yaskawa",
+    VAL3: "staubli",
+}
 
 
 def dialect_of(path: Path, robot: Robot) -> str:
@@ -38,6 +53,7 @@ def dialect_of(path: Path, robot: Robot) -> str:
             "is not a program known here.", do=f"Its name must end in {', '.join(SUFFIXES)}.", file=path
         )
     maker = robot.maker.casefold()
+    maker = maker.replace("ä", "a").replace("motoman", "yaskawa")
     speaks = [d for d, name in _MAKERS.items() if maker.startswith(name)]
     if dialect != TABLE and speaks and dialect not in speaks:
         raise DataError(
@@ -57,9 +73,13 @@ def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> Program:
     dialect = dialect_of(path, robot)
     if dialect == TABLE:
         return TargetTable(text, str(path), robot.joints, known)
+    if dialect == YASKAWA:
+        return YaskawaJob(text, str(path), known)
+    if dialect == VAL3:
+        return Val3Data(text, str(path))
     world = np.eye(4)
     world[:3, 3] = robot.controller_world_mm
-    reader = {RAPID: RapidProgram, FANUC: FanucProgram, URSCRIPT: UrScript}[dialect]
+    reader = {RAPID: RapidProgram, FANUC: FanucProgram, URSCRIPT: UrScript, KUKA: KukaProgram}[dialect]
     return reader(text, str(path), world, known)
 
 

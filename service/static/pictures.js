@@ -1,5 +1,6 @@
 // The picture beside a prompt, drawn from the cell: which nest, which ball, which bar. The prompt names it in `picture`:
-// seat/NAME, aim/NAME, off, span/BASE/TOOL, calibrator.
+// seat/NAME, aim/NAME, off, span/BASE/TOOL, calibrator; words alone: drive, pendant, read/TARGET, and behind each of
+// these again/REASON/NAME, where what was typed cannot be right.
 
 import { svg } from "./dom.js";
 import { t } from "./words.js";
@@ -8,13 +9,15 @@ const W = 360, H = 230;
 
 // The prompt in the language of the page; null where the service has put it in words of its own.
 export function promptWords(prompt) {
-  const [what, one, other] = (prompt.picture || "").split("/");
-  return what ? t(`prompt_${what}`, { one, other }) : null;
+  const [asked, again] = (prompt.picture || "").split("/again/"), [what, one, other] = asked.split("/");
+  if (!what) return null;
+  const [reason, name] = (again || "").split("/");
+  return [again ? t(`slip_${reason}`, { one: name || "" }) : "", t(`prompt_${what}`, { one, other })].filter(Boolean).join(" ");
 }
 
 export function promptPicture(prompt, scene) {
   const [what, one, other] = (prompt.picture || "").split("/");
-  if (!what || !scene) return null;
+  if (!what || !scene || prompt.entry) return null;
   const parts = what === "span" ? span(scene, one, other) : what === "off" ? off() : what === "calibrator" ? calibrator() : seat(scene, one, what === "aim");
   return svg("svg", { viewBox: `0 0 ${W} ${H}`, role: "img", "aria-label": promptWords(prompt), class: "prompt-picture" }, parts);
 }

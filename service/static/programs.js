@@ -7,7 +7,7 @@ import { number } from "./units.js";
 import { t } from "./words.js";
 
 const KINDS = { urdf: "urdf", "ur-yaml": "yaml", "dh-csv": "csv", "dh-md": "md", mastering: "csv" }, MOST = 100;
-const ENDINGS = ".mod,.modx,.sys,.prg,.ls,.script,.urscript,.csv";
+const ENDINGS = ".mod,.modx,.sys,.prg,.ls,.script,.urscript,.src,.dat,.dtx,.csv";
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (each) => each.charCodeAt(0));
 const field = (id, words, props = {}) => [h("input", { id, maxLength: 1000, autocomplete: "off", ...props }), words];
 

@@ -14,16 +14,20 @@ export function promptCard() {
   let asked = "", armed = "", run = null, drawn = null;
   const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim", lang: "en" }), arming = h("p", { id: "arming", className: "dim" });
   const picture = h("div", { className: "prompt-side" }), reason = h("input", { id: "reason", maxLength: 500, size: 30 });
+  const shown = h("p", { id: "shown" }), typed = h("textarea", { id: "typed", rows: 2, maxLength: 2000, spellcheck: false, autocomplete: "off" });
+  const entryName = h("span", {}), stopless = h("p", { id: "stopless", className: "warn" });
+  const entry = h("div", { id: "entry", hidden: true }, shown, stopless, h("label", {}, entryName, typed));
   const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
   const card = h("section", { id: "asking", className: "wide", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
-    h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, arming,
+    h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, entry, arming,
       h("div", { className: "row" }, buttons), h("label", { className: "row" }, t("reason"), " ", reason)), picture);
 
   async function answer(verb) {
     const id = armed;
+    if (verb === "confirm" && run.prompt && run.prompt.entry && run.prompt.entry.needed && !typed.value.trim()) { typed.focus(); return; }
     if (!id) return;  // not armed yet, or answered: a second click is no second answer
     armed = ""; dress();
-    try { await ask("POST", `/runs/${run.id}/prompts/${id}/${verb}`, { reason: reason.value }, moving()); }
+    try { await ask("POST", `/runs/${run.id}/prompts/${id}/${verb}`, answered(verb), moving()); }
     catch (error) {
       const late = error.code === NOT_ASKED;
       if (late && verb !== "abort") { card.dispatchEvent(new CustomEvent("late")); return; }
@@ -32,15 +36,31 @@ export function promptCard() {
     }
   }
 
+  // What is typed goes with confirm alone; Enter types another row, so that a pasted one answers nothing by itself.
+  const answered = (verb) => ({ reason: reason.value, ...(verb === "confirm" && run.prompt && run.prompt.entry && typed.value.trim() ? { typed: typed.value } : {}) });
+
+  function askNumbers(numbers, drives) {
+    entry.hidden = !numbers;
+    if (!numbers) return;
+    typed.value = "";
+    shown.textContent = numbers.shown.map((value, i) => `${numbers.names[i]}\u00a0${value}`).join("   "); shown.hidden = !numbers.shown.length;
+    stopless.textContent = drives ? t("byHand") : "";
+    entryName.textContent = t("typedHere", { unit: numbers.unit, names: numbers.names.join(" ") });
+    typed.setAttribute("aria-label", entryName.textContent);
+  }
+
   function dress() {
     const prompt = run && run.prompt;
     if (!prompt) return;
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
       each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
-      each.setAttribute("aria-disabled", String(!armed));
+      const empty = each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim();
+      each.setAttribute("aria-disabled", String(!armed || empty));
     }
   }
+
+  typed.addEventListener("input", dress);
 
   card.show = (of, scene) => {
     run = of;
@@ -53,6 +73,7 @@ export function promptCard() {
       asked = prompt.id; armed = ""; reason.value = "";
       question.textContent = mine || prompt.text; question.lang = mine ? language() : "en";
       original.textContent = mine && mine !== prompt.text ? prompt.text : "";
+      askNumbers(prompt.entry, /^(drive|pendant)/.test(prompt.picture || ""));
       setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);
     }
     if (drawn !== prompt.id && (scene || !prompt.picture)) { drawn = prompt.id; picture.replaceChildren(...[promptPicture(prompt, scene)].filter(Boolean)); }

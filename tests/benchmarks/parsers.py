@@ -10,6 +10,7 @@ import gc
 import math
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -140,6 +141,30 @@ FANUC: Mapping[str, Shape] = {
     ),
     "groups": lambda n: _LS.format("", "P[1]{" + "GP2:" * n + "};"),
 }
+KUKA: Mapping[str, Shape] = {
+    "points": lambda n: "DECL E6POS XP1={X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 35}\n" * (n // 50),
+    "open aggregates": lambda n: "PTP " + "{" * n,
+    "aggregates": lambda n: "PTP " + "{A1 0}" * (n // 6),
+    "components": lambda n: "PTP {" + "A1 0," * (n // 5) + "}",
+    "quotes": lambda n: '"' * n,
+    "blanks": lambda n: "DECL" + " " * n,
+    "names": lambda n: "PTP " + "a:" * (n // 2),
+    "tools": lambda n: "$TOOL={X 1,Y 2,Z 3,A 4,B 5,C 6}\nPTP P1\n" * (n // 40),
+}
+YASKAWA: Mapping[str, Shape] = {
+    "pulses": lambda n: "/JOB\n//POS\n///POSTYPE PULSE\nC00000=" + "1," * (n // 2),
+    "positions": lambda n: "/JOB\n//POS\n///POSTYPE PULSE\n" + "C00000=1,2,3,4,5,6\n" * (n // 19),
+    "blanks": lambda n: "/JOB\n//POS\nC00000" + " " * n,
+}
+VAL3: Mapping[str, Shape] = {
+    "open tags": lambda n: "<Database>" + "<Data " * (n // 6),
+    "comments": lambda n: "<Database>" + "<!--" * (n // 4),
+    "dashes": lambda n: "<Database><!--" + "-" * n,
+    "attributes": lambda n: '<Database><Data name="a" type="jointRx"><Value ' + 'a="1" ' * (n // 6) + ">",
+    "values": lambda n: (
+        '<Database><Data name="a" type="jointRx">' + '<Value key="0" j1="1"/>' * (n // 23) + "</Data>"
+    ),
+}
 MBP: Mapping[str, Shape] = {
     "fields": lambda n: "1 OK " + "a=1 " * n,
     "a name": lambda n: "1 OK " + "a" * n,
@@ -151,6 +176,7 @@ def run() -> bool:
     """Print the exponents of every format and shape."""
     robots = {"p.mod": "abb-irb120", "p.ls": "fanuc-lrmate200ic", "p.script": "ur5", "p.csv": "abb-irb120"}
     programs = {".mod": RAPID, ".ls": FANUC, ".script": URSCRIPT, ".csv": TABLE}
+    others = {"p.src": KUKA, "p.jbi": YASKAWA, "p.dtx": VAL3}
     reached = True
     for what, shapes, read in (
         ("JSON", JSON, lambda text: parse_json(text, "f")),
@@ -161,6 +187,10 @@ def run() -> bool:
         *(
             (f"program {Path(name).suffix}", programs[Path(name).suffix], partial(_program, name, robot))
             for name, robot in robots.items()
+        ),
+        *(
+            (f"program {Path(name).suffix}", shapes, partial(_of_maker, name))
+            for name, shapes in others.items()
         ),
         ("a bridge's line", MBP, lambda text: mbp.parse(text.encode())),
     ):
@@ -199,6 +229,13 @@ def _of_file(read: Callable[[Path], object], text: str) -> object:
         path = Path(folder) / "data.csv"
         path.write_text(text, "utf-8")
         return read(path)
+
+
+def _of_maker(name: str, text: str) -> object:
+    robot = replace(
+        load_robot("abb-irb120"), maker={".src": "KUKA", ".jbi": "Yaskawa", ".dtx": "Staubli"}[name[1:]]
+    )
+    return parse(text, Path(name), robot, KnownFrames(pulses_per_deg=(1000.0,) * 6))
 
 
 def _program(name: str, robot: str, text: str) -> object:

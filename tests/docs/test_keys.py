@@ -28,7 +28,7 @@ from calib.foreign.map_file import is_quantity
 from calib.robot_file import SCHEMA
 from calib.saved import save_model
 from calib.text.columns import Columns
-from drivers import INSTRUMENTS
+from drivers import INSTRUMENTS, ROBOTS
 from mocks.cell_file import CellFile
 from tests.calib.machines import machine
 from tests.service.campaigns import write_data
@@ -192,7 +192,9 @@ def test_cells(asked: dict[str, Asked], tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_text(f"{text}\n{fixtures}", "utf-8")
     read_cell(tmp_path / "cell.toml")
     simulated = {field.name: {field.default} for field in fields(CellFile) if field.name in SIMULATED}
-    options: Asked = {option.key: set() for driver in INSTRUMENTS.values() for option in driver.options}
+    options: Asked = {
+        option.key: set() for driver in (*ROBOTS.values(), *INSTRUMENTS.values()) for option in driver.options
+    }
     assert len(simulated) == len(SIMULATED)
     read = asked["truepose-cell/1"]
     read["joint_coupling"] -= {"fanuc-j23"}  # what its robot file says

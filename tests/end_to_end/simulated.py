@@ -21,7 +21,7 @@ from drivers.interfaces import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.shared.clock import SteppedClock
-from service.simulated_cell import SimulatedHands
+from service.simulated_cell import SimulatedHands, SimulatedPerson
 from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -101,8 +101,14 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
     with CellThread(described, devices=drivers, clock=clock) as simulated:
         robot, instrument = map(simulated.url, drivers)
         hands = SimulatedHands(simulated.port("backdoor"))
+        by_hand = cell.robot.declared.by_hand or cell.instrument.declared.by_hand
         devices = open_devices(
-            cell, operator=operator, hands=hands, robot_url=robot, instrument_url=instrument
+            cell,
+            operator=operator,
+            hands=hands,
+            person=SimulatedPerson(simulated.port("manual")) if by_hand else None,
+            robot_url=robot,
+            instrument_url=instrument,
         )
         yield Equipment(cell, devices, SteppedCampaignClock(clock), simulated=True)
 

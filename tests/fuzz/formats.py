@@ -32,6 +32,7 @@ from tests.calib.campaigns import write_files
 from tests.calib.test_dh_import import SAME
 from tests.calib.test_urdf_import import six, urdf
 from tests.fuzz.mutations import Mutation, spoil_bytes, spoil_cells, spoil_json, spoil_lines, spoil_toml
+from tests.service.maker_programs import PROGRAMS, a_model
 from tests.service.robot_programs import LS, RAPID, SCRIPT, model_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -81,6 +82,15 @@ def formats(folder: Path) -> dict[str, Format]:
         Format("program.mod", RAPID.encode(), ANYTHING, partial(_corrected, irb)),
         Format("program.ls", LS.encode(), ANYTHING, partial(_corrected, fanuc)),
         Format("program.script", SCRIPT.encode(), ANYTHING, partial(_corrected, ur)),
+        *(
+            Format(
+                f"maker{Path(name).suffix}",
+                text.encode("latin-1"),
+                ANYTHING,
+                partial(_corrected, a_model(maker)),
+            )
+            for name, (maker, text) in PROGRAMS.items()
+        ),
         Format("published.csv", _published(), cells, IMPORTERS["ipa-ur10"]),
         Format("cleaned.csv", cleaned(), cells, IMPORTERS["ipa-ur10"]),
         Format("robot.csv", _stream(7), cells, lambda path: read_joints(path, load_robot("ur5"))),

@@ -107,7 +107,7 @@ def test_rapid_targets_that_cannot_be_told_are_refused_with_line_and_reason(
         ("N U T, 0, 0, 0',\n\tX =   300", "N U T, 1, 0, 0',\n\tX =   300", "limit"),
         ("X =   300.000", "X =  3000.000", "out of reach"),
         ("100mm/sec FINE    ;\n   3", "100mm/sec FINE INC ;\n   3", r"used with INC \(line 10\)"),
-        ("R =   -90.000 deg\n", "R =   -90.000 deg,\n\tE1 = 10.000 mm\n", "extended axis"),
+        ("R =   -90.000 deg\n", "R =   -90.000 deg,\n\tE1 = 10.000 mm\n", "external axis"),
         ("J5=   -45.500", "J5=      .000", "singular"),
         ("J1=    10.500", "J1=   190.500", "limit"),
     ],

@@ -59,7 +59,7 @@ class Sphere:
             raise ConfigError(
                 f"block {site.number + 1}: base = {self.base!r} is none of {', '.join(site.cell.nests)}"
             )
-        nominal = site.cell.instrument.options.get("nominal_mm", self.radius_mm)
+        nominal = float(site.cell.instrument.options.get("nominal_mm", self.radius_mm))
         stroke = site.cell.instrument.declared.stroke_mm or 0.0
         if self.base is not None and abs(self.radius_mm - nominal) > stroke:
             raise ConfigError(

@@ -6,6 +6,8 @@ with good readings of the wrong thing. The nominal robot is off by millimetres, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acquisition.cell.cell import Cell
@@ -16,13 +18,13 @@ from drivers.interfaces import PointReading
 
 
 class Expectation:
-    """The expected places of the cell's targets in one visit; `targets_mm` (m, 3), world."""
+    """The expected places of the cell's targets where the robot stands, deg; `targets_mm` (m, 3), world."""
 
-    def __init__(self, cell: Cell, planned: Planned) -> None:
+    def __init__(self, cell: Cell, planned: Planned, joints_deg: Sequence[float]) -> None:
         self._cell = cell
         self._target = planned.target
         self._names = list(cell.tool.targets)
-        self._targets_mm = targets_at(cell, np.array([planned.visit.joints_deg]))[0]
+        self._targets_mm = targets_at(cell, np.array([joints_deg]))[0]
 
     @property
     def world_mm(self) -> Array:
@@ -50,3 +52,11 @@ class Expectation:
             command=f"measure {self._target}",
             raw=reading.raw,
         )
+
+
+def as_planned(cell: Cell, planned: Planned, stands_deg: Sequence[float], world_mm: Array) -> list[float]:
+    """(3,) a point as it would be at the joints that were planned, by the nominal robot; it stands at others."""
+    if tuple(stands_deg) == tuple(planned.visit.joints_deg):
+        return world_mm.tolist()
+    there, here = (Expectation(cell, planned, q) for q in (planned.visit.joints_deg, stands_deg))
+    return (world_mm + there.world_mm - here.world_mm).tolist()

@@ -9,31 +9,49 @@ from __future__ import annotations
 import threading
 import uuid
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.record.attempts import VOID, Attempts
 from acquisition.run.orders.control import Control
 from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from drivers.errors import AcquisitionError
-from drivers.interfaces import Answer, Operator, Prompt
-from drivers.operator import RemoteOperator, UnknownPrompt
+from drivers.interfaces import Answer, Entry, Operator, Prompt, Typed
+from drivers.operator import RemoteOperator, UnknownPrompt, refused
 
 CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
 
+@dataclass(frozen=True)
+class Given:
+    """An answer: by whom, why, and what was typed beside it."""
+
+    answer: Answer
+    by: str
+    reason: str = ""
+    typed: str = ""
+
+
 class Desk:
-    """The desk asks one prompt at a time. `picture`: the file for drawings, shown to a person at a terminal."""
+    """The desk asks one prompt at a time. `picture`: the file for drawings, shown to a person at a terminal; `person`:
+    who answers prompts with an entry, None: the operator."""
 
     def __init__(
-        self, attempts: Attempts, operator: Operator | None, control: Control, picture: Path | None = None
+        self,
+        attempts: Attempts,
+        operator: Operator | None,
+        control: Control,
+        picture: Path | None = None,
+        person: Operator | None = None,
     ) -> None:
         self._attempts = attempts
         self._operator = operator
         self._control = control
         self._picture = picture
+        self._person = person or operator
         self._changed = threading.Condition()
         self._pending: Prompt | None = None
-        self._answer: tuple[Answer, str, str] | None = None  # answer, who, why
+        self._answer: Given | None = None
         self._failure: AcquisitionError | None = None
         self._asker: threading.Thread | None = None
         control.watch(self._wake)
@@ -42,21 +60,24 @@ class Desk:
         with self._changed:
             self._changed.notify_all()
 
-    def ask(self, text: str, picture: Picture = WORDS_ALONE, *, redo: bool = False) -> tuple[Answer, str]:
-        """Wait for a person: the answer and its reason. `redo`: the last reading may be asked for once more.
+    def ask(
+        self, text: str, picture: Picture = WORDS_ALONE, *, redo: bool = False, entry: Entry | None = None
+    ) -> Given:
+        """Wait for a person. `redo`: the last reading may be asked for once more; `entry`: numbers that they type.
 
         Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
         """
         choices = (*CHOICES, Answer.REDO) if redo else CHOICES
-        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture.name)
+        prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture.name, entry)
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None
         if picture.drawing is not None and self._picture is not None:
             with suppress(OSError):  # a full disk is said where it costs a reading
                 self._picture.write_text(picture.drawing, encoding="utf-8")
         self._attempts.ask(prompt)
-        if self._operator is not None:
-            self._asker = threading.Thread(target=self._put, args=(self._operator, prompt), daemon=True)
+        operator = self._operator if entry is None else self._person
+        if operator is not None:
+            self._asker = threading.Thread(target=self._put, args=(operator, prompt), daemon=True)
             self._asker.start()
         with self._changed:
             self._changed.wait_for(lambda: self._answer or self._failure or self._control.asked)
@@ -68,18 +89,19 @@ class Desk:
                 raise failure
             self._control.check()
             raise AssertionError("woken without a reason")
-        self._attempts.answered(prompt.id, answer[0].value, answer[1], answer[2])
-        return answer[0], answer[2]
+        self._attempts.answered(prompt.id, answer.answer.value, answer.by, answer.reason, answer.typed)
+        return answer
 
-    def answer(self, prompt_id: str, answer: Answer, by: str, reason: str = "") -> None:
+    def answer(self, prompt_id: str, answer: Answer, by: str, reason: str = "", typed: str = "") -> None:
         """A person answers, from any thread. Raises UnknownPrompt for a prompt that is not being asked."""
         with self._changed:
             pending = self._pending
             if pending is None or pending.id != prompt_id or self._answer is not None:
                 raise UnknownPrompt(f"prompt {prompt_id} is not being asked", device="operator")
-            if answer not in pending.expects:
-                raise UnknownPrompt(f"prompt {prompt_id} does not expect {answer.value}", device="operator")
-            self._answer = (answer, by, reason)
+            with_typed = Typed(typed) if typed.strip() and answer is Answer.CONFIRM else answer
+            if refusal := refused(pending, with_typed):
+                raise UnknownPrompt(refusal, device="operator")
+            self._answer = Given(answer, by, reason, typed)
             self._changed.notify_all()
 
     def _put(self, operator: Operator, prompt: Prompt) -> None:
@@ -93,7 +115,9 @@ class Desk:
             return
         with self._changed:
             if self._pending is prompt and self._answer is None:
-                self._answer = (answer, type(operator).__name__, "")
+                by = type(operator).__name__
+                typed = answer.text if isinstance(answer, Typed) else ""
+                self._answer = Given(Answer.CONFIRM if isinstance(answer, Typed) else answer, by, typed=typed)
                 self._changed.notify_all()
 
     def _withdraw(self, prompt: Prompt) -> None:

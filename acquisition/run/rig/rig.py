@@ -17,7 +17,10 @@ from acquisition.run.orders.control import Control
 from acquisition.run.rig.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
 from drivers.interfaces import (
+    Asking,
+    Attended,
     Device,
+    Guided,
     Identity,
     JointReading,
     LengthMeter,
@@ -99,13 +102,16 @@ class Rig:
 
     def move(self, joints_deg: Sequence[float]) -> JointReading:
         """Go there and come to rest. Raises AcquisitionError, Stopping."""
+        return self._driven(lambda: self._devices.robot.move_to(joints_deg))
+
+    def _driven(self, move: Callable[[], JointReading]) -> JointReading:
         self._control.check_stop()
         self.lost_in_move = False
         self._at_rest = False
         with self.using("robot"):
             self.moving = True
             try:
-                reached = self._devices.robot.move_to(joints_deg)
+                reached = move()
             except LinkError:
                 # A robot that cannot be stopped may still be moving: nobody but a person may say go on.
                 self.lost_in_move = not self._can_stop
@@ -115,6 +121,24 @@ class Rig:
         self._control.check_stop()
         self._at_rest = True
         return reached
+
+    def go(self, path_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
+        """Go over postures to the last one and come to rest there; whoever drives by hand is told the whole way.
+
+        Raises AcquisitionError, Stopping.
+        """
+        robot = self._devices.robot
+        if isinstance(robot, Guided):
+            return self._driven(lambda: robot.move_over(path_deg, joints_deg))
+        for each in path_deg:
+            self.move(each)
+        return self.move(joints_deg)
+
+    def attend(self, ask: Asking) -> None:
+        """What a device cannot know of itself, because a person works it, it asks through this."""
+        for _, device in self._both():
+            if isinstance(device, Attended):
+                device.attend(ask)
 
     def joints_at_rest_deg(self) -> tuple[float, ...]:
         """Joint angles now, deg; a robot that may be moving is waited for. Raises AcquisitionError, Stopping."""

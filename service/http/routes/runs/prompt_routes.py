@@ -17,7 +17,7 @@ from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import RUNS, who
 from service.http.runs.run_document import FINAL
 from service.http.state import Here
-from service.http.wire.bodies import Prompts, RunShown, WhyBody
+from service.http.wire.bodies import AnswerBody, Prompts, RunShown
 from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import reply
@@ -52,11 +52,14 @@ async def answer_prompt(
     verb: Annotated[
         Verb, Path(description="The answer, one of what the prompt expects.", examples=["confirm"])
     ],
-    body: WhyBody,
+    body: AnswerBody,
     idempotency_key: IdempotencyKey = "",
     lease_id: LeaseId = "",
 ) -> JSONResponse:
     """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked.
+
+    A prompt with an `entry` takes numbers with confirm, in `typed`. They are checked by whoever asked: what cannot be
+    right is asked for again, as another prompt that says why.
 
     The run goes on by leave of whoever holds the lease; who sends its `Lease-Id` is named as the one who answered.
     """
@@ -64,7 +67,13 @@ async def answer_prompt(
     def work() -> JSONResponse:
         run = here.book.get(run_id)
         try:
-            run.answer(prompt_id, Answer(verb.value), by=who(here, lease_id), reason=body.reason)
+            run.answer(
+                prompt_id,
+                Answer(verb.value),
+                by=who(here, lease_id),
+                reason=body.reason,
+                typed=body.typed,
+            )
         except UnknownPrompt as error:
             open_now = run.status().prompt
             more = {} if open_now is None else {"open_prompt_id": open_now["id"]}

@@ -47,7 +47,10 @@ def correct_program(
     job_id: JobId,
     program: Annotated[
         UploadFile,
-        File(description="RAPID .mod, Fanuc .ls, URScript .script or targets .csv; its name says which."),
+        File(
+            description="RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, VAL3 .dtx or targets .csv; "
+            "its name says which."
+        ),
     ],
     conditions: Conditions = "",
     tool: Annotated[

@@ -1,6 +1,7 @@
 """The bodies of requests and answers, as OpenAPI describes them: every field with its unit and an example."""
 
 from service.http.wire.bodies.asked import (
+    AnswerBody,
     Export,
     ExportBody,
     NewCampaign,
@@ -60,6 +61,7 @@ from service.http.wire.bodies.validations import ValidationAsked
 
 __all__ = [
     "AlignmentShown",
+    "AnswerBody",
     "Answered",
     "CampaignShown",
     "CampaignTable",

@@ -113,6 +113,15 @@ class Why(Body):
     reason: Reason = ""
 
 
+class AnswerGiven(Why):
+    """What goes with an answer; may be left out. `typed`: the numbers that a prompt with an `entry` asks for."""
+
+    typed: Annotated[
+        str,
+        told("The numbers as the display shows them, where the prompt has an `entry`.", "", max_length=2000),
+    ] = ""
+
+
 class Resume(Body):
     """May be left out. `accept_other` goes with the `reason` for which both devices belong together."""
 
@@ -138,6 +147,7 @@ class Export(Resume):
 
 ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
 WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
+AnswerBody = Annotated[AnswerGiven, BodyOf(default_factory=AnswerGiven)]
 ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
 LargestDeg = Annotated[
     float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0, strict=False)

@@ -33,6 +33,17 @@ EventKind = Literal[
 """Every kind of event that a record may hold."""
 
 
+class EntryShown(Answered):
+    """Numbers that are to be typed beside the answer confirm."""
+
+    names: Annotated[list[str], told("What the numbers are, in their order.", ["x", "y", "z"])]
+    unit: Annotated[str, told("Their unit.", "mm")]
+    shown: Annotated[
+        list[str], told("What the display should show; empty where nobody knows.", ["12.50", "-3.00"])
+    ]
+    needed: Annotated[bool, told("False: confirm alone says that the display shows just that.", True)]
+
+
 class PromptShown(Answered):
     """A question to a person."""
 
@@ -40,6 +51,7 @@ class PromptShown(Answered):
     text: Annotated[str, told("The question.", "Seat the SMR in T1 and press confirm.")]
     picture: Annotated[str | None, told("The name of a picture that goes with it.", None)]
     expects: Annotated[list[Answer], told("The answers that can be given.", ["confirm", "abort"])]
+    entry: Annotated[EntryShown | None, told("Numbers to be typed; null: none.", None)] = None
 
 
 class LastReading(Answered):

@@ -1,0 +1,1 @@
+"""Robots that a person drives and instruments that a person reads: what was seen is typed."""

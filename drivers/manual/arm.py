@@ -1,0 +1,180 @@
+"""A robot that a person drives by its pendant: every pose is a question, and its answer what the pendant shows.
+
+The target is shown to the resolution of the pendant. CONFIRM alone says that the pendant shows just that; where it
+shows something else, that is typed, and counts. Both are held against the request: farther off than `within_deg` the
+robot is not where it should be, or the angles were mistyped, and the question is asked again with what looks wrong.
+
+Nothing moves by itself, and nothing can be stopped: `can_stop` is False, `stop` ends the waiting and says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from drivers.caps import Caps
+from drivers.errors import CannotStop, ConfigError, JointLimit, NotArmed
+from drivers.interfaces import Asking, Entry, Identity, JointReading, RobotStatus
+from drivers.link import WireSink
+from drivers.manual.asking import Doubt, Questions, in_words
+from drivers.manual.slips import apart, slip_of
+from drivers.manual.typed import Mistyped, Row
+
+RESOLUTION_DEG = 0.01
+BY_HAND = "this robot is moved by hand: Stop does not reach it"
+_WIDEST_DEG = 720.0
+_ROUNDING = 1e-9
+
+
+class ManualArm:
+    """One robot. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may stand, None: that."""
+
+    unverified_on_hardware = True
+    can_stop = False
+    weakness = f"{BY_HAND}, and its joint angles are what a person confirms or types"
+
+    def __init__(
+        self,
+        url: str = "",
+        *,
+        name: str = "manual",
+        speed_mm_s: float = 250.0,
+        speed_deg_s: float = 20.0,
+        limits_deg: Sequence[Sequence[float]] | None = None,
+        resolution_deg: float = RESOLUTION_DEG,
+        within_deg: float | None = None,
+        serial: str = "",
+        wire: WireSink | None = None,
+    ) -> None:
+        if limits_deg is None:
+            raise ConfigError("limits_deg is needed: it says how many joints there are", device=name)
+        self.name = name
+        self._names = tuple(f"J{i + 1}" for i in range(len(limits_deg)))
+        self._resolution_deg = resolution_deg
+        self._within_deg = max(resolution_deg, within_deg or 0.0)
+        self._decimals = max(0, math.ceil(-math.log10(resolution_deg) - _ROUNDING))
+        self._caps = Caps(
+            speed_mm_s, speed_deg_s, limits_deg, joints=len(limits_deg), widest_deg=_WIDEST_DEG, device=name
+        )
+        self._serial = serial
+        self._wire = wire
+        self._questions = Questions(name)
+        self._armed = False
+        self._here: JointReading | None = None  # None: it may have been moved since a person said where it is
+
+    def attend(self, ask: Asking) -> None:
+        """From now on a person is asked through this."""
+        self._questions.attend = ask
+
+    def connect(self) -> None:
+        """There is nothing to connect; where the robot is, is asked when it is needed."""
+        self.disarm()
+
+    def disconnect(self) -> None:
+        """Never raises."""
+        self.disarm()
+
+    def identify(self) -> Identity:
+        """Nobody reports maker and model; the serial number is that of the cell file."""
+        return Identity("", "", self._serial, "", "by hand")
+
+    def arm(self) -> None:
+        """Poses may be asked for from now on."""
+        self._armed = True
+
+    def disarm(self) -> None:
+        """No more poses until armed again; where the robot is, is asked anew. Never raises."""
+        self._armed = False
+        self._here = None
+
+    def position(self) -> JointReading:
+        """The joints as a person last said, or says now. Raises NoOperator, and what asking raises."""
+        if self._here is None:
+            entry = Entry(self._names, "deg")
+            rows, raw = self._questions.numbers(
+                f"Type the joint angles that the pendant shows now. {BY_HAND[:1].upper()}{BY_HAND[1:]}.",
+                entry,
+                "pendant",
+                self._outside,
+            )
+            self._here = JointReading(rows[0].values, self._resolution_deg, raw)
+        return self._here
+
+    def move_to(self, joints_deg: Sequence[float]) -> JointReading:
+        """Have it driven to joint angles, deg: what the pendant then shows. Raises as `move_over`."""
+        return self.move_over((), joints_deg)
+
+    def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
+        """Have it driven over postures to the last one, deg: what the pendant then shows.
+
+        Raises NotArmed, JointLimit before anybody is asked; NoOperator, LeftOut and what unwinds asking.
+        """
+        if not self._armed:
+            raise NotArmed("not armed", device=self.name, command="move_to")
+        for each in (*over_deg, joints_deg):
+            self._caps.check(each)
+        target = tuple(self._shown(q) for q in joints_deg)
+        entry = Entry(self._names, "deg", target, needed=False)
+        way = "".join(f"over {self._listed(each)}, " for each in over_deg)
+        self._here = None  # from the question on it may be moving
+        rows, raw = self._questions.numbers(
+            f"Drive the robot by hand {way}to {self._listed(joints_deg)}. Confirm when the pendant shows just that, "
+            "or type the joint angles that it shows.",
+            entry,
+            "drive",
+            lambda rows: self._wrong(rows, target),
+        )
+        reached = rows[0].values if rows else tuple(map(float, target))
+        self._here = JointReading(reached, self._resolution_deg, raw or " ".join(target).encode())
+        return self._here
+
+    def stop(self) -> None:
+        """Nothing reaches it. Raises CannotStop always: whoever drives it must be told."""
+        self._armed = False
+        raise CannotStop(
+            BY_HAND, device=self.name, command="stop", what_to_do="Tell whoever drives it to stop."
+        )
+
+    def status(self) -> RobotStatus:
+        """Nothing is reported."""
+        return RobotStatus("unknown", None, None, None)
+
+    def _shown(self, q: float) -> str:
+        return f"{round(q / self._resolution_deg) * self._resolution_deg + 0.0:.{self._decimals}f}"
+
+    def _listed(self, joints_deg: Sequence[float]) -> str:
+        return (
+            ", ".join(f"{name} {self._shown(q)}" for name, q in zip(self._names, joints_deg, strict=True))
+            + " deg"
+        )
+
+    def _outside(self, rows: Sequence[Row]) -> Mistyped | None:
+        """One row, within the limits: else the robot was jogged where no path was checked."""
+        if len(rows) != 1:
+            return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
+        try:
+            self._caps.check(rows[0].values)
+        except JointLimit as error:
+            return Mistyped("limit", "", error.message)
+        return None
+
+    def _wrong(self, rows: Sequence[Row], target: Sequence[str]) -> Mistyped | None:
+        """What is wrong with angles typed for a target, or looks like a slip."""
+        if len(rows) != 1:
+            return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
+        asked = tuple(map(float, target))
+        off = apart(rows[0].values, asked)
+        if off <= self._resolution_deg + _ROUNDING:
+            return None
+        worst = max(range(len(asked)), key=lambda i: abs(rows[0].values[i] - asked[i]))
+        slip = slip_of(rows[0], asked, _ROUNDING)
+        typed = rows[0].texts[worst]
+        far = f"{self._names[worst]} at {typed} deg is {off:g} deg from the {target[worst]} deg asked for"
+        if slip is not None:
+            name = self._names[worst] if slip.index is None else self._names[slip.index]
+            words = f"{far}: {in_words(slip, self._names, 'deg')}"
+            doubtful = off <= self._within_deg + _ROUNDING
+            return (Doubt if doubtful else Mistyped)(slip.reason, name, words)
+        if off > self._within_deg + _ROUNDING:
+            return Mistyped("far", self._names[worst], f"{far}; {self._within_deg:g} deg are allowed")
+        return self._outside(rows)

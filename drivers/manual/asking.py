@@ -1,0 +1,74 @@
+"""What the manual drivers ask a person, and how an entry that cannot be right is asked for again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from drivers.errors import NoOperator
+from drivers.interfaces import Asking, Entry
+from drivers.manual.slips import Slip
+from drivers.manual.typed import Mistyped, Row, rows_of
+
+
+class Questions:
+    """The questions of one device. Nobody is there to be asked before `attend`."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self.attend: Asking | None = None
+
+    def numbers(
+        self,
+        text: str,
+        entry: Entry,
+        picture: str,
+        judge: Callable[[Sequence[Row]], Mistyped | None],
+    ) -> tuple[list[Row], bytes]:
+        """Ask until the numbers can be taken: the rows, none where CONFIRM alone was enough, and what was typed.
+
+        `judge` says what is wrong with rows, or None. The same rows, confirmed or typed once more after that, are
+        believed where `judge` has only a doubt (`Doubt`). Raises NoOperator, and what asking raises.
+        """
+        if self.attend is None:
+            raise NoOperator("nobody is there to be asked", device=self._device, command=picture)
+        words, shown, doubted = text, picture, None
+        while True:
+            typed = self.attend(words, entry, shown)
+            try:
+                if not typed.strip() and doubted is not None:
+                    return doubted
+                if not typed.strip() and not entry.needed:
+                    return [], b""
+                rows = rows_of(typed, entry.names, entry.unit)
+                said = rows, typed.encode()
+                wrong = judge(rows)
+                if wrong is None or (isinstance(wrong, Doubt) and doubted is not None and doubted[0] == rows):
+                    return said
+                doubted = said if isinstance(wrong, Doubt) else None
+            except Mistyped as error:
+                wrong, doubted = error, None
+            again = ""
+            if doubted is not None:
+                entry, again = replace(entry, needed=False), " Type it again, or confirm alone if it is so."
+            end = "" if wrong.words.endswith("?") else "."
+            words = f"{wrong.words[:1].upper()}{wrong.words[1:]}{end}{again} {text}"
+            shown = "/".join(part for part in (picture, "again", wrong.reason, wrong.name) if part)
+
+
+class Doubt(Mistyped):
+    """Numbers that may be right, and look wrong."""
+
+
+def in_words(slip: Slip, names: Sequence[str], unit: str) -> str:
+    """The slip as a question."""
+    name = "" if slip.index is None else names[slip.index]
+    meant = "" if slip.index is None else f" ({slip.meant[slip.index]:g} {unit})"
+    return {
+        "order": f"are two numbers exchanged, {name} and another?",
+        "unit": f"are the numbers really in {unit}?",
+        "sign": f"is the sign of {name} right{meant}?",
+        "swap": f"are two digits of {name} exchanged{meant}?",
+        "point": f"is the decimal point of {name} in its place{meant}?",
+        "digit": f"is a digit of {name} wrong, missing or doubled{meant}?",
+    }[slip.reason]

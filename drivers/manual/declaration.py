@@ -1,0 +1,34 @@
+"""The drivers for devices without one declared: a person drives the robot, or reads the instrument."""
+
+from __future__ import annotations
+
+from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
+from drivers.manual.arm import RESOLUTION_DEG, ManualArm
+from drivers.manual.meter import ManualMeter
+from drivers.manual.typed import MM_OF
+
+_SERIAL = TextOption("serial")
+
+ROBOTS = (
+    RobotDriver(
+        name="manual",
+        make=ManualArm,
+        by_hand=True,
+        options=(
+            Option("resolution_deg", low=1e-5, high=1.0, default=RESOLUTION_DEG),
+            Option("within_deg", low=1e-5, high=10.0),
+            _SERIAL,
+        ),
+    ),
+)
+INSTRUMENTS = (
+    InstrumentDriver(
+        name="manual",
+        maker="",
+        instrument="manual",
+        make=ManualMeter,
+        by_hand=True,
+        takes_within=True,
+        options=(TextOption("unit", allowed=tuple(MM_OF), default="mm"), _SERIAL),
+    ),
+)

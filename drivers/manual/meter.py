@@ -1,0 +1,142 @@
+"""An instrument that a person reads: x, y, z in its own frame are typed or pasted, one reading or several at once.
+
+Several rows are readings of one point: their mean counts, and their scatter is kept. A point far from where it should
+be (`drivers.manual.prediction`) is asked for again with the slip of the hand that would explain it; typed the same
+again, or confirmed, it is taken.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from statistics import fmean, stdev
+
+from drivers.errors import ConfigError, NotArmed
+from drivers.interfaces import Asking, Entry, Identity, InstrumentStatus, PointReading
+from drivers.link import WireSink
+from drivers.manual.asking import Doubt, Questions, in_words
+from drivers.manual.prediction import Prediction
+from drivers.manual.slips import slip_of
+from drivers.manual.typed import MM_OF, Mistyped, Row
+
+_AXES = ("x", "y", "z")
+_ONE_POINT_MM = 1.0  # rows of one point lie closer together
+
+
+class ManualMeter:
+    """One instrument. `unit`: of what it shows, mm, m or in; `within_mm`: how far off a point may be."""
+
+    unverified_on_hardware = True
+    weakness = "its readings are typed by a person"
+
+    def __init__(
+        self,
+        url: str = "",
+        *,
+        name: str = "manual",
+        unit: str = "mm",
+        within_mm: float = 50.0,
+        serial: str = "",
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if unit not in MM_OF:
+            raise ConfigError(f"unit {unit!r} is none of {', '.join(MM_OF)}", device=name)
+        self.name = name
+        self._unit = unit
+        self._mm = MM_OF[unit]
+        self._prediction = Prediction(within_mm)
+        self._serial = serial
+        self._wire = wire
+        self._clock = clock
+        self._questions = Questions(name)
+        self._armed = False
+
+    def attend(self, ask: Asking) -> None:
+        """From now on a person is asked through this."""
+        self._questions.attend = ask
+
+    def connect(self) -> None:
+        """There is nothing to connect."""
+        self._armed = False
+
+    def disconnect(self) -> None:
+        """Never raises."""
+        self._armed = False
+
+    def identify(self) -> Identity:
+        """Nobody reports maker and model; the serial number is that of the cell file."""
+        return Identity("", "", self._serial, "", "by hand")
+
+    def arm(self) -> None:
+        """Readings may be asked for from now on."""
+        self._armed = True
+
+    def disarm(self) -> None:
+        """No more readings until armed again; never raises."""
+        self._armed = False
+
+    def measure(
+        self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
+    ) -> PointReading:
+        """What a person reads of a target; `samples` are as many as they type.
+
+        Raises NotArmed; NoOperator, LeftOut and what unwinds asking.
+        """
+        if not self._armed:
+            raise NotArmed("not armed", device=self.name, command="measure")
+        rows, raw = self._questions.numbers(
+            f"Measure {target} and type x y z as the instrument shows them, {self._unit}; several readings of it may "
+            "be pasted at once.",
+            Entry(_AXES, self._unit),
+            f"read/{target}",
+            lambda rows: self._wrong(rows, near_mm),
+        )
+        x, y, z = (self._mm * fmean(each) for each in zip(*(row.values for row in rows), strict=True))
+        if near_mm is not None:
+            self._prediction.learn(near_mm, (x, y, z))
+        sx, sy, sz = self._scatter(rows)
+        return PointReading(
+            target=target,
+            xyz_mm=(x, y, z),
+            std_mm=(sx, sy, sz),
+            samples=len(rows),
+            t_s=self._clock(),
+            age_s=0.0,
+            mode="by hand",
+            raw=raw,
+        )
+
+    def stop(self) -> None:
+        """Nothing of it moves; the waiting ends by itself."""
+        self._armed = False
+
+    def status(self) -> InstrumentStatus:
+        """Nothing is reported: whoever reads it knows."""
+        return InstrumentStatus("READY")
+
+    def _scatter(self, rows: Sequence[Row]) -> tuple[float, ...]:
+        if len(rows) == 1:
+            return 0.0, 0.0, 0.0
+        return tuple(self._mm * stdev(each) for each in zip(*(row.values for row in rows), strict=True))
+
+    def _wrong(self, rows: Sequence[Row], near_mm: Sequence[float] | None) -> Mistyped | None:
+        """Rows that are not of one point, and a point that is not where it should be."""
+        middle = [fmean(each) for each in zip(*(row.values for row in rows), strict=True)]
+        for number, row in enumerate(rows, start=1):
+            if (off := self._mm * math.dist(row.values, middle)) > _ONE_POINT_MM:
+                words = f"row {number} is {off:.3f} mm from the mean of all: are these readings of one point?"
+                return Mistyped("rows", "", words)
+        if near_mm is None:
+            return None
+        place, within_mm = self._prediction.expect(near_mm)
+        off = self._mm * math.dist(middle, [each / self._mm for each in place])
+        if off <= within_mm:
+            return None
+        words = f"that is {off:.1f} mm from where the point should be"
+        slip = slip_of(rows[0], [each / self._mm for each in place], within_mm / self._mm)
+        if slip is None:
+            return Doubt("far", "", words)
+        name = "" if slip.index is None else _AXES[slip.index]
+        return Doubt(slip.reason, name, f"{words}: {in_words(slip, _AXES, self._unit)}")

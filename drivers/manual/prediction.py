@@ -1,0 +1,56 @@
+"""Where a typed point should be: first as the nominal robot says, then as the readings before it say.
+
+The nominal robot errs by millimetres and its place in the cell file by more. Readings that were taken show what both
+are off by as a whole: the rigid motion that carries predicted points onto them (Kabsch; Umeyama, PAMI 13, 1991). What
+remains then is the robot's own error and the tool's, and a point that is off by much more was mistyped. mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+ENOUGH = 8
+_TIMES = 5.0  # the scatter, per axis, of the readings so far
+_LEAST_MM = 2.0
+_SPREAD_MM = 50.0  # of predicted points along their second axis: below, they fix no turn
+
+Points = NDArray[np.float64]
+
+
+class Prediction:
+    """The prediction of one execution. `within_mm`: how far off a point may be before enough is known."""
+
+    def __init__(self, within_mm: float) -> None:
+        self._within_mm = within_mm
+        self._near: list[Sequence[float]] = []
+        self._seen: list[Sequence[float]] = []
+
+    def learn(self, near_mm: Sequence[float], seen_mm: Sequence[float]) -> None:
+        """A point that was taken, and where the nominal robot had it."""
+        self._near.append(near_mm)
+        self._seen.append(seen_mm)
+
+    def expect(self, near_mm: Sequence[float]) -> tuple[tuple[float, ...], float]:
+        """Where a point should be, and how far from there it may be."""
+        near, seen = np.array(self._near).reshape(-1, 3), np.array(self._seen).reshape(-1, 3)
+        if len(near) < ENOUGH or np.linalg.svd(near - near.mean(axis=0))[1][1] < _SPREAD_MM:
+            return tuple(near_mm), self._within_mm
+        turn, shift = carried(near, seen)
+        left = seen - (near @ turn.T + shift)
+        scatter = float(
+            np.sqrt(np.mean(left**2) * len(near) / (len(near) - 2))
+        )  # six of three a point were fitted
+        place = turn @ np.array(near_mm) + shift
+        return tuple(map(float, place)), min(self._within_mm, max(_LEAST_MM, _TIMES * scatter))
+
+
+def carried(near: Points, seen: Points) -> tuple[Points, Points]:
+    """The turn (3, 3) and shift (3,) that carry (n, 3) points nearest onto others."""
+    a, b = near.mean(axis=0), seen.mean(axis=0)
+    u, _, v = np.linalg.svd((near - a).T @ (seen - b))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(v.T @ u.T))])
+    turn = v.T @ mirror @ u.T
+    return turn, b - turn @ a

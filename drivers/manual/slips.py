@@ -1,0 +1,93 @@
+"""Slips of the hand: which single slip makes what was typed out of what was expected.
+
+    order   two numbers exchanged           sign    one of them with the other sign
+    swap    two neighbouring digits          digit   a digit missing, doubled or another one
+    point   the decimal point elsewhere      unit    all numbers in another unit
+
+A slip is only named where the numbers are off, and would be within the tolerance without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from drivers.manual.typed import Row
+
+_UNITS = (1000.0, 0.001, 25.4, 1.0 / 25.4, math.degrees(1.0), math.radians(1.0))
+
+
+@dataclass(frozen=True)
+class Slip:
+    """One slip. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
+
+    reason: str
+    index: int | None
+    meant: tuple[float, ...]
+
+
+def slip_of(row: Row, expected: Sequence[float], within: float) -> Slip | None:
+    """The slip that explains a row: the nearest of the likeliest kind; None where there is none."""
+    for tried in (_exchanged(row), _in_another_unit(row), *_single(row)):
+        fitting = [slip for slip in tried if apart(slip.meant, expected) <= within]
+        if fitting:
+            return min(fitting, key=lambda slip: apart(slip.meant, expected))
+    return None
+
+
+def apart(one: Sequence[float], other: Sequence[float]) -> float:
+    """The largest difference of two rows."""
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+
+
+def _exchanged(row: Row) -> Iterator[Slip]:
+    for i, j in combinations(range(len(row.values)), 2):
+        meant = list(row.values)
+        meant[i], meant[j] = meant[j], meant[i]
+        yield Slip("order", i, tuple(meant))
+
+
+def _in_another_unit(row: Row) -> Iterator[Slip]:
+    for factor in _UNITS:
+        yield Slip("unit", None, tuple(factor * value for value in row.values))
+
+
+def _single(row: Row) -> tuple[list[Slip], ...]:
+    """Every slip in one number, the likeliest kind first."""
+    kinds = (("sign", _signs), ("swap", _swaps), ("point", _points), ("digit", _digits))
+    return tuple(
+        [
+            Slip(reason, i, (*row.values[:i], float(other), *row.values[i + 1 :]))
+            for i, text in enumerate(row.texts)
+            for other in others(text)
+        ]
+        for reason, others in kinds
+    )
+
+
+def _signs(text: str) -> Iterator[str]:
+    yield text.lstrip("+-") if text.startswith("-") else f"-{text.lstrip('+')}"
+
+
+def _swaps(text: str) -> Iterator[str]:
+    for i in range(len(text)):
+        j = i + 2 if text[i + 1 : i + 2] == "." else i + 1
+        if j < len(text) and text[i].isdigit() and text[j].isdigit():
+            yield f"{text[:i]}{text[j]}{text[i + 1 : j]}{text[i]}{text[j + 1 :]}"
+
+
+def _points(text: str) -> Iterator[str]:
+    for power in (-3, -2, -1, 1, 2, 3):
+        yield repr(float(text) * 10.0**power)
+
+
+def _digits(text: str) -> Iterator[str]:
+    for i, sign in enumerate(text):
+        for digit in "0123456789":
+            yield f"{text[:i]}{digit}{text[i:]}" if sign not in "+-" else text
+            if sign.isdigit():
+                yield f"{text[:i]}{digit}{text[i + 1 :]}"
+        if sign.isdigit() and sum(map(str.isdigit, text)) > 1:
+            yield f"{text[:i]}{text[i + 1 :]}"

@@ -1,0 +1,1 @@
+"""The simulated person at a robot without a driver and at an instrument without one."""

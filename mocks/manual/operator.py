@@ -1,0 +1,101 @@
+"""A simulated person: reads a question, drives the simulated arm by hand or reads the simulated tracker, and types.
+
+JSON lines over TCP: {"text": ..., "picture": ..., "entry": {...}} is answered by {"answer": "confirm", "typed": ...}.
+What to do is taken from the words, as a person does: the postures named there are driven to one after another, `J1
+12.50, J2 ... deg`; the name behind "Measure" is the target. The pendant shows what `resolution_deg` of the cell file
+lets it, and where `within_deg` allows it the hand is off by up to half of that.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from mocks.cell_file import CellFile
+from mocks.shared.arm_device import ArmDevice
+from mocks.shared.clock import CellClock
+from mocks.shared.tracker_device import TrackerDevice
+
+HAND_STREAM = 43
+HAND_DEG_S, HAND_MM_S = 10.0, 100.0  # of jogging
+READING_S = 5.0  # from looking at the display to the last digit
+_MM = {"mm": 1.0, "m": 1000.0, "in": 25.4}
+_POSTURE = re.compile(r"J1 -?\d[^:;]*? deg")
+_ANGLE = re.compile(r"J\d+ (-?\d+(?:\.\d+)?)")
+
+
+class SimulatedPerson:
+    """One person for robot and instrument. `to_model`: from what the pendant counts; `pendant`: what it says, deg."""
+
+    def __init__(
+        self,
+        cell: CellFile,
+        arm: ArmDevice,
+        tracker: TrackerDevice,
+        clock: CellClock,
+        to_model: Callable[[Sequence[float]], tuple[float, ...]],
+        pendant: Callable[[], Sequence[float]],
+    ) -> None:
+        self._cell, self._arm, self._tracker, self._clock = cell, arm, tracker, clock
+        self._to_model, self._pendant = to_model, pendant
+        self._rng = np.random.default_rng([cell.seed, HAND_STREAM])
+        self._last = ""
+        self.slip: Callable[[str], str] | None = None  # what the next entry is mistyped to
+        self.asked: list[str] = []
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while line := await reader.readline():
+            writer.write(json.dumps(await self.answer(json.loads(line))).encode() + b"\n")
+            await writer.drain()
+
+    async def answer(self, question: dict[str, Any]) -> dict[str, str]:
+        """The answer to one question."""
+        entry, picture = question.get("entry"), question.get("picture") or ""
+        self.asked.append(question["text"])
+        if entry is None:
+            return {"answer": "confirm", "typed": ""}
+        if "again" not in picture.split("/"):
+            self._last = await self._act(question["text"], picture.split("/")[0], entry)
+            if self._last and self.slip is not None:
+                slip, self.slip = self.slip, None
+                return {"answer": "confirm", "typed": slip(self._last)}
+        return {"answer": "confirm", "typed": self._last}
+
+    async def _act(self, text: str, what: str, entry: dict[str, Any]) -> str:
+        """Do what is asked: what is then typed, nothing where the display shows what was asked for."""
+        if what == "read":
+            return await self._read(text, entry["unit"])
+        if what == "pendant":
+            return self._shown()
+        postures = [[float(q) for q in _ANGLE.findall(each)] for each in _POSTURE.findall(text)]
+        for number, posture in enumerate(postures, start=1):
+            await self._drive(posture, off=number == len(postures))
+        return "" if self._cell.within_deg is None else self._shown()
+
+    async def _drive(self, posture: Sequence[float], *, off: bool) -> None:
+        if off and self._cell.within_deg is not None:
+            half = 0.5 * self._cell.within_deg
+            posture = [self._rounded(q + float(self._rng.uniform(-half, half))) for q in posture]
+        self._arm.start(self._to_model(posture), HAND_DEG_S, HAND_MM_S)
+        await self._clock.wait(self._arm.left_s, asyncio.Event())
+
+    def _rounded(self, q: float) -> float:
+        return round(q / self._cell.resolution_deg) * self._cell.resolution_deg
+
+    def _shown(self) -> str:
+        """What the pendant shows."""
+        decimals = max(0, math.ceil(-math.log10(self._cell.resolution_deg)))
+        return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in self._pendant())
+
+    async def _read(self, text: str, unit: str) -> str:
+        """What the instrument shows of the target."""
+        await self._clock.wait(READING_S, asyncio.Event())
+        (name,) = re.findall(r"Measure (\w+)", text)
+        point, _ = self._tracker.average(self._tracker.choose(name), 100)
+        return " ".join(f"{x / _MM[unit]:.7f}" for x in point)

@@ -1,0 +1,309 @@
+"""KUKA programs (.src, .dat): POS, E6POS, FRAME, AXIS and E6AXIS, declared, assigned or written into the motion.
+
+    DECL E6POS XP1={X 500.0,Y 0.0,Z 300.0,A 0.0,B 90.0,C 0.0,S 2,T 10,E1 0.0,...}
+    DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,...}     tool and base of XP1
+    PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+
+mm and deg; A, B and C turn about z, y' and x'': R = Rz(A) Ry(B) Rx(C). S, bit 0: the wrist in front of axis 1 or behind
+it; bit 1: of the two elbows the one with the larger A3. T, bit k: axis k + 1 is negative. S and T are read together:
+the one posture that fits both is meant, and none is guessed. One statement fills one line. Tool and base are those of
+the FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the flange, and the world in which the robot
+stands without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib.arm import BRANCHES
+from calib.array import Array
+from calib.compensate import inverse_poses
+from calib.units import DEG
+from service.programs import frames
+from service.programs.frames import UNNAMED, KnownFrames
+from service.programs.program import Driven, Target, Window
+from service.programs.text import Edit, Lines, decimal
+
+PLACES = 5  # mm and deg; the controller keeps some seven digits
+_ROUNDING = 1e-6 * DEG
+_LINE = re.compile(r"[^\r\n]++")
+_CODE = re.compile(r'(?:[^;"\r\n]++|"[^"\r\n]*+")*+')
+_AGGREGATE = re.compile(r"\{([^{}]*+)\}")
+_DECLARED = re.compile(
+    r"\s*+(?:GLOBAL\s++)?(?:DECL\s++)?(?:GLOBAL\s++)?(?:(?P<type>E6POS|POS|FRAME|E6AXIS|AXIS|FDAT)\s++)?"
+    r"(?P<name>[A-Z_]\w*+(?:\[\s*+\d{1,6}+\s*+\])?)\s*+=\s*+(?=\{)",
+    re.IGNORECASE,
+)
+_MOTION = re.compile(r"\s*+(?P<verb>S?(?:PTP|LIN|CIRC)(?P<rel>_REL)?+|SPL)\s++(?P<rest>.*+)", re.IGNORECASE)
+_SET = re.compile(r"\s*+\$(?P<which>TOOL|BASE)\s*+=\s*+(?P<value>.*+)", re.IGNORECASE)
+_BAS = re.compile(r"\s*+BAS\s*+\(\s*+#(?P<which>TOOL|BASE)\s*+,\s*+(?P<value>\d{1,3}+)\s*+\)", re.IGNORECASE)
+_DATA = re.compile(r"(?:TOOL|BASE)_DATA\s*+\[\s*+(\d{1,3}+)\s*+\]\s*+", re.IGNORECASE)
+_FIELD = re.compile(
+    r"\s*+(?P<name>[A-Z]\w*+(?:\[\])?)\s++(?P<value>[-+]?(?:\d++\.?\d*+|\.\d++)(?:E[-+]?\d{1,3}+)?)?",
+    re.IGNORECASE,
+)
+_POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
+_OPTION = {"TOOL": "--tool", "BASE": "--frame"}
+
+
+@dataclass(frozen=True)
+class _Number:
+    start: int
+    end: int
+    value: float
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the numbers of a target are, and the frame in which it counts."""
+
+    at: int
+    numbers: Mapping[str, _Number] = field(default_factory=dict)
+    frame: Array = field(default_factory=lambda: np.eye(4))
+
+
+@dataclass(frozen=True)
+class _Valid:
+    """What is in force at a motion, or at a point by its FDAT: a pose, the number of one, None where nobody knows."""
+
+    tool: Array | str | None = None
+    base: Array | str | None = None
+    outside: bool = False  # the tool stands in the room
+
+
+class KukaProgram:
+    """A .src or .dat file. Lines that hold no target are left alone."""
+
+    def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
+        self.text = text
+        self._lines = Lines(text, file)
+        self._world, self._known = world, known
+        self._statements = [(m.start(), _code(m.group())) for m in _LINE.finditer(text)]
+        self._fdat = dict(self._read_fdat())
+        self._used = self._read_uses()
+        found = list(self._read())
+        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self._places = tuple(place for _, place in found)
+
+    def edits(self, index: int, driven: Driven) -> list[Edit]:
+        """Edits of the numbers that differ, and of T where an axis changes its sign."""
+        target, place = self.targets[index], self._places[index]
+        if target.joints is not None:
+            return _changed(place, dict(zip(_AXES, np.degrees(driven.joints), strict=True)))
+        pose = inverse_poses(place.frame) @ driven.flange @ target.tool
+        old = [place.numbers[name].value for name in ("C", "B", "A")]
+        c, b, a = frames.wpr(pose, old)
+        out = _changed(place, dict(zip(_POSE, [*pose[:3, 3], a, b, c], strict=True)))
+        if (turn := place.numbers.get("T")) is not None:
+            bits = sum(1 << k for k, q in enumerate(driven.joints) if q < -_ROUNDING)
+            fits = not _outside(driven.joints, _signs(int(turn.value)))
+            kept = int(turn.value) if fits else int(turn.value) & ~0b111111 | bits
+            out += [] if kept == int(turn.value) else [Edit(turn.start, turn.end, str(kept))]
+        return out
+
+    # -- reading ------------------------------------------------------------------------------------------
+
+    def _read_fdat(self) -> Iterator[tuple[str, _Valid]]:
+        for at, code in self._statements:
+            match = _DECLARED.match(code)
+            if match is None or (match["type"] or "").upper() != "FDAT":
+                continue
+            body = _AGGREGATE.match(code, match.end())
+            if body is None:
+                continue
+            numbers = _numbers(body[1], at + body.start(1))
+            outside = re.search(r"IPO_FRAME\s++#TCP\b", body[1], re.IGNORECASE) is not None
+            of = [str(int(numbers[key].value)) if key in numbers else None for key in ("TOOL_NO", "BASE_NO")]
+            yield match["name"].upper(), _Valid(of[0], of[1], outside)
+
+    def _in_order(self) -> Iterator[tuple[int, str, _Valid]]:
+        """Every statement with the tool and the base in force."""
+        valid = _Valid(self._unnamed("TOOL"), self._unnamed("BASE"))
+        for at, code in self._statements:
+            match = _SET.match(code) or _BAS.match(code)
+            if match is not None:
+                which = match["which"].lower()
+                valid = replace(valid, **{which: self._named(match["value"].strip(), at)})
+            yield at, code, valid
+
+    def _read_uses(self) -> dict[str, list[_Valid]]:
+        """Name of a point -> tool and base at each motion to it."""
+        out: dict[str, list[_Valid]] = {}
+        for _, code, valid in self._in_order():
+            match = _MOTION.match(code)
+            if match is not None:
+                for name in re.findall(
+                    r"[A-Z_]\w*+(?:\[\d++\])?", _AGGREGATE.sub("", match["rest"]), re.IGNORECASE
+                ):
+                    out.setdefault(name.upper(), []).append(valid)
+        return out
+
+    def _read(self) -> Iterator[tuple[Target, _Place]]:
+        for at, code, valid in self._in_order():
+            declared, motion = _DECLARED.match(code), _MOTION.match(code)
+            line = self._lines.at(at)
+            if declared is not None and (declared["type"] or "").upper() != "FDAT":
+                body = _AGGREGATE.match(code, declared.end())
+                name = declared["name"]
+                if body is not None and _is_target(body[1]):
+                    yield self._target(Target(name, line), body[1], at + body.start(1), self._of(name))
+            elif motion is not None:
+                for body in _AGGREGATE.finditer(code, motion.start("rest")):
+                    target = Target(f"line {line}", line)
+                    if motion["rel"]:
+                        target = replace(target, refused="is a distance, not a place")
+                    yield self._target(target, body[1], at + body.start(1), [valid])
+
+    def _of(self, name: str) -> list[_Valid]:
+        """Tool and base of a declared point: its FDAT's, else those of the motions to it, else of the command line."""
+        fdat = self._fdat.get(f"F{name[1:].upper()}") if name[:1].upper() == "X" else None
+        if fdat is not None:
+            return [fdat]
+        return self._used.get(name.upper()) or [_Valid(self._unnamed("TOOL"), self._unnamed("BASE"))]
+
+    def _target(self, target: Target, body: str, at: int, of: list[_Valid]) -> tuple[Target, _Place]:
+        place = _Place(at, _numbers(body, at))
+        if target.refused:
+            return target, place
+        try:
+            return self._understood(target, place, body, of)
+        except ValueError as error:
+            return replace(target, refused=str(error)), place
+
+    def _understood(
+        self, target: Target, place: _Place, body: str, of: list[_Valid]
+    ) -> tuple[Target, _Place]:
+        """Raises ValueError, saying why, for what has no joints that can be found."""
+        numbers = place.numbers
+        wanted = _AXES if "A1" in numbers or not set(_POSE) & set(numbers) else _POSE
+        if missing := [key for key in wanted if key not in numbers]:
+            raise ValueError(
+                f"it has no number for {missing[0]}, which is then kept or computed by the controller"
+            )
+        if len(numbers) != len({name.upper() for name in numbers}) or _repeated(body):
+            raise ValueError("a component is given twice")
+        values = [numbers[key].value for key in wanted]
+        if wanted is _AXES:
+            return replace(target, joints=frames.joint_angles(np.array(values) * DEG)), place
+        used = any(re.fullmatch(r"E\d", key) and slot.value != 0.0 for key, slot in numbers.items())
+        target = replace(target, notes=self._known.note_external(used=used))
+        x, y, z, a, b, c = values
+        pose = frames.of_wpr((x, y, z), (c, b, a))
+        tool, base = self._tool_and_base(of)
+        frame = self._world @ base
+        status, turn = (numbers.get(key) for key in ("S", "T"))
+        target = replace(target, flange=frame @ pose @ inverse_poses(tool), tool=tool)
+        if status is not None and turn is not None:
+            side = "back" if int(status.value) & 1 else "front"
+            target = replace(
+                target,
+                among=tuple(branch for branch in BRANCHES if branch.startswith(side)),
+                windows=_signs(int(turn.value)),
+                larger_elbow=bool(int(status.value) & 2),
+                turns_written=True,
+                kept=frozenset({2, 4}),  # S, which stays as it is, would be another
+            )
+        elif status is not None or turn is not None:
+            raise ValueError("it has only one of S and T, which leaves several postures")
+        return target, replace(place, frame=frame)
+
+    def _tool_and_base(self, of: list[_Valid]) -> tuple[Array, Array]:
+        if any(valid.outside for valid in of):
+            raise ValueError("its tool stands in the room (IPO_FRAME #TCP)")
+        found = [(self._pose(valid.tool, "TOOL"), self._pose(valid.base, "BASE")) for valid in of]
+        if any(not np.allclose(np.array(each), np.array(found[0]), atol=1e-9) for each in found[1:]):
+            raise ValueError("it is used with several tools or bases: one correction cannot serve them")
+        return found[0]
+
+    def _pose(self, value: Array | str | None, which: str) -> Array:
+        """(4, 4) of a tool or base. Raises ValueError, saying which is not known."""
+        if isinstance(value, np.ndarray):
+            return value
+        option = _OPTION[which]
+        if value is None:
+            raise ValueError(
+                f"its {which.lower()} is not in this file: give {option} x,y,z,w,p,r (w is C, p B, r A)"
+            )
+        table = self._known.tools if which == "TOOL" else self._known.frames
+        if value.lower() in table:
+            return table[value.lower()]
+        if value == "0":
+            return np.eye(4)
+        raise ValueError(
+            f"its {which.lower()} {value} is not in this file: give {option} {value}=x,y,z,w,p,r"
+        )
+
+    def _unnamed(self, which: str) -> Array | None:
+        return (self._known.tools if which == "TOOL" else self._known.frames).get(UNNAMED)
+
+    def _named(self, value: str, at: int) -> Array | str | None:
+        """What $TOOL or $BASE is set to."""
+        if value.isdecimal():
+            return value
+        if value.upper() == "$NULLFRAME":
+            return np.eye(4)
+        if (data := _DATA.fullmatch(value)) is not None:
+            return data[1]
+        body = _AGGREGATE.fullmatch(value)
+        numbers = {} if body is None else _numbers(body[1], at)
+        if any(key not in numbers for key in _POSE):
+            return None
+        x, y, z, a, b, c = (numbers[key].value for key in _POSE)
+        try:
+            return frames.of_wpr((x, y, z), (c, b, a))
+        except ValueError:
+            return None
+
+
+def _code(line: str) -> str:
+    """A line without its comment."""
+    match = _CODE.match(line)
+    return "" if match is None else match.group()
+
+
+def _is_target(body: str) -> bool:
+    names = {part.split()[0].upper() for part in body.split(",") if part.split()}
+    return bool(names) and (names >= {"X"} or "A1" in names)
+
+
+def _repeated(body: str) -> bool:
+    names = [part.split()[0].upper() for part in body.split(",") if part.split()]
+    return len(set(names)) != len(names)
+
+
+def _numbers(body: str, at: int) -> dict[str, _Number]:
+    """Components of an aggregate that are plain numbers, by name in capitals; body begins at `at` of the text."""
+    out, begin = {}, 0
+    for part in body.split(","):
+        match = _FIELD.fullmatch(part.rstrip())
+        if match is not None and match["value"] is not None:
+            start = at + begin + match.start("value")
+            out[match["name"].upper()] = _Number(start, start + len(match["value"]), float(match["value"]))
+        begin += len(part) + 1
+    return out
+
+
+def _signs(turn: int) -> dict[int, Window]:
+    """Range of each axis, rad, by the bits of T."""
+    whole = 360.0 * DEG
+    return {k: (-whole, _ROUNDING) if turn >> k & 1 else (-_ROUNDING, whole) for k in range(len(_AXES))}
+
+
+def _outside(joints: Array, windows: Mapping[int, Window]) -> bool:
+    return any(not begin <= joints[k] <= end for k, (begin, end) in windows.items())
+
+
+def _changed(place: _Place, values: Mapping[str, float]) -> list[Edit]:
+    out = []
+    for name, value in values.items():
+        slot = place.numbers[name]
+        off = value - slot.value
+        if name in ("A", "B", "C"):
+            off = (off + 180.0) % 360.0 - 180.0
+        if abs(off) > 0.5 * 10.0**-PLACES:
+            out.append(Edit(slot.start, slot.end, decimal(float(value), PLACES)))
+    return out

@@ -1,0 +1,110 @@
+"""Yaskawa jobs (.jbi): the positions of the robot, C00000 and further, where they are in pulses.
+
+    ///TOOL 0
+    ///POSTYPE PULSE
+    ///PULSE
+    C00000=0,-12034,5230,0,-40110,87
+
+One pulse is one step of a motor, counted as the controller counts the joint: how many make a degree is a parameter of
+the controller, given by `--pulses`, one number an axis, negative where the joint of the model turns the other way.
+Positions in a frame (BASE, ROBOT, USER) are refused by name: what RCONF means for the postures was not learnt from a
+controller. Base and station axes (BC, EC) are kept. Source: descriptions of the format, and public jobs; not tried on
+a controller.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.errors import DataError
+from calib.units import DEG
+from service.programs import frames
+from service.programs.frames import KnownFrames
+from service.programs.program import Driven, Target
+from service.programs.text import Edit, Lines
+
+JOINTS = 6
+_LINE = re.compile(r"[^\r\n]++")
+_POSITION = re.compile(r"(?P<name>C\d{3,6}+)\s*+=(?P<values>.*+)")
+_TYPE = re.compile(r"///POSTYPE\s++(\w++)")
+_PULSES = re.compile(r"[-+]?\d{1,9}+")
+
+
+@dataclass(frozen=True)
+class _Pulse:
+    start: int
+    end: int
+    count: int
+
+
+class YaskawaJob:
+    """A .jbi job. Raises DataError for a text that is none."""
+
+    def __init__(self, text: str, file: str, known: KnownFrames) -> None:
+        self.text = text
+        self._lines = Lines(text, file)
+        if re.match(r"\ufeff?/JOB\b", text) is None or re.search(r"^//POS\b", text, re.MULTILINE) is None:
+            raise DataError(
+                "is not a Yaskawa job: /JOB and //POS are missing.",
+                do="Give a .jbi file as the controller saves it.",
+                file=file,
+                line=1,
+            )
+        self._per_deg = np.array(known.pulses_per_deg)
+        found = list(self._read())
+        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self._pulses = tuple(pulses for _, pulses in found)
+
+    def edits(self, index: int, driven: Driven) -> list[Edit]:
+        """Edits of the pulses that differ."""
+        wanted = np.round(np.degrees(driven.joints) * self._per_deg)
+        return [
+            Edit(slot.start, slot.end, str(int(count)))
+            for slot, count in zip(
+                self._pulses[index], wanted, strict=False
+            )  # robots of fewer axes write as many
+            if int(count) != slot.count
+        ]
+
+    def _read(self) -> Iterator[tuple[Target, list[_Pulse]]]:
+        kind, within = "", False
+        for line in _LINE.finditer(self.text):
+            words = line.group().strip()
+            if words.startswith("//") and not words.startswith("///"):
+                within = words.upper().startswith("//POS")
+            if (match := _TYPE.match(words)) is not None:
+                kind = match[1].upper()
+            position = _POSITION.match(line.group())
+            if within and position is not None:
+                target = Target(position["name"], self._lines.at(line.start()))
+                yield self._position(
+                    target, kind, position["values"], line.start() + position.start("values")
+                )
+
+    def _position(self, target: Target, kind: str, values: str, at: int) -> tuple[Target, list[_Pulse]]:
+        if kind != "PULSE":
+            why = f"it is in the frame {kind or 'of nobody knows what'}, and only pulses are read"
+            return replace(target, refused=why), []
+        if not len(self._per_deg):
+            return replace(
+                target, refused="it is in pulses: give --pulses, how many make a degree of each axis"
+            ), []
+        pulses, begin = [], 0
+        for part in values.split(","):
+            number = part.strip()
+            if not _PULSES.fullmatch(number):
+                return replace(target, refused=f"'{number[:20]}' is no number of pulses"), []
+            start = at + begin + part.index(number)
+            pulses.append(_Pulse(start, start + len(number), int(number)))
+            begin += len(part) + 1
+        if len(pulses) != len(self._per_deg):
+            return replace(target, refused=f"it has {len(pulses)} axes, --pulses {len(self._per_deg)}"), []
+        try:
+            degrees = np.array([slot.count for slot in pulses]) / self._per_deg
+            return replace(target, joints=frames.joint_angles(degrees * DEG)), pulses
+        except ValueError as error:
+            return replace(target, refused=str(error)), []

@@ -1,0 +1,84 @@
+"""Whole campaigns with a robot that is driven by hand, and with an instrument that is read by a person.
+
+These would catch: planned angles filed instead of those that the pendant showed, an approach that nobody was told of, a
+point that is expected where the robot does not stand, a slip of the hand that goes into the record.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.campaign.campaign import campaign_from
+from acquisition.cell.cell import Cell, cell_from
+from acquisition.record.drift import drift_of
+from acquisition.record.export import export
+from acquisition.record.store import Store
+from acquisition.run.run import Run
+from calib.data.read import read_dataset
+from calib.fit.identify import identify
+from calib.text.toml_text import read_toml
+from tests.end_to_end.simulated import ROOT, campaign_file, stepped_cell
+
+EXAMPLE = ROOT / "examples" / "manual"
+ABB = {"driver": "abb", "url": "tcp://127.0.0.1:5000", "resolution_deg": None, "within_deg": None}
+FARO = {"driver": "faro", "url": "tcp://127.0.0.1:5701", "unit": None}
+
+
+def a_cell(robot: dict[str, object], instrument: dict[str, object]) -> Cell:
+    _, table = read_toml(EXAMPLE / "cell.toml")
+    for name, changes in (("robot", robot), ("instrument", instrument)):
+        merged = table[name] | changes
+        table[name] = {key: value for key, value in merged.items() if value is not None}
+    return cell_from(table, "cell.toml")
+
+
+@pytest.mark.parametrize(
+    ("robot", "instrument"),
+    [({}, FARO), (ABB, {"unit": "in"})],
+    ids=["robot by hand", "instrument by hand"],
+)
+def test_a_campaign_by_hand_is_measured_and_identified(
+    tmp_path: Path, robot: dict[str, object], instrument: dict[str, object]
+) -> None:
+    cell = a_cell(robot, instrument)
+    _, table = read_toml(campaign_file(tmp_path, calibration=14, validation=4, warm_up_s=0.0))
+    campaign = campaign_from(table | {"reference_every": 10}, "campaign.toml")
+    with stepped_cell(cell) as equipment, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+        outcome = run.execute(equipment.devices, equipment.clock)
+        met = {event.data["role"]: event.data for event in run.events() if event.kind == "connected"}
+        typed = [event for event in run.events() if event.kind == "answer" and event.data.get("typed")]
+    assert (outcome.state.value, outcome.error) == ("succeeded", None)
+    assert len(typed) > 20
+    by_hand = robot == {}
+    assert met["robot"]["can_stop"] != by_hand
+    assert ("moved by hand: Stop does not reach it" in met["robot"]["weakness"]) == by_hand
+    out = export(tmp_path / "r", tmp_path / "data.csv")
+    with out.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    store = Store.open(tmp_path / "r", writer=False)
+    with_plan = {
+        row["id"]: json.loads(row["joints_deg"]) for row in store.database.query("SELECT * FROM pose")
+    }
+    planned = {round(q, 3) for joints in with_plan.values() for q in joints}
+    drift = drift_of(store)
+    store.close()
+    assert drift is not None
+    assert drift.most_mm < 0.6  # robot errors over half a degree; 5 mm where the joints are not looked at
+    told = [float(row[f"j{k}_deg"]) for row in rows for k in range(1, 7)]
+    shown = [float(row[f"j{k}_read_deg"]) for row in rows for k in range(1, 7)]
+    if by_hand:
+        assert told == shown
+        assert np.mean([q in planned for q in told]) < 0.1
+        np.testing.assert_allclose(told, np.round(told, 2), atol=1e-9)  # what a pendant can show
+    dataset = read_dataset(out)
+    found = identify(dataset)
+    assert found.converged
+    assert 0.8 < found.noise_scale < 1.2
+    held = dataset.validation_rows
+    miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
+    assert np.sqrt(np.mean(miss**2)) < 0.1
