@@ -19,7 +19,7 @@ from calib.arm.kinematics import (
     nominal_values,
     propagate,
 )
-from calib.arm.robot import FARTHEST_MM, MOST_TURN, Load, Robot, built_in_robots, load_robot
+from calib.arm.robot import FARTHEST_MM, MOST_TURN, Load, Robot, built_in_robots, load_robot, refuse_slides
 from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, of_base_points, with_sides
 
 __all__ = [
@@ -48,6 +48,7 @@ __all__ = [
     "nominal_values",
     "of_base_points",
     "propagate",
+    "refuse_slides",
     "stances",
     "stances_among",
     "with_sides",

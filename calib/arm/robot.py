@@ -122,6 +122,11 @@ class Robot:
         return np.array([FACTORS[kind] for kind in self.kinds])
 
     @cached_property
+    def steps(self) -> Array:
+        """(N,) by what to multiply a small angle, rad, for each joint: a slide goes as many mm as others turn deg."""
+        return self.joint_units / DEG
+
+    @cached_property
     def joint_slots(self) -> tuple[str, ...]:
         """The slot of the chain that every joint drives: `theta1`, or `d1` where it slides."""
         return tuple(f"{'d' if k in self.slides else 'theta'}{k}" for k in range(1, self.joints + 1))
@@ -168,6 +173,17 @@ class Robot:
             return model
         joint_matrix = self.joint_matrices[coupling]
         return (model - np.array(joint_matrix.offset)) @ np.linalg.inv(np.array(joint_matrix.matrix)).T
+
+
+def refuse_slides(robot: Robot, what: str) -> None:
+    """Raise DataError for a robot with joints that slide. what: "aligning streams knows"."""
+    if robot.slides:
+        slides = ", ".join(robot.axes[k - 1] for k in robot.slides)
+        raise DataError(
+            f"'{robot.name}' has joints that slide ({slides}), and {what} only joints that turn.",
+            do="Use identify and diagnose, which know both.",
+            key="robot",
+        )
 
 
 def _tail(axis: str) -> str:

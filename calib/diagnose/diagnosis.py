@@ -332,9 +332,12 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
     """What these readings cannot show, so that nobody takes silence for absence."""
     conditions = dataset.conditions.take(dataset.fit_rows)
     notes = []
-    one_sided = [k + 1 for k, side in enumerate(conditions.side.T) if np.all(side == side[0])]
+    axes = dataset.header.robot.axes
+    one_sided = [
+        axis.upper() for axis, side in zip(axes, conditions.side.T, strict=True) if np.all(side == side[0])
+    ]
     if one_sided:
-        joints = ", ".join(f"J{k}" for k in one_sided)
+        joints = ", ".join(one_sided)
         notes.append(
             f"Backlash of {joints} is invisible: every reading arrived from one side. It is not absent."
         )

@@ -88,7 +88,7 @@ def later_visits(
         series=readings.series_names[-1],
     )
     turned = robot.model_angles(joints, coupling)
-    previous = robot.model_angles(joints - (sides * approach)[:, None], coupling)
+    previous = robot.model_angles(joints - (sides * approach)[:, None] * robot.steps, coupling)
     parts = {name: conditions_at(found.model, turned, stated, name) for name in dict.fromkeys(targets)}
     made = next(iter(parts.values()))
     points = np.stack([part.point for part in parts.values()])
@@ -108,7 +108,7 @@ def candidates(found: Identification, limits: Array, count: int = _CANDIDATES, s
     rng = np.random.default_rng(seed)
     sides = rng.choice((-1.0, 1.0), count)
     approach = rng.choice(APPROACHES, count)
-    reach = approach[:, None]
+    reach = approach[:, None] * found.model.robot.steps
     low = limits[:, 0] + reach * (sides[:, None] > 0.0)
     high = np.maximum(limits[:, 1] - reach * (sides[:, None] < 0.0), low)
     names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])
@@ -176,7 +176,7 @@ def separating(
     return FollowUp(
         joints=joints,
         sides=np.sign(moves[:, 0]),
-        approach=np.max(np.abs(moves), axis=1),
+        approach=np.max(np.abs(moves) / robot.steps, axis=1),
         targets=tuple(few.target_names[t] for t in few.target),
         separations={(r.instead_of, r.label): float(s) for r, s in zip(rivals, total, strict=True)},
         procedures=_procedures([r for r, s in zip(rivals, total, strict=True) if s < SEPARATES], found),

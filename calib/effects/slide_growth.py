@@ -7,7 +7,7 @@ import numpy as np
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import WarmTravel
+from calib.model.slide_regressors import WarmTravel
 from calib.scan.fixed import Candidate
 
 KINDS = (

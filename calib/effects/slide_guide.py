@@ -14,7 +14,7 @@ from __future__ import annotations
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect
-from calib.model.regressors import HalfWave
+from calib.model.slide_regressors import HalfCosines, HalfSines
 from calib.scan.fixed import Candidate
 
 HALF_WAVES = 4
@@ -51,9 +51,9 @@ KINDS = (
 def _waves(
     slots: dict[str, str], joint: int, low: float, high: float, unit: str, size: float
 ) -> dict[str, Written]:
-    sine = unit == "mm"
+    wave = HalfSines if unit == "mm" else HalfCosines
     return {
-        f"{name}{count}": (unit, size, [(slot, HalfWave(joint, count, sine, low, high))])
+        f"{name}{count}": (unit, size, [(slot, wave(joint, count, low, high))])
         for name, slot in slots.items()
         for count in range(1, HALF_WAVES + 1)
     }

@@ -81,7 +81,8 @@ def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
     out = []
     others = parts.sum(axis=1)[:, None] - parts[:, : joints.shape[1]]
     ordered = np.sort(others, axis=0)
-    for k in np.flatnonzero((ordered[FEWEST - 1 :] == ordered[: 1 - FEWEST]).any(axis=0)).tolist():
+    turning = np.array([kind == "turns" for kind in dataset.header.robot.kinds])
+    for k in np.flatnonzero(turning & (ordered[FEWEST - 1 :] == ordered[: 1 - FEWEST]).any(axis=0)).tolist():
         _, group, count = np.unique(others[:, k], return_inverse=True, return_counts=True)
         for g in np.flatnonzero(count >= FEWEST):
             of = np.flatnonzero(group == g)

@@ -15,6 +15,7 @@ import numpy as np
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.model.axis import Axis, unit_of
+from calib.model.slide_regressors import HalfCosines, HalfSines, WarmTravel
 from calib.units import DEG
 
 
@@ -272,39 +273,6 @@ class GearCurve:
 
 
 @dataclass(frozen=True)
-class HalfWave:
-    """sin or cos (`sine`) of `count` half waves over the travel of a joint that slides, from low to high, mm."""
-
-    joint: int
-    count: int
-    sine: bool
-    low: float
-    high: float
-
-    def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from -1 to 1."""
-        along = (conditions.joints[:, self.joint - 1] - self.low) / (self.high - self.low)
-        phase = np.pi * self.count * along
-        return np.sin(phase) if self.sine else np.cos(phase)
-
-    def drawn_over(self, conditions: Conditions) -> Axis:
-        """The place along the axis."""
-        return Axis.angle(self.joint, conditions)
-
-
-@dataclass(frozen=True)
-class WarmTravel:
-    """Place of a joint that slides, mm, times the air temperature above `reference_c`, K."""
-
-    joint: int
-    reference_c: float
-
-    def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) mm K."""
-        return conditions.joints[:, self.joint - 1] * (conditions.temperature - self.reference_c)
-
-
-@dataclass(frozen=True)
 class Side:
     """Side from which a joint arrived: +1 from below, -1 from above."""
 
@@ -408,7 +376,8 @@ KINDS = {
         LastMove,
         Cosine,
         Sine,
-        HalfWave,
+        HalfSines,
+        HalfCosines,
         WarmTravel,
         Side,
         LoadedSide,

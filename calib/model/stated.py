@@ -91,7 +91,7 @@ def conditions_at(
     place = model.placements.get(series, np.eye(4))
     return Conditions(
         joints=joints,
-        previous=joints - sides * np.asarray(stated.approach),
+        previous=joints - sides * np.asarray(stated.approach) * model.robot.steps,
         side=sides,
         torque=loading.torque,
         moment=loading.moment,

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.robot import Robot
+from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.errors import DataError
 from calib.foreign.dates import seconds_of
@@ -38,8 +38,9 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
 
     Raises DataError (file, line or column) for what is no stream.
     """
+    refuse_slides(robot, "aligning streams knows")
     table = Columns.read(path)
-    names = [f"j{k}" for k in range(1, robot.joints + 1)]
+    names = list(robot.axes)
     if columns is not None:
         of = parse_map(columns, ["time", *names], "--robot-columns")
     elif "actual_q_0" in table:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm.kinematics import forward
-from calib.arm.robot import Robot
+from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.errors import DataError
@@ -107,6 +107,7 @@ def train(
     alone. For a regression on positions `model` is the nominal robot in its place. Raises DataError where there is no
     point, one waypoint only, or several targets for a regression on positions.
     """
+    refuse_slides(model.robot, "a regression knows")
     measured = readings.observed.points
     if measured is None:
         raise DataError(

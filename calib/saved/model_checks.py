@@ -22,12 +22,20 @@ from calib.errors import DataError
 from calib.model.effect import Group, Owner
 from calib.model.model import RobotModel
 from calib.text.toml_table import FARTHEST_MM
-from calib.units import DEG, FACTORS, to_internal
+from calib.units import FACTORS, to_internal
 
 _WRITE_AGAIN = "Write the model again with 'truepose diagnose DATA.csv --model'."
 _DESCRIPTION = ("name", "maker", "source", "capsules")  # of a robot: words, and its girth, which move nothing
 _SAME = 1e-9  # rad and mm
-_SHAPES = {"joint": int, "axis": int, "order": (int, float), "series": str, "target": str, "anchor": str}
+_SHAPES = {
+    "joint": int,
+    "count": int,
+    "axis": int,
+    "order": (int, float),
+    "series": str,
+    "target": str,
+    "anchor": str,
+}
 
 
 def content_hash(document: Mapping[str, Any]) -> str:
@@ -69,8 +77,9 @@ def refuse_other_table(robot: Robot, reference: Robot, path: Path) -> None:
             where = key
             if key in ("lower", "upper") and len(robot.lower) == len(reference.lower):
                 k = next(k for k, pair in enumerate(zip(value, other[key], strict=True)) if not _same(*pair))
-                limits = f"{value[k] / DEG:g} deg, in the robot file {other[key][k] / DEG:g} deg"
-                where = f"the {'lower' if key == 'lower' else 'upper'} limit of joint {k + 1} is {limits}"
+                unit, factor, axis = robot.units[k], robot.joint_units[k], robot.axes[k].removeprefix("j")
+                limits = f"{value[k] / factor:g} {unit}, in the robot file {other[key][k] / factor:g} {unit}"
+                where = f"the {key} limit of joint {axis} is {limits}"
             raise DataError(
                 f"its robot is not '{reference.name}' as the robot file has it: {where}.",
                 do="Use the model of this robot, or give the robot's own file with --robot FILE.toml.",
@@ -130,7 +139,9 @@ def _refuse_regressor(regressor: Any, model: RobotModel, refuse: Any) -> None:
             good = 1 <= value <= model.robot.joints
         elif good and field.name == "axis":
             good = 0 <= value <= 2
-        elif good and field.name in ("width", "time_constant_s"):
+        elif good and field.name == "high":
+            good = value > regressor.low
+        elif good and field.name in ("width", "time_constant_s", "count"):
             good = value > 0.0
         elif good and field.name == "series":
             good = value in model.targets

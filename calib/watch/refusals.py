@@ -11,7 +11,6 @@ from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.model.regressors import Temperature
 from calib.saved import SavedModel
-from calib.units import DEG
 from calib.validation import refuse_other_robot
 
 WARMER_K = 3.0
@@ -74,7 +73,7 @@ def missing(dataset: Dataset) -> list[str]:
     out: dict[str, None] = {}
     for i in np.flatnonzero(~dataset.usable):
         if tuple(keys[i]) not in good:
-            joints = ", ".join(f"{q:.1f}" for q in conditions.joints[i] / DEG)
+            joints = ", ".join(f"{q:.1f}" for q in conditions.joints[i] / dataset.header.robot.joint_units)
             target = conditions.target_names[conditions.target[i]]
             why = str(dataset.status[i]).removeprefix("rejected:") or "not measured"
             out[f"{target} at the pose ({joints}) deg ({why})"] = None

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from calib.arm import refuse_slides
 from calib.compensate import Carried, carried
 from calib.errors import DataError
 from calib.saved import SavedModel
@@ -43,6 +44,7 @@ def written(
     refuse_unknown(kind)
     stated = stated_conditions(conditions, saved)
     form, robot = FORMATS[kind], saved.model.robot
+    refuse_slides(robot, "tables of constants hold")
     found = carried(saved.model, saved.estimate, stated.stated, form.holds(robot), coupling=saved.coupling)
     held_out = saved.held_out_rms_mm
     about = _about(found, form.says, stated.in_words, held_out)

@@ -119,10 +119,10 @@ def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
     joints_deg as the controller counts them; sides +1 from below, -1 from above, of every joint of a pose;
     approach_deg: how far before the pose the last move begins.
     """
-    joints = follow_up.joints.shape[1]
+    joints, robot = follow_up.joints.shape[1], follow_up.rivals[0].fitted.model.robot
     poses = {
         "kind": "poses",
-        "joints_deg": np.round(follow_up.joints / DEG, 4).tolist(),
+        "joints_deg": np.round(follow_up.joints / robot.joint_units, 4).tolist(),
         "sides": [[int(side)] * joints for side in follow_up.sides],
         "approach_deg": np.round(follow_up.approach / DEG, 4).tolist(),
         "targets": list(follow_up.targets),
