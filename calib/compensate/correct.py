@@ -125,6 +125,8 @@ def refused(
     moved = np.where(np.isfinite(moved), moved, np.inf)
     start, end = (nominal_jacobian(robot, np.nan_to_num(there), tool)[1] for there in (joints, found))
     singular = arm.margin(start) < SINGULAR
+    if not arm.all:  # there a direction that is lost on the way would pass for one that the arm does not have
+        singular |= arm.margin(end) < 0.5 * SINGULAR
     close = (misses.landed <= 10.0 * LANDED_MM) & (misses.turned <= 10.0 * LANDED_RAD)
     kept = arm.same_branch(start, end)
     return [

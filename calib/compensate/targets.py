@@ -46,7 +46,8 @@ def correct_poses(
     """Correct poses (n, 4, 4) of the tool point in the base frame, mm.
 
     branch: one name for each pose; without it the branch nearest to `seed` (n, N), of the model, rad or mm. seed also
-    chooses the turns, default those nearest to 0, where a track stands and where seven axes have their elbow. tool: (4, 4) nominal pose of the tool point on the flange, mm.
+    chooses the turns, default those nearest to 0, where a track stands and where seven axes have their elbow.
+    tool: (4, 4) nominal pose of the tool point on the flange, mm.
     The other arguments and the errors raised are those of `correct`; DataError as well for a robot that has no
     inverse kinematics here, ValueError when neither branch nor seed is given.
     """
@@ -72,7 +73,7 @@ def postures_of(
     limits: Array | None = None,
     coupling: str = "none",
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Joints (n, N) of the model, rad or mm, and branch (n,) of the nominal robot in flange poses (n, 4, 4); NaN and -1 for none.
+    """Joints (n, N) of the model, rad or mm, and branch (n,) in flange poses (n, 4, 4); NaN and -1 for none.
 
     Arguments and errors raised: see `correct_poses`.
     """

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from calib.arm.inverse_kinematics import Reached, arm_of, inverse_kinematics
 from calib.arm.kinematics import forward
@@ -58,7 +59,7 @@ def apart(robot: Robot, one: Array, other: Array) -> Array:
     return np.max(np.abs(off - 2.0 * np.pi * np.round(np.where(turns, off, 0.0) / (2.0 * np.pi))), axis=-1)
 
 
-def judged(robot: Robot, joints: Array, *, missed: float = 0.0) -> Array:
+def judged(robot: Robot, joints: Array, *, missed: float = 0.0) -> NDArray[np.bool_]:
     """(n, B) the valid branches of the poses of `joints`; the pose's own is among them, and all of them stand in it."""
     poses = forward(robot, joints)
     found = inverse_kinematics(robot, poses, seed=joints)
