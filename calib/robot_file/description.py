@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arm import Chain, Placement, Robot, forward, nominal_values, propagate
-from calib.arm.inverse_kinematics import structure_of
+from calib.arm.inverse_kinematics import arm_of
 from calib.array import Array
 from calib.errors import DataError
 from calib.units import DEG
@@ -118,7 +118,7 @@ def _meeting(axes: Array, points: Array) -> Array:
 
 def _inverse(robot: Robot) -> str:
     try:
-        return f"in closed form, {structure_of(robot).kind}"
+        return arm_of(robot).kind
     except DataError as error:
         return error.what.rstrip(".")
 

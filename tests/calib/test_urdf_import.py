@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.arm.inverse_kinematics import structure_of
+from calib.arm.inverse_kinematics import arm_of
 from calib.arm.kinematics import forward, statics
 from calib.arm.robot import load_robot
 from calib.array import Array
@@ -124,7 +124,7 @@ def test_an_ordinary_arm_becomes_the_table_of_its_maker(tmp_path: Path) -> None:
     np.testing.assert_allclose(robot.d, [290, 0, 0, 302, 0, 72], atol=1e-9)
     np.testing.assert_allclose(np.abs(np.degrees(robot.alpha)), [0, 90, 0, 90, 90, 90], atol=1e-9)
     np.testing.assert_allclose(np.array([found.base, found.tool]), [np.eye(4)] * 2, atol=1e-9)
-    assert structure_of(robot).kind == "spherical wrist"
+    assert arm_of(robot).kind == "in closed form, spherical wrist"
     assert robot.parallel_axes == (3,)
     np.testing.assert_allclose(robot.lower, -1.9, atol=1e-6)
     assert found.remarks == ()
@@ -137,7 +137,7 @@ def test_rounded_quarters_are_meant_as_quarters_and_said(tmp_path: Path) -> None
     found = import_urdf(written(tmp_path, urdf(*joints)))
     assert found.remarks[0] == "1.5708 rad was taken as 90 deg exactly."
     assert "-1.57 rad was taken as -90 deg exactly." in found.remarks
-    assert structure_of(import_urdf(written(tmp_path, urdf(*six()))).robot).kind == "spherical wrist"
+    assert arm_of(import_urdf(written(tmp_path, urdf(*six()))).robot).kind == "in closed form, spherical wrist"
     joints[2] = joints[2].replace('rpy="-1.57 0 0"', 'rpy="-1.58 0 0"')
     assert not any("1.58" in remark for remark in import_urdf(written(tmp_path, urdf(*joints))).remarks)
 

@@ -74,7 +74,7 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
         pairs = gone(arm, cell, goals, i)
         return max(abs(a - b) for got, right in pairs for a, b in zip(got, right, strict=True))
 
-    # 0.002 deg: two states of a standing robot may differ by so much, so a wrong bit below that is believed.
+    # 0.002 deg: states of a standing robot may differ by so much, so a wrong bit below that is believed.
     longest_s = (
         2 * HASTY_SIMPLE.reply_s + HASTY_SIMPLE.settle_s + 4 * HASTY_SIMPLE.stop_s + HASTY_SIMPLE.takeover_s
     )

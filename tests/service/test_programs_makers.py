@@ -19,7 +19,6 @@ from calib.saved.model_file import SavedModel
 from service.programs import (
     Compensation,
     KnownFrames,
-    Program,
     compensate,
     named_frames,
     pulses_of,
@@ -29,6 +28,7 @@ from service.programs import (
 )
 from service.programs.compensation import CORRECTED, REFUSED
 from service.programs.postures import postures
+from service.programs.program import Program
 from tests.service.maker_programs import (
     DAT,
     DTX,

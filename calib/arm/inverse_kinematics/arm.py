@@ -12,6 +12,11 @@ class Arm(Protocol):
     """An arm that can be inverted: the names of its branches, and its solutions in their order."""
 
     @property
+    def kind(self) -> str:
+        """How it is solved and what its structure is, for people: "in closed form, SCARA"."""
+        ...
+
+    @property
     def branches(self) -> tuple[str, ...]:
         """Names of the branches."""
         ...

@@ -37,6 +37,7 @@ class FiveAxes:
     last: Array
     senses: tuple[float, float]
 
+    kind = "in closed form, five axes"
     branches = WITHOUT_WRIST
 
     @classmethod

@@ -53,6 +53,7 @@ class OffsetWrist:
     links: TwoLinks
     sense: float
 
+    kind = "by a search over one joint, offset wrist"
     branches = (*BRANCHES, *(f"{name}/{k}" for k in range(2, _OF_A_NAME + 1) for name in BRANCHES))
 
     @classmethod

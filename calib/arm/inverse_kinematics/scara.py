@@ -42,6 +42,7 @@ class Scara:
     upper: tuple[float, float]
     fore: tuple[float, float]
 
+    kind = "in closed form, SCARA"
     branches = ("right", "left")
 
     @classmethod

@@ -43,6 +43,7 @@ class SevenAxes:
     from_elbow: Array
     bend: float
 
+    kind = "in closed form, seven axes; the elbow stays"
     branches = BRANCHES
 
     @classmethod

@@ -36,6 +36,11 @@ class SixAxes:
 
     branches = BRANCHES
 
+    @property
+    def kind(self) -> str:
+        """Its structure, in closed form."""
+        return f"in closed form, {self.structure.kind}"
+
     @classmethod
     def of(cls, zero: ZeroPose) -> SixAxes:
         """Raises DataError, saying what prevents it, for other arms."""

@@ -23,6 +23,11 @@ class Standing:
     arm: Arm
 
     @property
+    def kind(self) -> str:
+        """That of the arm, and what it stands on."""
+        return f"{self.arm.kind}; joint 1 stays where it stands"
+
+    @property
     def branches(self) -> tuple[str, ...]:
         """Those of the arm."""
         return self.arm.branches
