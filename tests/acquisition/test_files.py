@@ -11,6 +11,7 @@ from acquisition.campaign.campaign import campaign_of_record, read_campaign, rea
 from acquisition.cell.cell import cell_of_record, read_cell
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import a_campaign, a_cell
+from tests.calib.machines import machine
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "irb120_faro"
 
@@ -75,6 +76,16 @@ def test_cell_refused(change: dict[str, Any], key: str) -> None:
     assert f"key '{key}'" in str(caught.value)
     assert "cell.toml" in str(caught.value)
     assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(("name", "words"), [("track", "slide (e1)"), ("seven", "7 joints")])
+def test_a_robot_that_its_driver_does_not_move_is_refused(name: str, words: str, tmp_path: Path) -> None:
+    """Before anything connects: mm must never be sent where degrees are meant."""
+    machine(name, tmp_path)
+    with pytest.raises(ConfigError) as caught:
+        a_cell(robot__model=str(tmp_path / f"{name}.toml"))
+    assert "key 'robot.model'" in str(caught.value)
+    assert words in str(caught.value)
 
 
 BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}

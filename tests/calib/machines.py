@@ -142,6 +142,19 @@ GANTRY = _text(
     slides=[1, 2, 3],
 )
 
+# A telescope on a turning tower: gravity pulls along its slide, now more, now less.
+BOOM = _text(
+    "boom",
+    "mdh",
+    [
+        (0.0, 0.0, 0.0, 500.0, -170.0, 170.0),
+        (-90.0, 0.0, 0.0, 0.0, -80.0, 80.0),
+        (90.0, 0.0, 0.0, 300.0, 0.0, 1500.0),
+    ],
+    slides=[3],
+    loads=[(3, 50.0, 20.0, 0.0, 100.0)],
+)
+
 MACHINES = {
     "scara": SCARA,
     "scara-dh": SCARA_DH,
@@ -150,6 +163,7 @@ MACHINES = {
     "track": TRACK,
     "positioner": POSITIONER,
     "gantry": GANTRY,
+    "boom": BOOM,
 }
 
 

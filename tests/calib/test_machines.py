@@ -16,7 +16,7 @@ import pytest
 from calib.arm.robot import Robot
 from calib.data import Conditions, Dataset, read_dataset
 from calib.diagnose import Diagnosis, diagnose
-from calib.effects import Survey, offers, words_of
+from calib.effects import LIBRARY, Survey, offers, words_of
 from calib.errors import DataError
 from calib.fit.held_out import errors_on
 from calib.model.check import check_effect
@@ -82,7 +82,7 @@ def situation(robot: Robot) -> tuple[RobotModel, Conditions]:
     return model, replace(drawn, side=side, temperature=rng.uniform(18.0, 26.0, 40), time=np.arange(40.0))
 
 
-@pytest.mark.parametrize("name", ["track", "scara", "scara-dh", "gantry"])
+@pytest.mark.parametrize("name", ["track", "scara", "scara-dh", "gantry", "boom"])
 def test_effects_conform_and_are_offered_for_the_joints_they_are_of(name: str, folder: Path) -> None:
     robot = machine(name, folder)
     model, conditions = situation(robot)
@@ -101,6 +101,10 @@ def test_effects_conform_and_are_offered_for_the_joints_they_are_of(name: str, f
     )
     turned = {offer.label.split(":")[1] for offer in found if offer.label.partition(":")[0] in gears}
     assert turned == set(robot.axes) - slides
+    if name == "boom":
+        known = {kind.name for entry in LIBRARY for kind in entry.KINDS}
+        offered = {offer.label.partition(":")[0] for offer in found}
+        assert {kind for kind in known if kind.startswith("slide_")} <= offered
     for offer in found:
         if isinstance(offer, Candidate) and offer.label.startswith(("slide_", "bearing_tilt")):
             check_effect(offer.effect, model, conditions)
