@@ -23,8 +23,9 @@ _NO_POSTURE = "no joint target before it says which posture the arm has: begin w
 def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
     """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
 
-    Poses without a branch are solved nearest to the target before them; a track stands, and seven axes have their elbow,
-    where the joint target before has them. Raises DataError for poses of a robot that has no inverse kinematics here.
+    Poses without a branch are solved nearest to the target before them; a track stands, and seven axes have their
+    elbow, where the joint target before has them. Raises DataError for poses of a robot that has no inverse kinematics
+    here.
     """
     angles = np.full((len(targets), robot.joints), np.nan)
     why = [target.refused for target in targets]
