@@ -137,7 +137,9 @@ def test_rounded_quarters_are_meant_as_quarters_and_said(tmp_path: Path) -> None
     found = import_urdf(written(tmp_path, urdf(*joints)))
     assert found.remarks[0] == "1.5708 rad was taken as 90 deg exactly."
     assert "-1.57 rad was taken as -90 deg exactly." in found.remarks
-    assert arm_of(import_urdf(written(tmp_path, urdf(*six()))).robot).kind == "in closed form, spherical wrist"
+    assert (
+        arm_of(import_urdf(written(tmp_path, urdf(*six()))).robot).kind == "in closed form, spherical wrist"
+    )
     joints[2] = joints[2].replace('rpy="-1.57 0 0"', 'rpy="-1.58 0 0"')
     assert not any("1.58" in remark for remark in import_urdf(written(tmp_path, urdf(*joints))).remarks)
 
