@@ -95,51 +95,6 @@ CHANGES = (
         _REGRESSION,
     ),
     Change(
-<<<<<<< HEAD
-=======
-        "calib/fit/least_squares.py",
-        "- held**2 * at.estimate[active] + tied.T @ left) / size",
-        "- 0.0 * at.estimate[active] + tied.T @ left) / size",
-        "the prior pulls to wherever the fit stands and not to zero",
-        _FIT,
-    ),
-    Change(
-        "calib/fit/least_squares.py",
-        "        return _back(self.triangle, np.eye(len(self.size))) / self.size[:, None]",
-        "        return _back(self.triangle, np.eye(len(self.size)))",
-        "covariances have the scale of the columns",
-        _FIT,
-    ),
-    Change(
-        "calib/fit/least_squares.py",
-        "    seen = scale * usual > _MOVES_NOTHING",
-        "    seen = scale * usual >= 0.0",
-        "a parameter that moves nothing is kept",
-        _FIT,
-    ),
-    Change(
-        "calib/fit/identify.py",
-        "    covariance = solution.covariance * max(scale, 1.0) ** 2",
-        "    covariance = solution.covariance * max(scale, 1.0)",
-        "uncertainties of noisy readings come out too small",
-        _FIT,
-    ),
-    Change(
-        "calib/fit/identify.py",
-        "    dof = readings.observed.count - int(active.sum())",
-        "    dof = readings.observed.count - 0 * int(active.sum())",
-        "the noise is estimated as if nothing had been fitted",
-        _FIT,
-    ),
-    Change(
-        "calib/fit/identify.py",
-        "    readings = readings.take(~faulty)\n",
-        "",
-        "readings that do not belong stay in the fit",
-        _FIT,
-    ),
-    Change(
->>>>>>> steady
         "calib/data/header.py",
         "return dict.fromkeys(names, u_mm) if u_mm > 0.0 else {}",
         "return {}",

@@ -92,8 +92,8 @@ CHANGES = (
     ),
     Change(
         "calib/fit/least_squares.py",
-        "    inverse = _back(triangle, np.eye(len(size))) / size[:, None]",
-        "    inverse = _back(triangle, np.eye(len(size)))",
+        "        return _back(self.triangle, np.eye(len(self.size))) / self.size[:, None]",
+        "        return _back(self.triangle, np.eye(len(self.size)))",
         "covariances have the scale of the columns",
         FIT,
     ),
