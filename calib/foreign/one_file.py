@@ -176,7 +176,7 @@ class File:
             for i in np.flatnonzero(np.abs(norm - 1.0) > 1e-2)[:1]:
                 raise DataError(
                     f"the quaternion has the norm {norm[i]:.4f}.",
-                    do="Check the columns rot_w .. rot_z of the map: a quaternion has norm 1.",
+                    do="Check the columns of the quaternion in the map: its norm is 1.",
                     file=self.layout.sheet.shown,
                     line=self.layout.lines[i],
                 )

@@ -30,7 +30,7 @@ def refuse_angles(joints: Array, columns: Sequence[Column], file: str) -> None:
     if all(columns[k].unit == "deg" for k in turning) and largest.max() / DEG <= LARGE_DEG:
         raise DataError(
             f"no joint exceeds {largest.max() / DEG:.3f} where degrees are meant: these can only be radians.",
-            do="Write [rad] for j1 .. in the map.",
+            do="Write [rad] for the joints in the map.",
             file=file,
         )
     for size, k in zip(largest, turning, strict=True):
