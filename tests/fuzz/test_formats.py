@@ -28,6 +28,7 @@ NAMES = (
         "targets.csv",
     ),
     *("program.mod", "program.ls", "program.script", "published.csv", "cleaned.csv"),
+    *("maker.dat", "maker.src", "maker.jbi", "maker.dtx"),
     *("robot.csv", "tracker.csv", "points.txt"),
     *("arm.urdf", "table.csv"),
 )
