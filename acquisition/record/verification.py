@@ -207,11 +207,11 @@ def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Cond
 def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) -> float:
     """RMS distance, mm, that a perfect correction would show under these conditions (3D, all readings)."""
     noise = dataset.header.noise
-    joints = [f"theta{k}" for k in range(1, found.model.robot.joints + 1)]
-    frames = Design(found.model, conditions).frames(found.estimate, joints)
+    robot = found.model.robot
+    frames = Design(found.model, conditions).frames(found.estimate, robot.joint_slots)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
-    covariance = covariance + noise.of_joints(frames.velocities(joints))
+    covariance = covariance + noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
     return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
 
 

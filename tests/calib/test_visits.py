@@ -145,11 +145,11 @@ def test_a_reading_by_itself_is_whitened_as_ever(tmp_path: Path) -> None:
     assert found.readings.observed.shared is None
     assert found.readings.observed.alone is found.readings.observed
     conditions, noise = found.readings.conditions, data.header.noise
-    joints = [f"theta{k}" for k in range(1, 7)]
-    frames = Design(found.model, conditions).frames(np.zeros(len(found.estimate)), joints)
+    robot = found.model.robot
+    frames = Design(found.model, conditions).frames(np.zeros(len(found.estimate)), robot.joint_slots)
     points = data.points[found.readings.rows]
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
-    covariance += noise.of_joints(frames.velocities(joints))
+    covariance += noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
     w = found.readings.observed.whiten.transpose(2, 0, 1)
     np.testing.assert_allclose(
         w @ covariance @ w.transpose(0, 2, 1), np.tile(np.eye(3), (len(w), 1, 1)), atol=1e-6

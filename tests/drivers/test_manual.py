@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ class Person:
         return [picture for _, _, picture in self.asked]
 
 
-def an_arm(person: Person, **options: float) -> ManualArm:
+def an_arm(person: Person, **options: Any) -> ManualArm:
     arm = ManualArm(limits_deg=LIMITS, **options)
     arm.attend(person)
     arm.connect()
