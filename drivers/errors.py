@@ -208,9 +208,11 @@ class LeftOut(Refused):
     code = 3010
     advice = "The reading is left out; it can be measured again later."
 
-    def __init__(self, message: str, *, again: bool = False, device: str = "", command: str = "") -> None:
+    def __init__(
+        self, message: str, *, again: bool = False, device: str = "", command: str = "", raw: bytes = b""
+    ) -> None:
         """`again`: it is not left out, something else is measured before it."""
-        super().__init__(message, device=device, command=command)
+        super().__init__(message, device=device, command=command, raw=raw)
         self.again = again
 
 

@@ -70,8 +70,9 @@ def test_columns_and_units_follow_the_kind(tmp_path: Path) -> None:
     assert (scara.lower[2], scara.upper[2]) == (-200.0, 0.0)
     for name in built_in_robots():
         robot = load_robot(name)
-        assert robot.joint_columns == tuple(f"j{k}_deg" for k in range(1, 7))
-        np.testing.assert_array_equal(robot.joint_units, np.full(6, DEG))
+        assert len(robot.joint_columns) == len(robot.joint_units) == robot.joints
+        for k, (kind, column) in enumerate(zip(robot.kinds, robot.joint_columns, strict=True), start=1):
+            assert column == f"j{k}_{'mm' if kind == 'slides' else 'deg'}"
 
 
 def test_a_joint_matrix_couples_mm_and_degrees_as_the_file_says(tmp_path: Path) -> None:

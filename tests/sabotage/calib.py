@@ -152,8 +152,8 @@ CHANGES = (
     ),
     Change(
         "calib/data/read.py",
-        'arrivals_told="approach1" in table or "prev1_deg" in table',
-        "arrivals_told=True",
+        "arrivals_told=any(",
+        "arrivals_told=True or any(",
         "nobody is told that the order of rows stood in for the way of the robot",
         ("tests/calib/test_arrivals.py",),
     ),
@@ -179,7 +179,7 @@ CHANGES = (
         COMPENSATE,
     ),
     Change(
-        "calib/compensate/inverse.py",
+        "calib/arm/jacobian.py",
         "    turn = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)",
         "    turn = reached[:, :3, :3] @ wanted[:, :3, :3].transpose(0, 2, 1)",
         "orientations are corrected away from where they should be",

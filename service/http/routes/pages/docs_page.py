@@ -1,4 +1,4 @@
-"""`/docs`: the OpenAPI document to read and to try, by Swagger UI out of this package (`service/vendored/swagger_ui`).
+"""`/docs`: the OpenAPI document to read and to try, by the Swagger UI that the package fastapi-offline carries.
 
 It holds nothing of the cell and needs no token; what is tried is asked with the token that a person pastes under
 "Authorize". Its policy lets it run the two scripts that come with it and talk to this service alone.
@@ -7,6 +7,7 @@ Source: Content Security Policy Level 3 (W3C).
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 from fastapi import APIRouter
@@ -15,10 +16,10 @@ from fastapi.responses import FileResponse, HTMLResponse
 from service.http.wire.problems import Problem
 
 router = APIRouter()
-FOLDER = Path(__file__).parents[3] / "vendored" / "swagger_ui"
+_OURS = "docs.js"
 FILES = {
     "swagger-ui-bundle.js": "text/javascript",
-    "docs.js": "text/javascript",
+    _OURS: "text/javascript",
     "swagger-ui.css": "text/css",
 }
 POLICY = (
@@ -51,4 +52,5 @@ def docs_file(name: str) -> FileResponse:
     """A file of the page. Raises Problem 404 for any other."""
     if name not in FILES:
         raise Problem(404, f"There is no file {name!r} of the page.", "Open /docs.")
-    return FileResponse(FOLDER / name, media_type=FILES[name], headers=HEADERS)
+    folder = Path(__file__).parents[3] / "static" if name == _OURS else files("fastapi_offline") / "static"
+    return FileResponse(str(folder / name), media_type=FILES[name], headers=HEADERS)
