@@ -206,13 +206,13 @@ class Sequencer:
         except AcquisitionError as error:
             self._attempts.failed(attempt, error)
             raise
-        self._attempts.measured(attempt, planned, reading, self._nests.world)
+        point = None
+        if planned.visit.counted and self._nests.world is not None and isinstance(reading, PointReading):
+            seen = self._nests.world.to_world(reading.xyz_mm)
+            point = as_planned(self._cell, planned, self._arrivals.stands(planned, arrival), seen)
+        self._attempts.measured(attempt, planned, reading, self._nests.world, point)
         if planned.visit.counted:
             self._last = planned.id
-            point = None
-            if self._nests.world is not None and isinstance(reading, PointReading):
-                seen = self._nests.world.to_world(reading.xyz_mm)
-                point = as_planned(self._cell, planned, self._arrivals.stands(planned, arrival), seen)
             self._gates.measured(planned, point)
             if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
                 self._ask(moved)
