@@ -55,7 +55,7 @@ export function promptCard() {
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
       each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
-      const empty = each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim();
+      const empty = Boolean(each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim());
       each.setAttribute("aria-disabled", String(!armed || empty));
     }
   }
