@@ -49,8 +49,18 @@ class Attempts:
             self._close(db, attempt, "good", raw=reached.raw, read_deg=json.dumps(list(reached.joints_deg)))
             self._store.note(db, "arrived", attempt=attempt, read_deg=list(reached.joints_deg))
 
-    def measured(self, attempt: int, planned: Planned, reading: Reading, world: WorldFrame | None) -> None:
-        """A good reading: durable, and the planned reading done, when this returns. `world`: once it is known."""
+    def measured(
+        self,
+        attempt: int,
+        planned: Planned,
+        reading: Reading,
+        world: WorldFrame | None,
+        as_planned: Sequence[float] | None = None,
+    ) -> None:
+        """A good reading: durable, and the planned reading done, when this returns. `world`: once it is known.
+
+        as_planned (3,), mm, world: the point as it would be at the joints that were planned (`run.checks.expected`).
+        """
         data = {
             "attempt": attempt,
             "pose": planned.id,
@@ -73,6 +83,7 @@ class Attempts:
             data |= {
                 "tracker_mm": _triple(values, "tracker_{}_mm"),
                 "world_mm": _triple(values, "world_{}_mm"),
+                "as_planned_mm": None if as_planned is None else list(as_planned),
             }
         with self._store.changing() as db:
             self._close(db, attempt, "good", **values)

@@ -20,18 +20,17 @@ a computer sleeps; on resuming they catch up with the calendar and never go back
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry
 from acquisition.campaign.campaign import Campaign
-from acquisition.campaign.plan import Visit
 from acquisition.cell.bars import Bar, bar_for, bars_of
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
-from acquisition.errors import Displaced, OtherBalls, WronglySeated
+from acquisition.errors import OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
+from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
@@ -47,24 +46,12 @@ from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
 from acquisition.run.rig.rig import Rig
-from acquisition.run.rig.settling import until_still
-from drivers.errors import AcquisitionError, LeftOut, LinkError, NotReached, OutOfRange, Refused, Unmeasurable
-from drivers.interfaces import Answer, Entry, JointReading, LengthReading, PointReading, Reading
-from drivers.read_back import apart_deg
+from drivers.errors import AcquisitionError, LeftOut, LinkError, OutOfRange, Refused, Unmeasurable
+from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Reading
 
-DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-
-
-@dataclass(frozen=True)
-class _Arrival:
-    """The robot is in the pose of a visit; the attempt that brought it there."""
-
-    visit: int
-    attempt: int
-    read_deg: tuple[float, ...]
 
 
 class Sequencer:
@@ -94,14 +81,14 @@ class Sequencer:
         self._hands = Hands(cell, self._answer)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
-        self._transit = Transit(self._placing.cell())
         rig.attend(self._by_person)
-        self._by_hand_driven = cell.robot.declared.by_hand
-        self._path = PathDrive(store, campaign, rig, control, self._transit)
+        transit, by_hand = Transit(self._placing.cell()), cell.robot.declared.by_hand
+        self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
+        self._path = PathDrive(store, campaign, rig, control, transit)
         self._checks = BallbarChecks(store, cell)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
-        self._arrival: _Arrival | None = None
+        self._arrival: Arrival | None = None
         # The bar that is built, where it is always that of the legs; else nobody knows until it is built.
         one = not any(isinstance(block.recipe, BallbarGeometry) for block in campaign.blocks)
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
@@ -150,7 +137,7 @@ class Sequencer:
         if not self._touches.wanted(planned):
             self._touches.leave()
         if planned.visit.kind == "pose" and self._arrival is None and self._placing.look():
-            self._transit = Transit(self._placing.cell())  # by where the cups were touched
+            self._arrivals.transit = Transit(self._placing.cell())  # by where the cups were touched
         elif self._touches.wanted(planned) or self._gates.open_for(planned):
             self._try(planned, last=last)
         else:
@@ -176,13 +163,13 @@ class Sequencer:
             if planned.visit.kind == "pose" and (arrival is None or arrival.visit != planned.visit.number):
                 if self._by_hand(planned, self._hands.free) is not Answer.CONFIRM:
                     return
-                arrival, attempt = self._approach(planned)
+                arrival, attempt = self._arrivals.go(planned)
             answer = self._by_hand(planned, self._hands.span)
             if answer is not Answer.CONFIRM:
                 self._arrival = arrival if answer is Answer.SKIP else None
                 return
             if planned.base_target is not None and arrival is not None:
-                self._check_not_displaced(arrival)
+                self._arrivals.check_not_displaced(arrival)
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
             self._measure(planned, attempt, arrival)
@@ -208,56 +195,7 @@ class Sequencer:
             self._arrival = None if planned.visit.waypoints else arrival  # a path ends elsewhere
             self._link_faults = self._given_up = self._tries = self._refusals = 0
 
-    def _approach(self, planned: Planned) -> tuple[_Arrival, int | None]:
-        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
-
-        The attempt is None where a person has to put the ballbar on before.
-        """
-        visit = planned.visit
-        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)
-        if len(path) > 1:
-            self._store.add_event("detour", visit=visit.number, over_deg=path[0])
-        arrival = self._attempts.begin_arrival(visit)
-        try:
-            reached = self._rig.go(path, visit.joints_deg)
-            settle = self._campaign.settle_of(visit.block)
-            self._control.settle(settle.seconds)
-            if settle.check:
-                reached = until_still(self._rig.position, self._control.settle)
-            self._refuse_elsewhere(visit, reached)
-        except AcquisitionError as error:
-            self._attempts.failed(arrival, error)
-            raise
-        with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
-            self._attempts.arrived(arrival, reached)
-            by_hand = planned.base_target is not None
-            attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
-            return _Arrival(visit.number, arrival, reached.joints_deg), attempt
-
-    def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
-        """Refuse to file a reading under angles that the robot does not read back, whatever its driver believes.
-
-        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say. Of a
-        robot that is driven by hand the record says where it stood.
-        """
-        if self._by_hand_driven:
-            return
-        off = apart_deg(reached.joints_deg, visit.joints_deg)
-        if off > DISPLACED_DEG:
-            raise NotReached(
-                f"a joint is read back {off:.3f} deg from where visit {visit.number} sends it",
-                device="robot",
-                command="arrive",
-                raw=reached.raw,
-            )
-
-    def _check_not_displaced(self, arrival: _Arrival) -> None:
-        """Check that the robot has not been moved after people had their hands on it. Raises Displaced."""
-        off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
-        if off > DISPLACED_DEG:
-            raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
-
-    def _measure(self, planned: Planned, attempt: int, arrival: _Arrival | None) -> None:
+    def _measure(self, planned: Planned, attempt: int, arrival: Arrival | None) -> None:
         try:
             if planned.base_target is not None:
                 reading: Reading = self._length(planned, planned.base_target)
@@ -268,13 +206,13 @@ class Sequencer:
         except AcquisitionError as error:
             self._attempts.failed(attempt, error)
             raise
-        self._attempts.measured(attempt, planned, reading, self._nests.world)
+        point = None
+        if planned.visit.counted and self._nests.world is not None and isinstance(reading, PointReading):
+            seen = self._nests.world.to_world(reading.xyz_mm)
+            point = as_planned(self._cell, planned, self._arrivals.stands(planned, arrival), seen)
+        self._attempts.measured(attempt, planned, reading, self._nests.world, point)
         if planned.visit.counted:
             self._last = planned.id
-            point = None
-            if self._nests.world is not None and isinstance(reading, PointReading):
-                seen = self._nests.world.to_world(reading.xyz_mm)
-                point = as_planned(self._cell, planned, self._stands(planned, arrival), seen)
             self._gates.measured(planned, point)
             if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
                 self._ask(moved)
@@ -290,19 +228,15 @@ class Sequencer:
         self._checks.refuse_others(planned, reading.length_mm)
         return reading
 
-    def _point(self, planned: Planned, arrival: _Arrival | None) -> PointReading:
+    def _point(self, planned: Planned, arrival: Arrival | None) -> PointReading:
         """Measured point of a target. Raises Misplaced and WronglySeated for what cannot be the target."""
         if self._nests.world is None or arrival is None:
             return self._rig.measure(planned.target, self._campaign.samples, None)
-        expected = Expectation(self._cell, planned, self._stands(planned, arrival))
+        expected = Expectation(self._cell, planned, self._arrivals.stands(planned, arrival))
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
         return reading
-
-    def _stands(self, planned: Planned, arrival: _Arrival | None) -> tuple[float, ...]:
-        """The joints at which a target is expected: as planned; of a robot driven by hand, where it stands."""
-        return arrival.read_deg if self._by_hand_driven and arrival is not None else planned.visit.joints_deg
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
         """CONFIRM when a person has done what the reading needs; one that they skip is left out."""

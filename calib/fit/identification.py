@@ -12,7 +12,8 @@ import numpy as np
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.header import Header
-from calib.fit.least_squares import Dropped, Ending
+from calib.fit.ending import Ending
+from calib.fit.least_squares import Dropped
 from calib.fit.readings import Readings, linearised
 from calib.fit.uncertainty import predict_with_covariance
 from calib.model.model import Design, RobotModel

@@ -19,12 +19,12 @@ from calib.data.plausible import remarks
 from calib.errors import DataError
 from calib.fit import robust
 from calib.fit.astray import astray
+from calib.fit.ending import Ending
 from calib.fit.identification import Identification
 from calib.fit.least_squares import (
     LEAST_NOISE,
     MAX_ITERATIONS,
     Dropped,
-    Ending,
     Linearisation,
     Solution,
     find_dependent,

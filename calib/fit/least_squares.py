@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from scipy.linalg import get_lapack_funcs
 from calib.arm.kinematics import Frames
 from calib.array import Array
 from calib.data.conditions import row_keys
+from calib.fit.ending import Ending
 from calib.model.model import Design, RobotModel
 from calib.model.observations import Observations
 from calib.model.ties import ties
@@ -35,26 +35,6 @@ LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no furth
 _MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
 _STRAINED = 10.0  # usual sizes by which a parameter may move to make up for the usual size of another
 _DEPENDENT = 1e-7  # share of a column left when those before it are projected out
-
-
-class Ending(StrEnum):
-    """Why a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
-
-    CONVERGED = "converged"  # the last step was a small part of the standard errors
-    ROUNDS = "round limit"
-    NO_DESCENT = "no descent"
-
-    @property
-    def in_words(self) -> str:
-        """The predicate of a sentence about the fit."""
-        return _IN_WORDS[self]
-
-
-_IN_WORDS = {
-    Ending.CONVERGED: "has converged",
-    Ending.ROUNDS: "still moved when it had taken as many steps as it may",
-    Ending.NO_DESCENT: "found no step, however short, that makes its error smaller",
-}
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ signals.addEventListener("heard", () => { silence(); if (!connection.silent) { p
 signals.addEventListener("left", () => {
   keep(null);
   if (view && view.close) view.close();
-  Object.assign(desk, { cell: null, busy: null, loop: null });
+  Object.assign(desk, { cell: null, busy: null, loop: null, draft: null });
   view = null; at = "";
   $("desk").replaceChildren(); $("busy").replaceChildren();
   begin();

@@ -6,8 +6,9 @@ import { t } from "./words.js";
 
 const LEASE = "truepose-lease";
 export const LEASE_S = 15;
-// `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now.
-export const desk = { cell: null, busy: null, loop: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
+// `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now. `draft`: what has been
+// typed for a prompt that is not answered yet.
+export const desk = { cell: null, busy: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
 
 export const looksOn = () => Boolean(desk.cell && desk.cell.role === "viewer");
 export const held = () => (desk.lease ? { "Lease-Id": desk.lease.lease_id } : {});

@@ -39,10 +39,10 @@ export function promptCard() {
   // What is typed goes with confirm alone; Enter types another row, so that a pasted one answers nothing by itself.
   const answered = (verb) => ({ reason: reason.value, ...(verb === "confirm" && run.prompt && run.prompt.entry && typed.value.trim() ? { typed: typed.value } : {}) });
 
-  function askNumbers(numbers, drives) {
+  function askNumbers(numbers, already, drives) {
     entry.hidden = !numbers;
     if (!numbers) return;
-    typed.value = "";
+    typed.value = already;
     shown.textContent = numbers.shown.map((value, i) => `${numbers.names[i]}\u00a0${value}`).join("   "); shown.hidden = !numbers.shown.length;
     stopless.textContent = drives ? t("byHand") : "";
     entryName.textContent = t("typedHere", { unit: numbers.unit, names: numbers.names.join(" ") });
@@ -55,12 +55,17 @@ export function promptCard() {
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
       each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
-      const empty = each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim();
+      const empty = Boolean(each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim());
       each.setAttribute("aria-disabled", String(!armed || empty));
     }
   }
 
-  typed.addEventListener("input", dress);
+  // Another language or view makes the card anew: what has been typed for a prompt outlives it, and no other prompt gets it.
+  function keepDraft() { desk.draft = { run: run.id, prompt: asked, typed: typed.value, reason: reason.value }; }
+  const draftOf = (prompt) => (desk.draft && desk.draft.run === run.id && desk.draft.prompt === prompt.id ? desk.draft : { typed: "", reason: "" });
+
+  typed.addEventListener("input", () => { keepDraft(); dress(); });
+  reason.addEventListener("input", keepDraft);
 
   card.show = (of, scene) => {
     run = of;
@@ -70,10 +75,10 @@ export function promptCard() {
     const fresh = asked !== prompt.id;
     if (fresh) {
       const mine = promptWords(prompt);  // short, in the language of the page; the service says it with all figures
-      asked = prompt.id; armed = ""; reason.value = "";
+      asked = prompt.id; armed = ""; reason.value = draftOf(prompt).reason;
       question.textContent = mine || prompt.text; question.lang = mine ? language() : "en";
       original.textContent = mine && mine !== prompt.text ? prompt.text : "";
-      askNumbers(prompt.entry, /^(drive|pendant)/.test(prompt.picture || ""));
+      askNumbers(prompt.entry, draftOf(prompt).typed, /^(drive|pendant)/.test(prompt.picture || ""));
       setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);
     }
     if (drawn !== prompt.id && (scene || !prompt.picture)) { drawn = prompt.id; picture.replaceChildren(...[promptPicture(prompt, scene)].filter(Boolean)); }

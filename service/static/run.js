@@ -17,6 +17,9 @@ import { t } from "./words.js";
 
 const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000, LIST_MS = 5000;
 
+// A point where it would be at the joints planned: a robot driven by hand stands beside them. Old records do not say.
+const asPlanned = (data) => data.as_planned_mm || data.world_mm;
+
 // What an order concerns: the loop that has the robot, else the run that is shown.
 const subject = (run) => (desk.cell && desk.cell.loop_id && run.id.startsWith(desk.cell.loop_id) ? `/loops/${desk.cell.loop_id}` : `/runs/${run.id}`);
 
@@ -65,8 +68,8 @@ export function open(root, id) {
     for (const { kind, data, utc } of events) {
       if (kind !== "reading" || !data.world_mm) continue;
       if (data.set === "reference") {
-        const from = first[data.target] = first[data.target] || data.world_mm;
-        (drifts[data.target] = drifts[data.target] || []).push({ utc, y: length(minus(data.world_mm, from)) });
+        const point = asPlanned(data), from = first[data.target] = first[data.target] || point;
+        (drifts[data.target] = drifts[data.target] || []).push({ utc, y: length(minus(point, from)) });
       }
       readings.push({ data, utc });
     }
@@ -79,7 +82,7 @@ export function open(root, id) {
     offs = {};
     for (const { data, utc } of readings) {
       const where = expected.get(data.pose) || expected.get(`${data.name} ${data.target}`);
-      if (where) (offs[t(`set_${data.set}`)] = offs[t(`set_${data.set}`)] || []).push({ utc, y: length(minus(data.world_mm, where)) });
+      if (where) (offs[t(`set_${data.set}`)] = offs[t(`set_${data.set}`)] || []).push({ utc, y: length(minus(asPlanned(data), where)) });
     }
   }
 
@@ -120,7 +123,7 @@ export function open(root, id) {
   }
 
   function showReading(data) {
-    const where = data && (expected.get(data.pose) || expected.get(`${data.name} ${data.target}`)), by = where && data.world_mm ? minus(data.world_mm, where) : null;
+    const where = data && (expected.get(data.pose) || expected.get(`${data.name} ${data.target}`)), by = where && data.world_mm ? minus(asPlanned(data), where) : null;
     const rows = !data ? [] : [[t("pose"), data.name], [t("set"), t(`set_${data.set}`)], [t("target"), data.target],
       ...(data.world_mm || []).map((x, i) => [t("worldMm", { axis: "xyz"[i] }), number(x) + (by ? `  (${by[i] < 0 ? "−" : "+"}${number(Math.abs(by[i]))})` : "")]),
       ...(typeof data.length_mm === "number" ? [[t("lengthTo", { base: data.base_target }), `${number(data.length_mm, 4)} mm`]] : []),

@@ -17,7 +17,8 @@ import numpy as np
 
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
-from calib.fit.least_squares import Ending, Linearisation, Solution, solve
+from calib.fit.ending import Ending
+from calib.fit.least_squares import Linearisation, Solution, solve
 from calib.fit.placing import base_model_of
 from calib.fit.readings import readings_of
 from calib.model.model import Design, RobotModel

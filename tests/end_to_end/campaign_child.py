@@ -1,18 +1,21 @@
 """The process that is killed: creates or resumes a campaign and tells of every durable reading on a line.
 
-python campaign_child.py create|resume RECORD CELL CAMPAIGN ROBOT_URL INSTRUMENT_URL
+python campaign_child.py create|resume RECORD CELL CAMPAIGN PORTS
+
+PORTS: where the simulated devices listen, JSON by name.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 from acquisition.campaign.campaign import read_campaign
 from acquisition.cell.cell import read_cell
-from acquisition.cell.devices import open_devices
 from acquisition.record.event import Event
 from acquisition.run.run import Run
+from service.simulated_cell import SimulatedDevices
 
 
 def tell(event: Event) -> None:
@@ -24,15 +27,14 @@ def tell(event: Event) -> None:
     sys.stdout.flush()
 
 
-def main(verb: str, record: str, cell: str, campaign: str, robot_url: str, instrument_url: str) -> int:
+def main(verb: str, record: str, cell: str, campaign: str, ports: str) -> int:
     if verb == "create":
         run = Run.create(Path(record), read_cell(Path(cell)), read_campaign(Path(campaign)), simulated=True)
     else:
         run = Run.open(Path(record))
         run.resume(by="child")
     with run:
-        devices = open_devices(run.cell, robot_url=robot_url, instrument_url=instrument_url)
-        outcome = run.execute(devices, on_event=tell)
+        outcome = run.execute(SimulatedDevices(json.loads(ports)).open(run.cell), on_event=tell)
     sys.stdout.write(f"{outcome.state.value} {outcome.reason}\n")
     return outcome.exit_code
 

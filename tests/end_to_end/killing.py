@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import sqlite3
@@ -68,7 +69,7 @@ def _start(verb: str, folder: Path, simulated: SimulatedCell) -> subprocess.Pope
     paths = [str(folder / name) for name in ("record", "cell.toml", "campaign.toml")]
     with open(folder / "complaints.txt", "a", encoding="utf-8") as complaints:
         return subprocess.Popen(
-            [sys.executable, str(CHILD), verb, *paths, simulated.url("abb"), simulated.url("faro")],
+            [sys.executable, str(CHILD), verb, *paths, json.dumps(simulated.ports)],
             stdout=subprocess.PIPE,
             stderr=complaints,
             text=True,

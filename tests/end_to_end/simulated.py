@@ -59,7 +59,10 @@ def simulated_cell(file: Path, *options: str) -> Iterator[SimulatedCell]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         try:
             assert process.stdout is not None
-            yield SimulatedCell([process.stdout.readline() for _ in range(4)])
+            lines = [process.stdout.readline()]
+            while json.loads(lines[-1])["device"] != "backdoor":  # the last
+                lines.append(process.stdout.readline())
+            yield SimulatedCell(lines)
         finally:
             process.terminate()
 

@@ -52,6 +52,7 @@ def test_a_campaign_by_hand_is_measured_and_identified(
         outcome = run.execute(equipment.devices, equipment.clock)
         met = {event.data["role"]: event.data for event in run.events() if event.kind == "connected"}
         typed = [event for event in run.events() if event.kind == "answer" and event.data.get("typed")]
+        told_of = [event.data for event in run.events() if event.kind == "reading"]
     assert (outcome.state.value, outcome.error) == ("succeeded", None)
     assert len(typed) > 20
     by_hand = robot == {}
@@ -69,6 +70,13 @@ def test_a_campaign_by_hand_is_measured_and_identified(
     store.close()
     assert drift is not None
     assert drift.most_mm < 0.6  # robot errors over half a degree; 5 mm where the joints are not looked at
+    at_reference = [each for each in told_of if each["set"] == "reference" and each["target"] == "T1"]
+    strip = np.array([each["as_planned_mm"] for each in at_reference])  # what the page draws
+    assert np.linalg.norm(strip - strip[0], axis=1).max() <= drift.most_mm + 1e-9
+    if by_hand:
+        raw = np.array([each["world_mm"] for each in at_reference])
+        assert np.linalg.norm(raw - raw[0], axis=1).max() > 2.0 * drift.most_mm
+    assert [each["as_planned_mm"] for each in told_of if each["set"] == "nest"] == [None] * 3
     told = [float(row[f"j{k}_deg"]) for row in rows for k in range(1, 7)]
     shown = [float(row[f"j{k}_read_deg"]) for row in rows for k in range(1, 7)]
     if by_hand:

@@ -106,18 +106,18 @@ CHANGES = (
         (*_STORE, "tests/acquisition/test_storage_faults.py"),
     ),
     Change(
-        "acquisition/run/sequencer.py",
-        "        arrival = self._attempts.begin_arrival(visit)\n        try:\n            for joints_deg in path:\n"
-        "                self._rig.move(joints_deg)\n",
-        "        for joints_deg in path:\n            self._rig.move(joints_deg)\n"
+        "acquisition/run/arrivals.py",
+        "        arrival = self._attempts.begin_arrival(visit)\n        try:\n"
+        "            reached = self._rig.go(path, visit.joints_deg)\n",
+        "        reached = self._rig.go(path, visit.joints_deg)\n"
         "        arrival = self._attempts.begin_arrival(visit)\n        try:\n",
         "the robot moves before the record says so",
         _SEQUENCER,
     ),
     Change(
-        "acquisition/run/sequencer.py",
-        "        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)",
-        "        path = self._transit.path(self._rig.joints_at_rest_deg(), visit.joints_deg)",
+        "acquisition/run/arrivals.py",
+        "        path = self.transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)",
+        "        path = self.transit.path(self._rig.joints_at_rest_deg(), visit.joints_deg)",
         "no pose is approached from its side",
         _SEQUENCER,
     ),
@@ -129,7 +129,7 @@ CHANGES = (
         _SEQUENCER,
     ),
     Change(
-        "acquisition/run/sequencer.py",
+        "acquisition/run/arrivals.py",
         "        if off > DISPLACED_DEG:\n            raise Displaced",
         "        if off > 100 * DISPLACED_DEG:\n            raise Displaced",
         "a joint turned by hand is not noticed",

@@ -70,6 +70,14 @@ class LastReading(Answered):
         list[float] | None,
         told("x, y, z in the world frame, mm; null until that is known.", [401.2, 88.1, 310.4]),
     ] = None
+    as_planned_mm: Annotated[
+        list[float] | None,
+        told(
+            "The same as it would be at the joints planned: another point where a person drives the robot. "
+            "Null for nests.",
+            [401.2, 88.1, 310.4],
+        ),
+    ] = None
     base_target: Annotated[str | None, told("Of a distance, the ball on the base.", "N1")] = None
     length_mm: Annotated[float | None, told("Of a distance, its length, mm.", 300.012)] = None
 

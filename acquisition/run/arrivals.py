@@ -1,0 +1,106 @@
+"""Arrivals: the robot goes into the pose of a visit and settles, and is looked for there before a reading.
+
+What its controller reads back is held against the pose that the record will say. A robot that is driven by hand
+stands where it stands, and the record says that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acquisition.campaign.campaign import Campaign
+from acquisition.campaign.plan import Visit
+from acquisition.cell.transit import Transit
+from acquisition.errors import Displaced
+from acquisition.record.attempts import Attempts
+from acquisition.record.planned import Planned
+from acquisition.record.store import Store
+from acquisition.run.orders.control import Control
+from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.settling import until_still
+from drivers.errors import AcquisitionError, NotReached
+from drivers.interfaces import JointReading
+from drivers.read_back import apart_deg
+
+DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """The robot is in the pose of a visit; the attempt that brought it there, and the joints read back, deg."""
+
+    visit: int
+    attempt: int
+    read_deg: tuple[float, ...]
+
+
+class Arrivals:
+    """The arrivals of one execution. `transit`: the paths between poses; a cup that is touched moves what they avoid.
+
+    by_hand: a person drives the robot.
+    """
+
+    def __init__(
+        self, store: Store, campaign: Campaign, rig: Rig, control: Control, transit: Transit, *, by_hand: bool
+    ) -> None:
+        self._store = store
+        self._attempts = Attempts(store)
+        self._campaign = campaign
+        self._rig = rig
+        self._control = control
+        self._by_hand = by_hand
+        self.transit = transit
+
+    def go(self, planned: Planned) -> tuple[Arrival, int | None]:
+        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
+
+        The attempt is None where a person has to put the ballbar on before. Raises what moving raises, NoClearWay,
+        NotReached.
+        """
+        visit = planned.visit
+        path = self.transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)
+        if len(path) > 1:
+            self._store.add_event("detour", visit=visit.number, over_deg=path[0])
+        arrival = self._attempts.begin_arrival(visit)
+        try:
+            reached = self._rig.go(path, visit.joints_deg)
+            settle = self._campaign.settle_of(visit.block)
+            self._control.settle(settle.seconds)
+            if settle.check:
+                reached = until_still(self._rig.position, self._control.settle)
+            self._refuse_elsewhere(visit, reached)
+        except AcquisitionError as error:
+            self._attempts.failed(arrival, error)
+            raise
+        with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
+            self._attempts.arrived(arrival, reached)
+            by_hand = planned.base_target is not None
+            attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)
+            return Arrival(visit.number, arrival, reached.joints_deg), attempt
+
+    def check_not_displaced(self, arrival: Arrival) -> None:
+        """Check that the robot has not been moved after people had their hands on it. Raises Displaced."""
+        off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
+        if off > DISPLACED_DEG:
+            raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
+
+    def stands(self, planned: Planned, arrival: Arrival | None) -> tuple[float, ...]:
+        """The joints, deg, at which a target is expected: as planned; of a robot driven by hand, where it stands."""
+        return arrival.read_deg if self._by_hand and arrival is not None else planned.visit.joints_deg
+
+    def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
+        """Refuse to file a reading under angles that the robot does not read back, whatever its driver believes.
+
+        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say. Of a
+        robot that is driven by hand the record says where it stood.
+        """
+        if self._by_hand:
+            return
+        off = apart_deg(reached.joints_deg, visit.joints_deg)
+        if off > DISPLACED_DEG:
+            raise NotReached(
+                f"a joint is read back {off:.3f} deg from where visit {visit.number} sends it",
+                device="robot",
+                command="arrive",
+                raw=reached.raw,
+            )

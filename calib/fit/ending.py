@@ -1,0 +1,25 @@
+"""How the iterations of a fit ended."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Ending(StrEnum):
+    """Why a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
+
+    CONVERGED = "converged"  # the last step was a small part of the standard errors
+    ROUNDS = "round limit"
+    NO_DESCENT = "no descent"
+
+    @property
+    def in_words(self) -> str:
+        """The predicate of a sentence about the fit."""
+        return _IN_WORDS[self]
+
+
+_IN_WORDS = {
+    Ending.CONVERGED: "has converged",
+    Ending.ROUNDS: "still moved when it had taken as many steps as it may",
+    Ending.NO_DESCENT: "found no step, however short, that makes its error smaller",
+}

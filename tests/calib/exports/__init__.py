@@ -1,0 +1,6 @@
+"""Measurements as people export them: one true campaign (`case`), written as texts and as workbooks."""
+
+from tests.calib.exports import books, texts
+from tests.calib.exports.case import CASES, ROBOT, TRUTH, Case, N, outcome
+
+__all__ = ["CASES", "ROBOT", "TRUTH", "Case", "N", "books", "outcome", "texts"]
