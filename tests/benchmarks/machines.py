@@ -31,7 +31,8 @@ FLOOR_MM = NOISE_MM * np.sqrt(3.0)
 WITHIN, DRIVEN_WITHIN = 1.05, 1.2
 TARGETS_DRIVEN = 100
 ENOUGH = 0.85
-"""Of random targets: some ten of a hundred lie within 3 deg of a straight wrist or elbow, and are refused."""
+"""Of random targets: some ten of a hundred lie within 3 deg of a straight wrist or 9 of a straight elbow, where they are
+refused."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,9 @@ def driven(case: Case, made: Simulated, model: truepose.Model, seed: int, count:
     rng = np.random.default_rng([seed, 1 + sum(case.title.encode())])
     truth = made.truth
     robot, coupling = truth.robot, case.coupling
-    shown = rng.uniform(robot.lower, robot.upper, (count, robot.joints)) * 0.95 / robot.joint_units
+    low, high = np.array(robot.lower), np.array(robot.upper)
+    room = 0.025 * (high - low)  # for corrections: a target at its limit is refused
+    shown = rng.uniform(low + room, high - room, (count, robot.joints)) / robot.joint_units
     if coupling == "rods":
         shown[:, 3] = 0.0
     sides = np.array(case.sides if case.sides else (1,) * robot.joints)

@@ -77,8 +77,8 @@ SCARA_DH = _text(
     loads=[(3, 2.0, 0.0, 0.0, 50.0), (4, 3.0, 20.0, 0.0, 20.0)],
 )
 # The wrist is held level by rods: its tilt is not driven, it follows joints 2 and 3. The controller counts joint 3 from
-# the horizontal (a parallelogram drives it), so the angle in the elbow is q3 - q2, and that in the wrist -q3. Its limits
-# leave the wrist no room: no motor drives it.
+# the horizontal (a parallelogram drives it), so the angle in the elbow is q3 - q2, and that in the wrist -q3. No
+# motor drives the wrist: its limits leave it no room.
 PALLETIZER = _text(
     "palletizer",
     "mdh",
