@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.compensate import Correction, correct, model_sides, nominal_of
+from calib.compensate import Correction, correct, model_sides, nominal_of, sides_that_move
 from calib.errors import DataError
 from calib.model import FLANGE
 from calib.units import DEG
@@ -128,5 +128,6 @@ def _sides(side: tuple[int, ...] | int, model: Model) -> tuple[float, ...]:
     try:
         turned = model_sides(saved.model.robot, np.broadcast_to(given, (count,)), saved.coupling)
     except ValueError as error:
-        raise DataError(f"{error}.", do="State the same side for the coupled joints.", key="side") from error
+        moves = sides_that_move(saved.model.robot, saved.coupling)
+        raise DataError(f"{error}.", do=f"State other sides, such as {moves}.", key="side") from error
     return tuple(float(each) for each in turned)

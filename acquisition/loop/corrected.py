@@ -21,7 +21,7 @@ from calib.array import Array
 from calib.compensate import Correction, correct
 from calib.data import Dataset
 from calib.diagnose import Diagnosis
-from calib.model import StatedConditions
+from calib.model import FLANGE, RobotModel, StatedConditions, series_of
 from calib.units import DEG
 
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
@@ -34,18 +34,28 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
     Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
     """
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
+    final = diagnosis.final
     room = 10.0**-DECIMALS  # what rounding may add
     limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
-    final = diagnosis.final
     done = correct(
         final.model,
         final.estimate,
         robot.model_angles(goals_deg),
         _approached(robot, stated),
+        target=_landing(final.model, stated),
         limits=limits,
         coupling=robot.coupling,
     )
     return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
+
+
+def _landing(model: RobotModel, stated: StatedConditions) -> str:
+    """What is to land: the flange, which carries every target with it.
+
+    An arm of fewer than six joints leaves a tilt of the flange: there it is the target itself, where there is but one.
+    """
+    names = tuple(model.targets[series_of(model, stated)])
+    return names[0] if model.robot.joints < 6 and len(names) == 1 else FLANGE
 
 
 def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:

@@ -162,7 +162,7 @@ class Frames:
     @property
     def rotation(self) -> Array:
         """(n, 3, 3) rotation of the target frame in the world."""
-        n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
+        (n,) = np.broadcast_shapes(*(v.shape[1:] for v in (self.x, self.y, self.z, self.p)))
         columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
 

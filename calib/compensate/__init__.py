@@ -4,7 +4,7 @@ from calib.compensate.actual import nominal_of
 from calib.compensate.bounds import Bounds, refuse_unlikely
 from calib.compensate.calibrated import Calibrated
 from calib.compensate.carried import Carried, carried, constant_slots, joint_origins
-from calib.compensate.controller import model_sides
+from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
 from calib.compensate.targets import PoseCorrection, correct_poses, postures_of
@@ -27,4 +27,5 @@ __all__ = [
     "nominal_of",
     "postures_of",
     "refuse_unlikely",
+    "sides_that_move",
 ]

@@ -5,6 +5,8 @@ The sides that a person states are the controller's; the kinematics and the effe
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from calib.arm.robot import Robot
@@ -26,3 +28,18 @@ def model_sides(robot: Robot, sides: Array, coupling: str) -> Array:
             f"joint {still[0] + 1} of the model does not move when the controller's joints arrive from these sides"
         )
     return np.sign(moved)
+
+
+def sides_that_move(robot: Robot, coupling: str) -> tuple[int, ...]:
+    """(N,) sides of the controller's joints, as few from above as may be, under which every joint of the model moves.
+
+    Raises KeyError for an unknown `coupling`, ValueError where there are none.
+    """
+    given = sorted(itertools.product((1, -1), repeat=robot.joints), key=lambda sides: sides.count(-1))
+    moved = np.array(given) @ (
+        np.eye(robot.joints) if coupling == "none" else np.array(robot.joint_matrices[coupling].matrix).T
+    )
+    moving = np.flatnonzero(np.all(moved != 0.0, axis=1))
+    if not len(moving):
+        raise ValueError(f"there are no sides under which every joint moves by '{coupling}'")
+    return given[moving[0]]

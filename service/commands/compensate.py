@@ -105,6 +105,11 @@ def compensate_command(
         terminal.rest()
         for each in summary.shown(done):
             terminal.out.print(each)
+        if any(outcome.left for outcome in done.outcomes) and not known.tools:
+            terminal.note(
+                "truepose: the flange lands; a tool is off by the tilt that is left times its length. --tool lets its "
+                "point land."
+            )
         for note in stated.notes:
             terminal.note(f"truepose: {note}")
         if not written:

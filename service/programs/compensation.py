@@ -7,7 +7,7 @@ went wrong in writing, shows in the figures. Sources of the correction: `calib.c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from calib.arm import Robot, forward
 from calib.array import Array
 from calib.compensate import correct, nominal_of
 from calib.errors import DataError
-from calib.model import StatedConditions
+from calib.model import FLANGE, RobotModel, StatedConditions
 from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
 from service.programs.postures import leaves_window, postures
@@ -25,13 +25,16 @@ from service.programs.read import parse
 
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
 
+_TOOL = "the tool of the program"
+
 
 @dataclass(frozen=True)
 class TargetOutcome:
     """The outcome of one target. NaN where it was not corrected.
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
-    the file can hold; turned: rad or mm, the largest change of a joint; left: what this arm cannot correct, as a
+    the file can hold; turned: rad, the largest change of a joint that turns; slid: mm, of one that slides, NaN where
+    none does; left: what this arm cannot correct, as a
     sentence part. Positions are those of the target's tool point.
     """
 
@@ -41,6 +44,7 @@ class TargetOutcome:
     moved: tuple[float, float]
     quantised: tuple[float, float]
     turned: float
+    slid: float = np.nan
     left: str = ""
 
 
@@ -77,7 +81,10 @@ def compensate(
     angles, why = postures(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
     door = nominal_of if inverse else correct
-    done = door(saved.model, saved.estimate, nominal, stated, coupling=coupling, regression=saved.regression)
+    model, point = _with_tool(saved.model, targets)
+    done = door(
+        model, saved.estimate, nominal, stated, target=point, coupling=coupling, regression=saved.regression
+    )
     counted = robot.controller_angles(done.joints, coupling)
     flange = _flanges(robot, done.joints)
     driven: dict[int, Driven] = {}
@@ -95,7 +102,10 @@ def compensate(
     text = rewritten(program, changed)
     written = _read_back(text, path, targets, robot, coupling, known)
     before, after = _flanges(robot, nominal), _flanges(robot, written)
-    turned = np.max(np.abs(done.joints - nominal), axis=1)
+    slides = np.array(robot.kinds) == "slides"
+    change = np.abs(done.joints - nominal)
+    turned = np.max(change[:, ~slides], axis=1, initial=0.0)
+    slid = np.max(change[:, slides], axis=1) if slides.any() else np.full(len(targets), np.nan)
     notes = done.notes
     outcomes = []
     for i, target in enumerate(targets):
@@ -105,8 +115,21 @@ def compensate(
             outcomes.append(TargetOutcome(target, status, why[i], nothing, nothing, np.nan))
             continue
         moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
-        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, float(turned[i]), notes[i]))
+        joints = float(turned[i]), float(slid[i])
+        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, notes[i]))
     return Compensation(text, tuple(outcomes))
+
+
+def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel, str]:
+    """The model, and its target that shall land: the tool point of the targets where the flange does not carry it.
+
+    An arm of fewer than six joints leaves a tilt of the flange, by which a tool that is long would be off.
+    """
+    tools = np.unique([target.tool[:3, 3] for target in targets], axis=0)
+    if model.robot.joints >= 6 or len(tools) > 1 or not np.any(tools):
+        return model, FLANGE
+    x, y, z = tools[0].tolist()
+    return replace(model, targets={s: {**own, _TOOL: (x, y, z)} for s, own in model.targets.items()}), _TOOL
 
 
 def _read_back(

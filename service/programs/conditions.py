@@ -19,7 +19,7 @@ import numpy as np
 
 from calib.arm import Load
 from calib.array import Array
-from calib.compensate import model_sides
+from calib.compensate import model_sides, sides_that_move
 from calib.errors import DataError
 from calib.model import StatedConditions
 from calib.saved import SavedModel
@@ -137,8 +137,9 @@ def _sides(text: str, saved: SavedModel) -> Array:
     try:
         return model_sides(robot, np.broadcast_to(sides, (robot.joints,)), saved.coupling)
     except ValueError as error:
+        moves = ":".join(f"{side:+d}" for side in sides_that_move(robot, saved.coupling))
         raise DataError(
-            f"{error}.", do="State the same side for the coupled joints.", key=f"{_OPTION} side"
+            f"{error}.", do=f"State other sides, such as {moves}.", key=f"{_OPTION} side"
         ) from error
 
 

@@ -52,6 +52,15 @@ def joint_angles(angles: Sequence[float] | Array) -> Array:
     return np.array(angles, dtype=np.float64)
 
 
+def joint_positions(joints: Array, kinds: Sequence[str]) -> Array:
+    """(N,) joints, rad or mm. Raises ValueError for turns and ways that no joint makes."""
+    slides = np.array(kinds) == "slides"
+    joint_angles(joints[~slides])
+    if not np.all(np.abs(joints[slides]) <= FARTHEST_MM):
+        raise ValueError(f"a slide is farther than {FARTHEST_MM / 1000:g} m away")
+    return joints
+
+
 def pose_of(position: Sequence[float], rotation: Rotation) -> Array:
     """(4, 4) from a position in mm and a rotation. Raises ValueError for a place that no robot reaches."""
     if not np.all(np.abs(position) <= FARTHEST_MM):

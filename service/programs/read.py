@@ -72,7 +72,7 @@ def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> Program:
     """A program from its text. Raises DataError where it cannot be read."""
     dialect = dialect_of(path, robot)
     if dialect == TABLE:
-        return TargetTable(text, str(path), robot.joints, known)
+        return TargetTable(text, str(path), robot, known)
     if dialect == YASKAWA:
         return YaskawaJob(text, str(path), known)
     if dialect == VAL3:

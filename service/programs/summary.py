@@ -39,6 +39,7 @@ def document(done: Compensation) -> dict[str, Any]:
                 "moved_mm": _number(o.moved[0]),
                 "moved_deg": _number(o.moved[1] / DEG),
                 "largest_joint_change_deg": _number(o.turned / DEG),
+                "largest_slide_change_mm": _number(o.slid),
                 "quantised_mm": _number(o.quantised[0]),
                 "quantised_deg": _number(o.quantised[1] / DEG),
                 "notes": _notes(o),
@@ -59,19 +60,21 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
     table = Table(
         title="Targets", title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
     )
-    for i, name in enumerate(
-        ("target", "line", "moved mm", "moved deg", "joints deg", "rounded mm", "rounded deg", "")
-    ):
-        table.add_column(name, justify="left" if i in (0, 7) else "right", overflow="fold")
     listed = [o for o in done.outcomes if o.status != REFUSED]
+    slides = any(math.isfinite(o.slid) for o in listed)
+    joints = ("joints deg", "slides mm") if slides else ("joints deg",)
+    heads = ("target", "line", "moved mm", "moved deg", *joints, "rounded mm", "rounded deg", "")
+    for name in heads:
+        table.add_column(name, justify="left" if name in ("target", "") else "right", overflow="fold")
     for o in listed[:_SHOWN]:
         if o.status == EMPTY:
-            figures = ["-"] * 5
+            figures = ["-"] * (len(heads) - 3)
         else:
             figures = [
                 f"{o.moved[0]:.3f}",
                 f"{o.moved[1] / DEG:.3f}",
                 f"{o.turned / DEG:.3f}",
+                *([f"{o.slid:.3f}"] if slides else []),
                 f"{o.quantised[0]:.5f}",
                 f"{o.quantised[1] / DEG:.5f}",
             ]

@@ -1,7 +1,7 @@
 """Target tables (.csv): `target_id, j1_deg...`, or `target_id, x_mm, y_mm, z_mm, rot_w...rot_z, config`.
 
-A row holds joint angles, as the controller counts them, or a pose of the tool point in the base frame with the
-branch it is meant in (`front/up/noflip`). Other columns are kept as they are.
+A row holds joints, as the controller counts them, `j3_mm` of a slide, `e1_mm` of a track, or a pose of the tool point
+in the base frame with the branch it is meant in (`front/up/noflip`; `right` of a SCARA). Other columns are kept.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib.arm import BRANCHES
+from calib.arm import Robot
 from calib.array import Array
 from calib.compensate import inverse_poses
 from calib.errors import DataError
 from calib.text import LONGEST_LINE, MOST_COLUMNS
-from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target
@@ -27,6 +26,8 @@ from service.programs.text import Edit, decimal
 
 PLACES = 9
 
+_AXIS = re.compile(r"([je]\d{1,9})(?:_(deg|mm))?")
+_EXTERNAL = re.compile(r"e\d{1,9}_(?:deg|mm)")
 _QUOTED = re.compile(r'"(?:[^"]|"")*+"(?=,|$)')
 _POSITION = ("x_mm", "y_mm", "z_mm")
 _QUATERNION = ("rot_w", "rot_x", "rot_y", "rot_z")
@@ -39,18 +40,19 @@ class _Cell(NamedTuple):
 
 
 class TargetTable:
-    """A table of targets for a robot of so many joints. Raises DataError naming line and column."""
+    """A table of targets for a robot. Raises DataError naming line and column."""
 
-    def __init__(self, text: str, file: str, joints: int, known: KnownFrames) -> None:
+    def __init__(self, text: str, file: str, robot: Robot, known: KnownFrames) -> None:
         self.text = text
         self._file = file
+        self._robot, self._known = robot, known
         self._tool = known.tools.get(UNNAMED, np.eye(4))
-        self._angles = tuple(f"j{k}_deg" for k in range(1, joints + 1))
+        self._joints = robot.joint_columns
         rows = self._rows()
         if not rows:
             raise self._refuse("is empty.", "Give a header row.", 1)
         header = [cell.text for cell in rows[0][1]]
-        self._check_header(header, joints)
+        self._check_header(header)
         found = [self._row(line, header, cells) for line, cells in rows[1:]]
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._cells = tuple(cells for _, cells in found)
@@ -66,7 +68,7 @@ class TargetTable:
         """Edits of the cells that differ."""
         target, cells = self.targets[index], self._cells[index]
         if target.joints is not None:
-            values = dict(zip(self._angles, np.degrees(driven.joints), strict=True))
+            values = dict(zip(self._joints, driven.joints / self._robot.joint_units, strict=True))
         else:
             pose = driven.flange @ target.tool
             old = [float(cells[name].text) for name in _QUATERNION]
@@ -93,26 +95,40 @@ class TargetTable:
                     raise self._refuse("has too many columns.", f"Give at most {MOST_COLUMNS}.", number)
         return out
 
-    def _check_header(self, header: list[str], joints: int) -> None:
+    def _check_header(self, header: list[str]) -> None:
         if "target_id" not in header:
             raise self._refuse("column 'target_id' is missing.", "Add it.", 1)
         for name in header:
             if header.count(name) > 1:
                 raise self._refuse(f"column '{name}' is there twice.", "Remove one.", 1)
-            angle = re.fullmatch(r"j(\d{1,9})(_deg)?", name)
-            if angle and not angle[2]:
-                raise self._refuse(f"column '{name}' has no unit.", f"Name it {name}_deg.", 1)
-            if angle and int(angle[1]) > joints:
-                raise self._refuse(
-                    f"column '{name}': the robot has {joints} joints.", "Use the model of this robot.", 1
-                )
-        if "j1_deg" not in header and "x_mm" not in header:
-            raise self._refuse("has neither joint angles nor poses.", "Add j1_deg... or x_mm...", 1)
-        for group in (self._angles, (*_POSITION, *_QUATERNION, "config")):
+            self._check_joint(name)
+        first = self._joints[0]
+        if not {*self._joints, "x_mm"} & {*header}:
+            raise self._refuse("has neither joint angles nor poses.", f"Add {first}... or x_mm...", 1)
+        for group in (self._joints, (*_POSITION, *_QUATERNION, "config")):
             if any(name in header for name in group):
                 for name in group:
                     if name not in header:
                         raise self._refuse(f"column '{name}' is missing.", "Add it.", 1)
+
+    def _check_joint(self, name: str) -> None:
+        """Raise DataError for a column of a joint that the robot lacks, or in a unit that is not its own."""
+        found = _AXIS.fullmatch(name)
+        if found is None:
+            return
+        axis, unit = found.groups()
+        if axis in self._robot.axes:
+            column = self._joints[self._robot.axes.index(axis)]
+            if unit is None:
+                raise self._refuse(f"column '{name}' has no unit.", f"Name it {column}.", 1)
+            if name != column:
+                does = "slides" if column.endswith("_mm") else "turns"
+                raise self._refuse(f"column '{name}': this joint {does}.", f"Give {column}.", 1)
+        elif axis.startswith("j"):
+            count = sum(each.startswith("j") for each in self._robot.axes)
+            raise self._refuse(
+                f"column '{name}': the robot has {count} joints.", "Use the model of this robot.", 1
+            )
 
     def _row(self, line: int, header: list[str], cells: list[_Cell]) -> tuple[Target, dict[str, _Cell]]:
         if len(cells) != len(header):
@@ -121,20 +137,26 @@ class TargetTable:
         target = Target(row["target_id"].text, line)
         if not target.name:
             raise self._refuse("column 'target_id' is empty.", "Give every target an id.", line)
-        if "j1_deg" in row and row["j1_deg"].text:
-            angles = np.array(self._numbers(row, self._angles, line)) * DEG
+        others = [name for name in header if _EXTERNAL.fullmatch(name) and name not in self._joints]
+        try:
+            notes = self._known.note_external(used=any(row[name].text for name in others))
+        except ValueError as error:
+            return replace(target, refused=str(error)), row
+        target = replace(target, notes=notes)
+        first = self._joints[0]
+        if first in row and row[first].text:
+            joints = np.array(self._numbers(row, self._joints, line)) * self._robot.joint_units
             try:
-                return replace(target, joints=frames.joint_angles(angles)), row
+                joints = frames.joint_positions(joints, self._robot.kinds)
+                return replace(target, joints=joints, tool=self._tool), row
             except ValueError as error:
                 return replace(target, refused=str(error)), row
         if "x_mm" not in row:
-            raise self._refuse("column 'j1_deg' is empty.", "Give the angles of every target.", line)
+            raise self._refuse(f"column '{first}' is empty.", "Give the joints of every target.", line)
         branch = row["config"].text
         position, rotation = self._numbers(row, _POSITION, line), self._numbers(row, _QUATERNION, line)
         try:
             pose = frames.of_quaternion(position, rotation)
-            if branch not in BRANCHES:
-                raise ValueError(f"its config '{branch}' is not one of {', '.join(BRANCHES)}")
         except ValueError as error:
             return replace(target, refused=str(error)), row
         flange: Array = pose @ inverse_poses(self._tool)

@@ -77,7 +77,8 @@ SCARA_DH = _text(
     loads=[(3, 2.0, 0.0, 0.0, 50.0), (4, 3.0, 20.0, 0.0, 20.0)],
 )
 # The wrist is held level by rods: its tilt is not driven, it follows joints 2 and 3. The controller counts joint 3 from
-# the horizontal (a parallelogram drives it), so the angle in the elbow is q3 - q2, and that in the wrist -q3.
+# the horizontal (a parallelogram drives it), so the angle in the elbow is q3 - q2, and that in the wrist -q3. No
+# motor drives the wrist: its limits leave it no room.
 PALLETIZER = _text(
     "palletizer",
     "mdh",
@@ -85,7 +86,7 @@ PALLETIZER = _text(
         (0.0, 0.0, 0.0, 800.0, -180.0, 180.0),
         (-90.0, 300.0, -90.0, 0.0, -40.0, 90.0),
         (0.0, 1150.0, 90.0, 0.0, -20.0, 110.0),
-        (0.0, 1200.0, 0.0, 0.0, -120.0, 30.0),
+        (0.0, 1200.0, 0.0, 0.0, -0.005, 0.005),
         (-90.0, 200.0, 0.0, 250.0, -300.0, 300.0),
     ],
     parallel=[3, 4],

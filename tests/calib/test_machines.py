@@ -37,12 +37,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def track(folder: Path) -> Diagnosis:
-    return diagnose(simulated(CASE["crooked rail"], 0, folder, 200, 150)[0])
+    return diagnose(simulated(CASE["crooked rail"], 0, folder, 200, 150).dataset)
 
 
 @pytest.fixture(scope="module")
 def scara(folder: Path) -> Dataset:
-    return simulated(CASE["scale of the quill"], 0, folder, 120, 80)[0]
+    return simulated(CASE["scale of the quill"], 0, folder, 120, 80).dataset
 
 
 def over_floor(dataset: Dataset, found: Diagnosis) -> float:

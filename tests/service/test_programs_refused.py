@@ -171,7 +171,7 @@ def test_files_that_cannot_be_read_are_refused_with_their_line(
 
 def test_table_rows_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
     for old, new, what in (
-        ("front/up/noflip", "left", "config 'left'"),
+        ("front/up/noflip", "left", "no branch 'left'"),
         ("0.7071068,0.7071068", "0.7071068,0.8", "norm"),
         ("380,50", "3800,50", "out of reach"),
     ):

@@ -63,6 +63,9 @@ class TargetDone(Answered):
     moved_mm: Millimetres
     moved_deg: Degrees
     largest_joint_change_deg: Degrees
+    largest_slide_change_mm: Annotated[
+        float | None, told("The largest change of a joint that slides, mm; null: none does.", None)
+    ]
     quantised_mm: Annotated[float | None, told("What the program's digits round away, mm.", 0.0004)]
     quantised_deg: Annotated[float | None, told("What the program's digits round away, deg.", 0.00003)]
     notes: Annotated[list[str], told("What else is to be known.", [])]
