@@ -31,7 +31,7 @@ FLOOR_MM = NOISE_MM * np.sqrt(3.0)
 WITHIN, DRIVEN_WITHIN = 1.05, 1.2
 TARGETS_DRIVEN = 100
 ENOUGH = 0.85
-"""Of random targets: some ten of a hundred lie within 3 deg of a straight wrist or 9 of a straight elbow, where they are
+"""Of random targets: some ten of a hundred lie within 3 deg of a straight wrist or 9 of a straight elbow, and are
 refused."""
 
 
@@ -115,7 +115,7 @@ def simulated(case: Case, seed: int, folder: Path, calibration: int, validation:
     side = np.where(joints >= before, 1.0, -1.0)
     truth = TrueMachine.drawn(robot, case.wrong, rng)
     names = rng.choice(list(TARGETS), n)
-    points = truth.poses(joints, side, names)[:, :3, 3]
+    points = truth.poses(joints, side, names.tolist())[:, :3, 3]
     points += rng.normal(0.0, NOISE_MM, points.shape)
     columns = [*robot.joint_columns, "tool_target", "x_mm", "y_mm", "z_mm", "t_s", "set"]
     rows = [
@@ -237,12 +237,12 @@ class Outcome:
 def outcome_of(case: Case, made: Simulated, seed: int, count: int) -> Outcome:
     """The diagnosis of a campaign, judged by its held-out readings and by driving `count` targets with its model."""
     found = truepose.diagnose(made.dataset.path)
-    rms = found.errors["rms"]
+    rms = found.errors["rms"].tolist()
     return Outcome(
         tuple(each.effect.label for each in found.findings.effects),
-        rms["nominal"],
-        rms["base model"] / FLOOR_MM,
-        rms.iloc[-1] / FLOOR_MM,
+        rms[0],
+        rms[1] / FLOOR_MM,
+        rms[-1] / FLOOR_MM,
         driven(case, made, found.model, seed, count),
         found.findings.seconds,
     )
