@@ -76,7 +76,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m tests.benchmarks
 	$(BIN)/python -m tests.benchmarks peers
 
-# What is named is measured and entered in the history that docs/history.md shows; FIGURES="mutants conformance coverage"
+# What is named is measured and entered in the history that docs/history.md shows; FIGURES="mutants conformance lines"
 # for those. About three minutes as it is.
 FIGURES ?= selection pairs robot_check:1
 figures: $(VENV)/.installed

@@ -1,8 +1,8 @@
 """`python -m tests.figures WHAT ...`: measure, enter in the history, write `docs/history.md`.
 
 WHAT is a name of `python -m tests.benchmarks` with its count (`floor:50`, `selection`), `mutants` (`mutants:link`:
-of files so named), `conformance` (`conformance:ur-rtde`: of that rig) or `coverage` (`coverage:tests/calib`: by those
-tests alone). Without WHAT only the page is written. What breaks off is not entered, and the exit code is 1; a figure
+of files so named), `conformance` (`conformance:ur-rtde`: of that rig) or `lines` (`lines:tests/calib`: those that these
+tests reach). Without WHAT only the page is written. What breaks off is not entered, and the exit code is 1; a figure
 that is missed is entered like any other.
 """
 
@@ -29,7 +29,7 @@ def commands(what: str) -> list[list[str]]:
         return [["-m", "tests.sabotage.mutants", "--sample", "40", *(["--only", part] if part else [])]]
     if name == "conformance":
         return [["-m", "tests.conformance", "--questions", "400", *parts]]
-    if name == "coverage":
+    if name == "lines":
         tests = ["-m", "pytest", "-q", *parts]
         return [["-m", "coverage", "run", "--source", _ROOMS, *tests], ["-m", "coverage", "report"]]
     return [["-m", "tests.benchmarks", name, *parts]]

@@ -43,7 +43,7 @@ def measured(what: str, command: Sequence[str]) -> Run:
 
     Raises RuntimeError where it broke off or printed nothing: that is no figure.
     """
-    commit, date = _commit(), datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
+    commit, date = _commit(), datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
     before, begin = os.getloadavg()[0], time.monotonic()
     lines = []
     environment = {**os.environ, "PYTHONUTF8": "1"}

@@ -38,7 +38,7 @@ def _sections(runs: Sequence[Run]) -> Iterator[str]:
             load = f"{run.load_before:.1f}, {run.load_after:.1f}"
             missed = sum(line.endswith("MISSED") for line in run.lines)
             told = str(missed) if missed or not run.exit else "yes"
-            yield f"| {run.date} | {run.commit} | {run.cores} | {load} | {run.seconds:.0f} | {told} |"
+            yield f"| {run.date[:16]} | {run.commit} | {run.cores} | {load} | {run.seconds:.0f} | {told} |"
         yield ""
         if len(own) > 1:
             yield from (*_beside(own[-_SHOWN:]), "")
@@ -49,7 +49,7 @@ def _beside(runs: Sequence[Run]) -> Iterator[str]:
     columns = [dict(map(_figure, filter(_FIGURE.match, run.lines))) for run in runs]
     names = dict.fromkeys(name for column in columns for name in column)
     if names:
-        yield "| | " + " | ".join(run.date for run in runs) + " |"
+        yield "| | " + " | ".join(run.date[:16] for run in runs) + " |"
         yield "|---" * (len(runs) + 1) + "|"
     for name in names:
         yield f"| {name} | " + " | ".join(column.get(name, "-") for column in columns) + " |"
