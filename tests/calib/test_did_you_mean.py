@@ -31,6 +31,6 @@ def test_nothing_is_guessed_where_nothing_is_near(typed: str) -> None:
 
 
 def test_the_refusal_of_a_robot_says_where_all_are_listed() -> None:
-    with pytest.raises(DataError, match="Did you mean 'abb-irb120'.*truepose robot list") as refused:
+    with pytest.raises(DataError, match=r"Did you mean 'abb-irb120'.*truepose robot list") as refused:
         load_robot("abb irb 120", Path())
     assert len(str(refused.value)) < 250
