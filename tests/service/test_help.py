@@ -1,4 +1,4 @@
-"""The help of every command fits a terminal of 80 columns and one of 60, no line of it is cut, and none waits for numerics."""
+"""The help of every command fits a terminal of 80 and of 60 columns, no line is cut, and none waits for numerics."""
 
 from __future__ import annotations
 
