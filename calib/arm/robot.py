@@ -23,7 +23,7 @@ from calib.arm.loads import FARTHEST_MM, Load, parse_loads
 from calib.array import Array
 from calib.errors import DataError
 from calib.text.toml_text import read_toml
-from calib.text.unknown_keys import refuse_unknown
+from calib.text.unknown_keys import did_you_mean, refuse_unknown
 from calib.units import DEG
 
 FORMAT = "truepose-robot/1"
@@ -206,7 +206,7 @@ def load_robot(name: str, beside: Path | None = None) -> Robot:
         if path.suffix != ".toml" or not _is_file(path):
             raise DataError(
                 f"unknown robot '{name}'.",
-                do=f"Use one of {', '.join(built_in_robots())}, or the path of a robot .toml file.",
+                do=f"{did_you_mean(name, built_in_robots())}Name one of 'truepose robot list', or a robot .toml file.",
                 key="robot",
             )
     return _robot_from(read_toml(path)[1], path)

@@ -7,7 +7,7 @@ from calib.text.json_text import parse_json, read_json
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import parse_toml, read_toml
-from calib.text.unknown_keys import refuse_unknown
+from calib.text.unknown_keys import did_you_mean, refuse_unknown
 from calib.text.xml_text import parse_xml, read_xml
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "TomlTable",
     "Vector",
     "decoded",
+    "did_you_mean",
     "parse_json",
     "parse_toml",
     "parse_xml",

@@ -44,7 +44,9 @@ def parse_json(text: str | bytes, file: Path | str) -> Any:
     except json.JSONDecodeError as error:
         raise DataError(
             f"is not valid JSON ({error.msg}, column {error.colno}).",
-            do="Correct that place.",
+            do="Correct that place."
+            if error.pos
+            else "Name a file of JSON, e.g. a model that diagnose wrote.",
             file=file,
             line=error.lineno,
         ) from error

@@ -31,3 +31,20 @@ def refuse_unknown(
             raise DataError(
                 "is not known here.", do=f"{hint}There are {', '.join(allowed)}.", file=file, key=prefix + key
             )
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The names that hold this one, else the three that are most like it, as a question with a blank behind, or ''."""
+    plain = {each: _plain(each) for each in known}
+    near = [each for each, word in plain.items() if _plain(name) and _plain(name) in word]
+    near = near or [
+        each
+        for word in get_close_matches(_plain(name), plain.values(), 3, _NEAR)
+        for each, other in plain.items()
+        if other == word
+    ]
+    return f"Did you mean {' or '.join(repr(each) for each in near[:3])}? " if near else ""
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalnum())

@@ -33,10 +33,21 @@ COMMANDS = {
     "conformance": ("conformance.conformance_command", "Try a driver of your own package on its simulator."),
     "docs": ("docs.docs_command", "Open the documentation."),
 }
+_SENTENCE = 200  # letters
 _SETTINGS: Any = {"pretty_exceptions_enable": False, "rich_markup_mode": None, "add_completion": False}
 
 
-class _Commands(TyperGroup):
+class _Group(TyperGroup):
+    """A group that lists the first sentences of its commands whole, on as many lines as a narrow terminal needs."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, each.get_short_help_str(_SENTENCE)) for name, each in self.commands.items()]
+            )
+
+
+class _Commands(_Group):
     """The group knows its commands by name and summary; the one that is called is imported."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -53,7 +64,7 @@ def load(name: str) -> Any:
         alone.command(name)(found)
         return get_command(alone)
     whole = typer.Typer(**_SETTINGS)
-    whole.add_typer(found, name=name, no_args_is_help=True)
+    whole.add_typer(found, name=name, no_args_is_help=True, cls=_Group)
     group: Any = get_command(whole)
     return group.commands[name]
 

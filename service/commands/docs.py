@@ -11,6 +11,7 @@ import typer
 from rich.markdown import Markdown
 
 from calib.errors import DataError
+from calib.text import did_you_mean
 from service.printed.terminal import Terminal
 
 SOURCES = Path(__file__).parents[2] / "docs"
@@ -67,6 +68,8 @@ def _page(folder: Path, name: str) -> Path:
     found = [each for each in names(folder) if each == name or each.endswith(f"/{name}")]
     if len(found) != 1:
         raise DataError(
-            f"there is no page '{name}'.", do=f"There are {', '.join(names(folder))}.", key="PAGE"
+            f"there is no page '{name}'.",
+            do=f"{did_you_mean(name, names(folder))}There are {', '.join(names(folder))}.",
+            key="PAGE",
         )
     return folder / f"{found[0]}.md"

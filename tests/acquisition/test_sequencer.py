@@ -203,7 +203,7 @@ def test_refused_again_and_again_pauses(stage: Stage) -> None:
 
 
 def test_no_operator_pauses(stage: Stage) -> None:
-    with open(os.devnull) as nobody:
+    with open(os.devnull, encoding="utf-8") as nobody:
         stage.operator = TerminalOperator(reader=nobody)
         stage.fail(8, WrongMode("manual"))
         outcome = stage.execute()

@@ -127,7 +127,7 @@ CASES: dict[str, tuple[Change, str, int | str | None, str]] = {
         lambda r, h: r[7].update({"x_mm": 0.0, "y_mm": 0.0, "z_mm": 0.0}), CSV, 9, "empty",
     ),
     "radians": (radians, CSV, "j1_deg", "radians.*degrees"),
-    "unknown robot": (head("robot", "kuka-kr6"), TOML, "robot", "kuka-kr6.*abb-irb120"),
+    "unknown robot": (head("robot", "kuka-kr6"), TOML, "robot", "kuka-kr6.*kuka-kr6-r900"),
     "no robot": (no_head("robot"), TOML, "robot", "missing"),
     "wrong joint count": (head("robot", "ur5-extra"), TOML, "robot", "ur5-extra"),
     "no calibration rows": (every("set", "validation"), CSV, "set", "calibration"),

@@ -144,9 +144,11 @@ def test_other_columns_are_kept(typed: str, tmp_path: Path) -> None:
 def _written(folder: Path, given: str, typed: str) -> Path:
     """A campaign whose column `given` is headed `typed`; where it names another column too, that one is empty."""
     path = Path(write_campaign(make_campaign(seed=3, n=60, n_validation=0, effects=[]), folder)["csv"])
-    head, *rows = path.read_text().splitlines()
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
     more = typed.count(",") * ","
-    path.write_text("\n".join([head.replace(given, typed), *(row + more for row in rows)]) + "\n")
+    path.write_text(
+        "\n".join([head.replace(given, typed), *(row + more for row in rows)]) + "\n", encoding="utf-8"
+    )
     return path
 
 

@@ -45,7 +45,9 @@ def workers_of(pid: int) -> list[int]:
 
 def computing(pid: int) -> bool:
     """A worker that has its modules loaded and is at work."""
-    seconds = sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]))
+    seconds = sum(
+        map(int, Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[11:13])
+    )
     return seconds / os.sysconf("SC_CLK_TCK") > 2.0
 
 

@@ -1,4 +1,4 @@
-"""The help of every command fits a terminal of 80 columns, no line of it is cut, and none waits for numerics."""
+"""The help of every command fits a terminal of 80 and of 60 columns, no line is cut, and none waits for numerics."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import pytest
 
 from service.commands import COMMANDS, app, load
 
-COLUMNS = 80
-
 
 def helps(command: Any, words: tuple[str, ...], parent: Any = None) -> Iterator[tuple[tuple[str, ...], str]]:
     """Words and help of a command and of those below it."""
@@ -22,13 +20,14 @@ def helps(command: Any, words: tuple[str, ...], parent: Any = None) -> Iterator[
         yield from helps(load(name) if parent is None else each, (*words, name), context)
 
 
-def test_no_line_is_cut_and_none_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", str(COLUMNS))
+@pytest.mark.parametrize("columns", [80, 60])
+def test_no_line_is_cut_and_none_too_long(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
     found = dict(helps(app, ("truepose",)))
     assert ("truepose", "campaign", "run") in found
     for words, text in found.items():
         for line in text.splitlines():
-            assert len(line) <= COLUMNS, words
+            assert len(line) <= columns, words
             assert line.startswith("Usage:") or not line.endswith("..."), f"{words}: {line}"
 
 

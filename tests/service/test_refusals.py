@@ -93,14 +93,14 @@ def test_bad_rows_are_refused(
     assert re.search(message, refused([command, str(data)], capsys))
 
 
-def test_an_unknown_robot_is_refused_with_the_known_ones(
+def test_an_unknown_robot_is_refused_with_the_nearest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = write_data(tmp_path)
     edit_text(data.with_suffix(".toml"), '"abb-irb120"', '"kuka-kr6"')
     message = refused(["diagnose", str(data)], capsys)
     assert "data.toml, key 'robot': unknown robot 'kuka-kr6'" in message
-    assert "abb-irb120" in message
+    assert "Did you mean 'kuka-kr6-r900'?" in message
 
 
 def test_a_file_without_header_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
