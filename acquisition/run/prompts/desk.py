@@ -16,7 +16,10 @@ from acquisition.run.orders.control import Control
 from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer, Operator, Prompt
-from drivers.operator import RemoteOperator, UnknownPrompt
+from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt
+
+_WHO = {TerminalOperator: "at the terminal", RehearsalOperator: "scripted, a rehearsal"}
+"""Who answered, for record and report, where nobody gave a name."""
 
 CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
@@ -93,7 +96,7 @@ class Desk:
             return
         with self._changed:
             if self._pending is prompt and self._answer is None:
-                self._answer = (answer, type(operator).__name__, "")
+                self._answer = (answer, _WHO.get(type(operator), type(operator).__name__), "")
                 self._changed.notify_all()
 
     def _withdraw(self, prompt: Prompt) -> None:
