@@ -38,7 +38,18 @@ def test_the_label_is_at_every_end_and_at_none_of_a_real_one(
 ) -> None:
     at = {
         name: str(tmp_path / name)
-        for name in ("one", "two", "out.csv", "m.json", "r.html", "c.xml", "d.json", "p.csv", "t.csv", "u.csv")
+        for name in (
+            "one",
+            "two",
+            "out.csv",
+            "m.json",
+            "r.html",
+            "c.xml",
+            "d.json",
+            "p.csv",
+            "t.csv",
+            "u.csv",
+        )
     }
     for name in ("one", "two"):
         recorded(tmp_path / name, simulated=simulated)
@@ -56,7 +67,9 @@ def test_the_label_is_at_every_end_and_at_none_of_a_real_one(
     assert tomllib.loads((tmp_path / "out.toml").read_text("utf-8")).get("simulated", False) is simulated
     assert read_dataset(Path(at["out.csv"])).header.simulated is simulated
 
-    told = said("identify", at["out.csv"], "--model", at["m.json"], "--report", at["r.html"], "--dcc", at["c.xml"])
+    told = said(
+        "identify", at["out.csv"], "--model", at["m.json"], "--report", at["r.html"], "--dcc", at["c.xml"]
+    )
     assert labelled(told) is simulated
     for name in ("r.html", "c.xml"):
         assert labelled((tmp_path / name).read_text("utf-8")) is simulated, name
