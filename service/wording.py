@@ -40,6 +40,9 @@ def holdout_in_words(kind: str) -> str:
     return HOLDOUTS.get(kind, kind)
 
 
+SIMULATED = "SIMULATED: these readings come from a simulated robot and instrument, not from a real one."
+
+
 def with_uncertainty(value: float, uncertainty: float) -> tuple[str, str]:
     """Value and its uncertainty as text, both to the second significant digit of the uncertainty."""
     if not (math.isfinite(uncertainty) and uncertainty > 0.0):
@@ -48,7 +51,13 @@ def with_uncertainty(value: float, uncertainty: float) -> tuple[str, str]:
     rounded = round(uncertainty, decimals)
     decimals = 1 - math.floor(math.log10(rounded)) if rounded > 0.0 else decimals
     places = max(decimals, 0)
-    return f"{round(value, decimals):.{places}f}", f"{rounded:.{places}f}"
+    # + 0.0: what rounds to nothing has no sign
+    return f"{round(value, decimals) + 0.0:.{places}f}", f"{rounded:.{places}f}"
+
+
+def two_figures(value: float) -> str:
+    """A size to two significant digits, without an exponent as far as people read such numbers: 530, not 5.3e+02."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def counted(count: int, what: str) -> str:

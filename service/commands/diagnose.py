@@ -15,6 +15,7 @@ from calib.data import read_dataset
 from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
 from calib.saved import model_document, save_model
 from calib.text import replace_file
+from service import wording
 from service.commands import options
 from service.commands.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
@@ -124,6 +125,8 @@ def diagnose_command(
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()
+        if dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
         show(diagnosis, terminal, carried, patched)
         terminal.out.print(tables.acceptance(acceptance))
         if model is not None and not diagnosis.final.converged:  # refused, when everything else is there

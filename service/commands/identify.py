@@ -75,6 +75,8 @@ def identify_command(
                 dcc, read_about(dcc_about), dataset, result.document(), parameters_of(found), sealed
             )
         terminal.rest()
+        if dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
         for table in (
             tables.parameters(found),
             tables.offsets(found),

@@ -9,6 +9,7 @@ import typer
 from calib.errors import DataError
 from calib.regression import SETS
 from calib.text import replace_file
+from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed.regression_tables import shown
@@ -68,6 +69,8 @@ def regress_command(
             terminal.say("drawing the report")
             replace_file(report, result.report())
         terminal.rest()
+        if result.comparison.dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
         for each in shown(result.comparison, result.document["findings"]):
             terminal.out.print(each)
         if model is not None and not result.gains:

@@ -13,7 +13,7 @@ specification (joint, origin); the UR driver's kinematics files.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
@@ -36,13 +36,17 @@ _METRE = 1000.0
 
 @dataclass(frozen=True)
 class Export:
-    """An export: the robot, how its controller counts, what is carried, lines about it, and the robot's hash."""
+    """An export: the robot, how its controller counts, what is carried, lines about it, and the robot's hash.
+
+    simulated: the model was identified from simulators; a table of numbers has no place for lines and gets a column.
+    """
 
     robot: Robot
     coupling: str
     carried: Carried
     about: tuple[str, ...]
     hash: str | None
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -179,7 +183,7 @@ def _dh_csv(export: Export) -> str:
     lines.append(f"base{blank}," + ",".join(f"{v:.9g}" for v in base) + f',"{_convention(export.robot)}"')
     for k, row in enumerate(links, start=1):
         lines.append(f"link {k}," + ",".join(f"{v:.9g}" for v in row) + f",{blank},{export.robot.convention}")
-    return "\n".join(lines) + "\n"
+    return _table(lines, export)
 
 
 def _dh_markdown(export: Export) -> str:
@@ -206,7 +210,14 @@ def _mastering(export: Export) -> str:
         f'{k},{value / DEG + 0.0:.6f},"true angle less the angle that the controller counts"'
         for k, value in enumerate(counted, start=1)
     ]
-    return "\n".join(lines) + "\n"
+    return _table(lines, export)
+
+
+def _table(lines: Sequence[str], export: Export) -> str:
+    heading, *rows = lines
+    if export.simulated:
+        heading, rows = f"{heading},simulated", [f"{row},yes" for row in rows]
+    return "\n".join([heading, *rows]) + "\n"
 
 
 FORMATS: Mapping[str, Format] = {

@@ -10,7 +10,7 @@ from typing import Any
 from calib.arm import refuse_slides
 from calib.compensate import Carried, carried
 from calib.errors import DataError
-from calib.saved import SavedModel
+from calib.saved import SIMULATED, SavedModel
 from service.exports.formats import FORMATS, Export
 from service.programs.conditions import stated_conditions
 
@@ -49,11 +49,13 @@ def written(
     held_out = saved.held_out_rms_mm
     about = _about(found, form.says, stated.in_words, held_out)
     heading = f"{robot.name}, from {Path(name).name}."
-    text = form.writes(Export(robot, saved.coupling, found, (heading, *about), robot_hash))
+    told = (heading, *((SIMULATED,) if saved.simulated else ()), *about)
+    text = form.writes(Export(robot, saved.coupling, found, told, robot_hash, saved.simulated))
     document = {
         "format": FORMAT,
         "model": name,
         "robot": robot.name,
+        "simulated": saved.simulated,
         "as": kind,
         "carries": form.says,
         "left_out": list(found.left_out),

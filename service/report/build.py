@@ -102,7 +102,7 @@ def diagnosis_report(
         _model_hash(final, diagnosis),
         kind="Diagnosis",
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
-        verdict_key=diagnosis.verdict,
+        verdict_key=_colour_of(diagnosis),
         sentence=wording.verdict_in_words(diagnosis),
         ladder=ladder.ladder_of(
             {
@@ -176,6 +176,13 @@ def identification_report(
     )
 
 
+def _colour_of(diagnosis: Diagnosis) -> str:
+    """The class of the verdict's box: a warning where held-out readings are worse with what was found than without."""
+    before, after = diagnosis.error_before, diagnosis.error_after
+    worse = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
+    return "not_carried" if worse else diagnosis.verdict
+
+
 def _with(preliminary: SavedModel | None, models: ballbar.Models) -> ballbar.Models:
     """The models in the order of a campaign: nominal, preliminary, final."""
     if preliminary is None:
@@ -236,6 +243,7 @@ def _render(
     environment.filters |= {
         "mm": wording.millimetres,
         "chance": wording.chance,
+        "two_figures": wording.two_figures,
         "capitalize_first": _begun,
         "words": words_of,
     }
@@ -243,6 +251,7 @@ def _render(
         dataset=dataset,
         robot=found.model.robot,
         simulated=dataset.header.simulated,
+        simulated_words=wording.SIMULATED,
         now=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         fit_count=len(found.readings.rows),
         held_count=int(dataset.validation_rows.sum()),

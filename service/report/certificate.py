@@ -37,6 +37,7 @@ UNITS: Mapping[str, str] = {
     "degC": r"\degreecelsius",
     "1e-6 rad/(N.mm)": r"\micro\radian\newton\tothe{-1}\milli\metre\tothe{-1}",
     "deg/K": r"\degree\kelvin\tothe{-1}",
+    "um/N": r"\micro\metre\newton\tothe{-1}",
     "mm/h": r"\milli\metre\hour\tothe{-1}",
     "deg/h": r"\degree\hour\tothe{-1}",
 }

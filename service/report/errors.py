@@ -77,7 +77,7 @@ def cumulative(sets: Sequence[Errors]) -> str:
             x, share = x[keep], share[keep]
         axes.step(x, share, where="post", color=s.colour, linewidth=1.8, label=s.name)
     axes.axhline(95.0, color=drawing.QUIET, linewidth=0.8, linestyle=(0, (2, 2)))
-    axes.annotate("95 %", (1.0, 95.0), xycoords=("axes fraction", "data"), ha="right", va="top", fontsize=8.5)
+    axes.annotate("95 %", (0.01, 95.0), xycoords=("axes fraction", "data"), ha="left", va="top", fontsize=8.5)
     if ratio:
         drawing.plain_ratio_axis(axes)
     else:

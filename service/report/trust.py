@@ -9,7 +9,6 @@ from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.ticker import FuncFormatter
 
 from calib.data import Dataset
 from calib.fit import Identification, UncertaintyMap, uncertainty_map
@@ -74,8 +73,7 @@ def _figure(of_map: UncertaintyMap) -> str:
     bar = drawn.colorbar(ScalarMappable(scale, _COLOURS), ax=panels)
     bar.set_label("largest U (k = 2), mm", fontsize=9.0)
     bar.ax.tick_params(which="both", labelsize=8.5)
-    for axis_format in (bar.ax.yaxis.set_major_formatter, bar.ax.yaxis.set_minor_formatter):
-        axis_format(FuncFormatter(lambda value, _: f"{value:g}"))
+    drawing.plain(bar.ax.yaxis)
     return drawing.as_svg(
         drawn, "trust", "Map of the predicted expanded uncertainty over distance from axis 1 and height"
     )

@@ -12,16 +12,21 @@ COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_ba
 
 
 def predictions_csv(diagnosis: Diagnosis) -> str:
-    """One line a validation row, measured or not, in the order of the data set; mm, world frame."""
+    """One line a validation row, measured or not, in the order of the data set; mm, world frame.
+
+    A column `simulated` is there where the readings come from simulators.
+    """
     dataset = diagnosis.dataset
     rows = dataset.sets == "validation"
     conditions = dataset.conditions.take(rows)
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    simulated = dataset.header.simulated
+    writer.writerow((*COLUMNS, "simulated") if simulated else COLUMNS)
     if rows.any():
         ids = [name for name, held in zip(dataset.reading_id, rows, strict=True) if held]
         after, before = diagnosis.final.predict(conditions), diagnosis.base.predict(conditions)
         for name, with_effects, without in zip(ids, after, before, strict=True):
-            writer.writerow([no_formula(name), *(f"{x:.6f}" for x in (*with_effects, *without))])
+            line = [no_formula(name), *(f"{x:.6f}" for x in (*with_effects, *without))]
+            writer.writerow([*line, "yes"] if simulated else line)
     return text.getvalue()

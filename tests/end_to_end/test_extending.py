@@ -28,11 +28,12 @@ class Block(NamedTuple):
 
 
 def sections() -> dict[str, list[Block]]:
-    """The code blocks of every section, by its heading."""
+    """The code blocks of every section, by its heading; what is to be looked at only belongs to no file and has no
+    command."""
     parts = re.split(r"^## (.+)$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
     block = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
     return {
-        name: [Block(*found) for found in block.findall(text)]
+        name: [Block(*found) for found in block.findall(text) if found[0] in ("sh", "diff") or found[1]]
         for name, text in zip(parts[1::2], parts[2::2], strict=True)
     }
 

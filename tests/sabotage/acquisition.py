@@ -31,7 +31,8 @@ CHANGES = (
     Change(
         "drivers/operator.py",
         "            if answer in expects and answer is not None and word in (answer.value, answer.value[0]):",
-        "            if not word:\n                return Answer.CONFIRM\n            if answer in expects and answer is not None:",
+        "            if not word:\n                return Answer.CONFIRM\n"
+        "            if answer in expects and answer is not None:",
         "Enter alone answers a prompt",
         ("tests/drivers/test_operator.py",),
     ),

@@ -107,7 +107,9 @@ def test_predictions_hold_every_validation_row_measured_or_not(data: Path, tmp_p
     edit_rows(copy, hide_three)
     assert main(["diagnose", str(copy), "--predictions", str(tmp_path / "p.csv")]) == 0
     rows = read_rows(tmp_path / "p.csv")
-    assert list(rows[0]) == ["reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm"]
+    columns = ["reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm"]
+    assert list(rows[0]) == [*columns, "simulated"]
+    assert {row["simulated"] for row in rows} == {"yes"}
     whole = read_dataset(data)
     held = np.flatnonzero(whole.sets == "validation")
     assert [row["reading_id"] for row in rows] == [whole.reading_id[i] for i in held]

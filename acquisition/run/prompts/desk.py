@@ -17,7 +17,10 @@ from acquisition.run.orders.control import Control
 from acquisition.run.prompts.picture import WORDS_ALONE, Picture
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer, Entry, Operator, Prompt, Typed
-from drivers.operator import RemoteOperator, UnknownPrompt, refused
+from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt, refused
+
+_WHO = {TerminalOperator: "at the terminal", RehearsalOperator: "scripted, a rehearsal"}
+"""Who answered, for record and report, where nobody gave a name."""
 
 CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
@@ -115,7 +118,7 @@ class Desk:
             return
         with self._changed:
             if self._pending is prompt and self._answer is None:
-                by = type(operator).__name__
+                by = _WHO.get(type(operator), type(operator).__name__)
                 typed = answer.text if isinstance(answer, Typed) else ""
                 self._answer = Given(Answer.CONFIRM if isinstance(answer, Typed) else answer, by, typed=typed)
                 self._changed.notify_all()
