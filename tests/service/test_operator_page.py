@@ -24,6 +24,7 @@ from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import CHROMIUM, Page, browser
 from tests.service.test_http_support import TOKEN, Served, problem, served
+from tests.service.workplace import outlives_another_language
 
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 
@@ -163,31 +164,6 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         assert page.text("#holder") == "carl holds it."
         assert page.value("sessionStorage.length") == 1
         service.client.delete("/cell/lease", headers={"Lease-Id": carl["lease_id"]})
-
-
-TYPED = """
-    (async () => {
-        const { promptCard } = await import("./page/prompt.js"), cards = [0, 1, 2].map(promptCard);
-        const entry = { names: ["x", "y", "z"], unit: "mm", shown: [], needed: true };
-        const asks = (id) => ({ id: "r", prompt: { id, text: "?", picture: "", expects: ["confirm"], entry } });
-        const typed = (card) => card.querySelector("#typed");
-        cards[0].show(asks("p1"), null);
-        typed(cards[0]).value = "1.5 2.5";
-        typed(cards[0]).dispatchEvent(new Event("input"));
-        cards[1].show(asks("p1"), null);
-        cards[2].show(asks("p2"), null);
-        return [typed(cards[1]).value, typed(cards[2]).value];
-    })()
-"""
-
-
-def outlives_another_language(page: Page) -> None:
-    """A reason that is half typed, and numbers; the next question gets neither."""
-    for language in ("de", "en"):
-        page.value(f"document.querySelector('#language [lang={language}]').click()")
-        until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent", 20.0)
-    until(lambda: page.value(ARMED), 20.0)
-    assert page.value(TYPED) == ["1.5 2.5", ""]
 
 
 def goes_on_when_loaded_again(service: Served, page: Page) -> None:

@@ -27,6 +27,20 @@ _VIOLATIONS = """
     axe.run(document, { resultTypes: ["violations"] }).then((found) => found.violations
       .map((each) => [each.id, ...each.nodes.slice(0, 4).map((node) => `${node.target}: ${node.failureSummary}`)]))
 """
+_TYPED = """
+    (async () => {
+        const { promptCard } = await import("./page/prompt.js"), cards = [0, 1, 2].map(promptCard);
+        const entry = { names: ["x", "y", "z"], unit: "mm", shown: [], needed: true };
+        const asks = (id) => ({ id: "r", prompt: { id, text: "?", picture: "", expects: ["confirm"], entry } });
+        const typed = (card) => card.querySelector("#typed");
+        cards[0].show(asks("p1"), null);
+        typed(cards[0]).value = "1.5 2.5";
+        typed(cards[0]).dispatchEvent(new Event("input"));
+        cards[1].show(asks("p1"), null);
+        cards[2].show(asks("p2"), null);
+        return [typed(cards[1]).value, typed(cards[2]).value];
+    })()
+"""
 
 
 def tab_to(page: Page, selector: str) -> None:
@@ -52,6 +66,15 @@ def open_view(page: Page, view: str) -> None:
     tab_to(page, f"nav a[href='#/{view}']")
     page.press("Enter")
     until(lambda: page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}")
+
+
+def outlives_another_language(page: Page) -> None:
+    """A reason that is half typed, and numbers; the next question gets neither."""
+    for language in ("de", "en"):
+        page.value(f"document.querySelector('#language [lang={language}]').click()")
+        until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent", 20.0)
+    until(lambda: page.value(ARMED), 20.0)
+    assert page.value(_TYPED) == ["1.5 2.5", ""]
 
 
 def reachable(page: Page, selector: str) -> bool:

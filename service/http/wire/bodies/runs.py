@@ -73,8 +73,7 @@ class LastReading(Answered):
     as_planned_mm: Annotated[
         list[float] | None,
         told(
-            "The same as it would be at the joints planned: another point where a person drives the robot. "
-            "Null for nests.",
+            "The same at the joints planned, mm: another point where a person drives the robot; null for nests.",
             [401.2, 88.1, 310.4],
         ),
     ] = None
