@@ -179,7 +179,7 @@ CHANGES = (
         COMPENSATE,
     ),
     Change(
-        "calib/compensate/inverse.py",
+        "calib/arm/jacobian.py",
         "    turn = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)",
         "    turn = reached[:, :3, :3] @ wanted[:, :3, :3].transpose(0, 2, 1)",
         "orientations are corrected away from where they should be",

@@ -162,8 +162,8 @@ CHANGES = (
     ),
     Change(
         "calib/model/stated.py",
-        "        previous=joints - sides * np.asarray(stated.approach),",
-        "        previous=joints + sides * np.asarray(stated.approach),",
+        "        previous=joints - sides * np.asarray(stated.approach) * model.robot.steps,",
+        "        previous=joints + sides * np.asarray(stated.approach) * model.robot.steps,",
         "a correction holds for the other side of approach",
         COMPENSATE,
     ),
