@@ -19,6 +19,20 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "service/programs/compensation.py",
+        "model.robot.joints >= 6 or",
+        "True or",
+        "the flange of a SCARA lands where its tool should",
+        ("tests/service/test_machines_driven.py",),
+    ),
+    Change(
+        "service/programs/target_table.py",
+        "driven.joints / self._robot.joint_units",
+        "np.degrees(driven.joints)",
+        "the mm of a slide are written as if they were rad",
+        ("tests/service/test_machines_driven.py",),
+    ),
+    Change(
         "service/http/routes/runs/plan_routes.py",
         "    here.lease.needed(lease_id)\n",
         "",
