@@ -142,7 +142,7 @@ def _cell(path: Path, line: int, row: Sequence[str], at: int, meaning: str) -> C
     if found is None:
         raise DataError(
             f"{meaning} is {text.strip()!r}.",
-            do="Give a number, a multiple of pi, or q1 + a number; a joint that counts the other way belongs into a "
+            do="Give a number, a multiple of pi, or q1 + a number; a joint that counts the other way belongs in a "
             "joint matrix.",
             file=path,
             line=line,

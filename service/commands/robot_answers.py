@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -86,6 +87,13 @@ def _ask(question: str, answer: Callable[[str], T]) -> T:
     while True:
         try:
             return answer(typer.prompt(question, err=True).strip())
+        except typer.Abort as ended:
+            if sys.stdin.isatty():
+                raise
+            raise DataError(
+                f"Nobody answers '{question}': the input has ended.",
+                do="Give --name, --maker, --convention, --source and one --link a joint, or run it at a terminal.",
+            ) from ended
         except DataError as error:
             typer.echo(f"  {error}", err=True)
 

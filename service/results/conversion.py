@@ -11,8 +11,10 @@ from service import wording
 
 
 def summary(out: Path, table: Table) -> str:
-    """One sentence on a data set that was written."""
-    return f"{out}: {wording.counted(len(table), 'reading')}, {_held(table)} of them held out for validation."
+    """One sentence on a data set that was written, and one where nothing is held out to judge a model by."""
+    held = _held(table)
+    said = f"{out}: {wording.counted(len(table), 'reading')}, {held} of them held out for validation."
+    return said if held else f"{said} To judge a model by readings that it has not seen, add --holdout block."
 
 
 def document(out: Path, table: Table, holdout: str | None) -> dict[str, Any]:

@@ -63,9 +63,10 @@ def test_what_no_option_gives_is_asked_until_it_is_an_answer(
     assert "limits swapped: 9 to -9" in asked.err
 
 
-def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_answers(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("arm\n"))
-    assert main(["robot", "new", "arm.toml"]) != exit_codes.DONE
+    assert main(["robot", "new", "arm.toml"]) == exit_codes.USAGE
+    assert "the input has ended. Give --name, --maker" in capsys.readouterr().err
     assert not Path("arm.toml").exists()
 
 
