@@ -114,9 +114,8 @@ def simulated(tmp_path: Path) -> Iterator[SimulatedDevices]:
 def test_a_killed_program_loses_less_than_a_second(simulated: SimulatedDevices, tmp_path: Path) -> None:
     """Every chunk that was there before is there after; the path is driven again from its beginning."""
     record = tmp_path / "record"
-    urls = [f"tcp://127.0.0.1:{simulated.ports[name]}" for name in ("ur", "leica")]
     paths = [str(tmp_path / name) for name in ("record", "cell.toml", "campaign.toml")]
-    command = [sys.executable, str(CHILD), "create", *paths, *urls]
+    command = [sys.executable, str(CHILD), "create", *paths, json.dumps(simulated.ports)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, env={"PYTHONPATH": str(ROOT)}) as child:
         until(lambda: (record / FILE).exists() and len(chunks(record)) > 3)
         before = chunks(record)

@@ -23,7 +23,10 @@ def test_pages_are_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_page_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["docs", "trackers"]) == 2
-    assert "there is no page 'trackers'. There are api, ballbar" in capsys.readouterr().err
+    assert (
+        "there is no page 'trackers'. Did you mean 'howto/tracker'? There are api, ballbar"
+        in capsys.readouterr().err
+    )
 
 
 def test_the_site_is_opened_where_it_was_built(
