@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,21 +11,41 @@ from types import FrameType
 
 from acquisition.run.run import Run
 
+_ORDERS = (signal.SIGINT, signal.SIGTERM)
+
 
 @contextmanager
 def pausing_on_interrupt(run: Run, by: str = "terminal") -> Iterator[None]:
-    """While the block runs, in the main thread, SIGINT and SIGTERM are orders to the run."""
-    seen = threading.Event()
+    """While the block runs, in the main thread, SIGINT and SIGTERM are orders to the run.
 
-    def heard(number: int, frame: FrameType | None) -> None:
-        # In a thread of its own: the main thread may be inside the record right now.
-        order = run.stop if seen.is_set() else run.pause
-        seen.set()
-        threading.Thread(target=order, args=(by,), daemon=True).start()
+    A handler runs only when the main thread runs again, and that may just have begun to wait for a person, or for an
+    hour of warming up. So a thread listens: to the byte that the interpreter itself writes at every signal.
+    """
+    ear, bell = socket.socketpair()
+    bell.setblocking(False)
 
-    before = {number: signal.signal(number, heard) for number in (signal.SIGINT, signal.SIGTERM)}
+    def listen() -> None:
+        order = run.pause
+        while number := ear.recv(1):
+            if number[0] in _ORDERS:
+                # In a thread of its own: the second order must not wait for the first.
+                threading.Thread(target=order, args=(by,), daemon=True).start()
+                order = run.stop
+
+    listener = threading.Thread(target=listen, daemon=True)
+    listener.start()
+    bell_before = signal.set_wakeup_fd(bell.fileno(), warn_on_full_buffer=False)
+    before = {number: signal.signal(number, _heard_by_the_thread) for number in _ORDERS}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        signal.set_wakeup_fd(bell_before)
+        bell.close()
+        listener.join()
+        ear.close()
+
+
+def _heard_by_the_thread(number: int, frame: FrameType | None) -> None:
+    """Nothing: without a handler the interpreter would raise KeyboardInterrupt, or end."""

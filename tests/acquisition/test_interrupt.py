@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from contextlib import closing
 from pathlib import Path
+from typing import cast
 
 import pytest
 
 from acquisition.run.clock import ScaledClock
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import Control, Pausing, Stopping
+from acquisition.run.run import Run
 from tests.acquisition.fakes import JumpingClock
 from tests.acquisition.stage import ALL, Stage
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 
 
 @pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
@@ -38,6 +41,37 @@ def test_ctrl_c(tmp_path: Path, times: int, state: str) -> None:
         until(lambda: sum(event.kind == "command" for event in stage.run.events()) == times)
     assert stage.bench.log == ALL[:10]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+class Ordered:
+    """A run that notes its orders."""
+
+    def __init__(self) -> None:
+        self.paused, self.stopped = threading.Event(), threading.Event()
+
+    def pause(self, by: str) -> None:
+        self.paused.set()
+
+    def stop(self, by: str) -> None:
+        self.stopped.set()
+
+
+def test_ctrl_c_is_heard_while_the_main_thread_sleeps() -> None:
+    """Another thread gets the signal, as if it had come just before the main one began its wait: that sleeps on."""
+    run, sleeper = Ordered(), threading.main_thread().ident
+    assert sleeper is not None
+
+    def press(begun: threading.Event) -> None:
+        begun.wait()
+        until(lambda: sys._current_frames()[sleeper].f_code.co_name == "wait")
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    with pausing_on_interrupt(cast(Run, run)):
+        for heard in (run.paused, run.stopped):
+            begun = threading.Event()
+            threading.Thread(target=press, args=(begun,)).start()
+            begun.set()
+            assert heard.wait(PATIENCE_S)
 
 
 def test_scaled_clock_waits_less_and_wakes() -> None:
