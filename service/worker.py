@@ -24,7 +24,8 @@ Call = tuple[Callable[..., Any], tuple[Any, ...]]
 PATIENT = 10
 """By how much a worker yields to the service, which has to hear a stop; Windows knows no such thing."""
 
-SESSION = Path("/proc/self/autogroup")
+SESSION = "/proc/{}/autogroup"
+"""Where Linux keeps the priority of a process's session: "/autogroup-5737 nice 0"."""
 
 
 def main() -> None:
@@ -53,15 +54,20 @@ def _lower_priority() -> None:
 
     Where Linux shares the processors out between sessions, a process is nice to its own session alone, and a worker is
     in one by itself. Its session has a file of its own for that, which takes one order in a tenth of a second from all
-    programs together.
+    programs together. Below the service's own session: that may have a low priority itself.
     """
     os.nice(PATIENT)
+    try:
+        of_service = int(Path(SESSION.format(os.getppid())).read_text(encoding="ascii").split()[-1])
+    except OSError:  # sessions share nothing out here
+        return
+    own = Path(SESSION.format("self"))
     for _ in range(10):
         try:
-            SESSION.write_text(str(PATIENT), encoding="ascii")
+            own.write_text(str(min(of_service + PATIENT, 19)), encoding="ascii")
         except BlockingIOError:
             time.sleep(0.1)
-        except OSError:  # sessions share nothing out here
+        except OSError:  # refused: somebody else's rule
             return
         else:
             return

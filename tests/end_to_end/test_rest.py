@@ -19,6 +19,7 @@ import httpx2
 from calib.data.read import read_dataset
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, campaign_file, cell_file
+from tests.processes import descendants_of
 from tests.service.test_http_support import Served, problem, served
 
 NESTS_AND_TARGETS = ["N1", "N2", "N3", "T1", "T2", "T3"]
@@ -167,22 +168,13 @@ def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) 
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
         run = service.begin(campaign)
         until(lambda: service.client.get(f"/runs/{run}").json()["done"] > 0)
-        simulators = children_of(service.process.pid)
+        simulators = descendants_of(service.process.pid)
         assert simulators
         service.process.terminate()
         assert service.process.wait(PATIENCE_S) == 0
         until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in simulators))
     status = cli("campaign", "status", str(tmp_path / "record" / "runs" / run), "--json", "-")
     assert json.loads(status.stdout)["state"] == "paused"
-
-
-def children_of(pid: int) -> list[int]:
-    """Processes below this one."""
-    out: list[int] = []
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in map(int, (task / "children").read_text().split()):
-            out += [child, *children_of(child)]
-    return out
 
 
 def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators_along(
@@ -207,7 +199,7 @@ def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators
             assert stopped.elapsed.total_seconds() < 20.0  # it does not wait for those who wait 30 s
             assert service.until(f"/runs/{run}", "stopped")["state_code"] == 7
             assert all(wait.result().json()["state"] in ("running", "stopped") for wait in waits)
-        simulators = children_of(service.process.pid)
+        simulators = descendants_of(service.process.pid)
         assert simulators
         service.process.kill()
         until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in simulators))

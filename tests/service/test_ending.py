@@ -24,6 +24,7 @@ from service.http.work.workers import WorkerDied, Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
 from tests.drivers.waiting import in_thread, until
 from tests.end_to_end.simulated import EXAMPLE, campaign_file, cell_file
+from tests.processes import children_of, command_of
 from tests.service.slow_arm import SlowArm
 from tests.service.test_http_support import Served, problem, served
 
@@ -37,10 +38,7 @@ linux = pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are cou
 
 def workers_of(pid: int) -> list[int]:
     """Worker processes of a service."""
-    children = " ".join(
-        (task / "children").read_text() for task in Path(f"/proc/{pid}/task").iterdir()
-    ).split()
-    return [int(c) for c in children if b"service.worker" in Path(f"/proc/{c}/cmdline").read_bytes()]
+    return [child for child in children_of(pid) if "service.worker" in command_of(child)]
 
 
 def computing(pid: int) -> bool:

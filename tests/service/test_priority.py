@@ -35,13 +35,17 @@ def test_a_worker_stands_back_in_its_session() -> None:
         assert os.getpriority(os.PRIO_PROCESS, pid) == min(own + PATIENT, 19)
 
 
-@pytest.mark.skipif(not SESSION.exists(), reason="processors are not shared out between sessions")
+@pytest.mark.skipif(not Path(SESSION.format("self")).exists(), reason="sessions share no processors out here")
 def test_the_session_of_a_worker_stands_back_for_others_and_the_service_for_none() -> None:
-    before = SESSION.read_text(encoding="ascii")
+    before = session_of("self")
     with a_worker() as pid:
-        of_worker = Path(f"/proc/{pid}/autogroup").read_text(encoding="ascii")
-    assert of_worker.endswith(f" nice {PATIENT}\n")
-    assert SESSION.read_text(encoding="ascii") == before
+        assert session_of(pid) == min(before + PATIENT, 19)
+    assert session_of("self") == before
+
+
+def session_of(process: int | str) -> int:
+    """The priority of its session."""
+    return int(Path(SESSION.format(process)).read_text(encoding="ascii").split()[-1])
 
 
 def test_what_is_loaded_when_the_service_begins_is_not_looked_through_for_garbage(
