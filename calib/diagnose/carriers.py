@@ -24,8 +24,8 @@ from calib.data.dataset import Dataset
 from calib.diagnose.normal import BLOCKS, Normal, Posterior
 from calib.effects import Survey
 from calib.effects.by_axis import by_axis
-from calib.effects.gear_orders import BANDS, HIGHEST, curve_of, gear_orders, half_octave
-from calib.effects.periodic import periodic
+from calib.effects.transmission.gear_orders import BANDS, HIGHEST, curve_of, gear_orders, half_octave
+from calib.effects.transmission.periodic import periodic
 from calib.fit import robust
 from calib.fit.identification import Identification
 from calib.fit.identify import Progress, carry, leaving_out, silent

@@ -1,45 +1,58 @@
-"""The library of effects: one file a kind, which holds all that is known of it and is named in `LIBRARY`."""
+"""The library of effects: one file a kind, which holds all that is known of it and is named in `LIBRARY`.
+
+The files stand by what they act on: `geometry`, `transmission`, `elasticity`, `thermal`, `slides`, `instrument`.
+"""
 
 from collections.abc import Sequence
 from typing import Protocol
 
-from calib.effects import (
-    backlash,
-    backlash_load,
-    base_target,
+from calib.effects.by_axis import by_axis, family_by_axis
+from calib.effects.elasticity import (
     bearing_tilt,
-    coupling,
     cubic_stiffness,
-    dead_zone,
-    drift,
-    encoder_scale,
-    gear_orders,
     joint_compliance,
-    joint_offset,
-    joint_step,
     link_torsion,
-    lost_motion,
-    parallel_twist,
     payload,
     pedestal,
-    periodic,
-    settling,
+)
+from calib.effects.geometry import (
+    joint_offset,
+    joint_step,
+    parallel_twist,
     shift,
+    tool,
+)
+from calib.effects.installed import installed
+from calib.effects.instrument import (
+    base_target,
+    drift,
+    tracker_scale,
+)
+from calib.effects.kind import Kind
+from calib.effects.slides import (
     slide_backlash,
     slide_compliance,
     slide_growth,
     slide_guide,
     slide_scale,
+)
+from calib.effects.survey import Survey, compliance_of
+from calib.effects.thermal import (
     thermal_growth,
     thermal_joint,
-    tool,
-    tracker_scale,
     warm_up,
 )
-from calib.effects.by_axis import by_axis, family_by_axis
-from calib.effects.installed import installed
-from calib.effects.kind import Kind
-from calib.effects.survey import Survey, compliance_of
+from calib.effects.transmission import (
+    backlash,
+    backlash_load,
+    coupling,
+    dead_zone,
+    encoder_scale,
+    gear_orders,
+    lost_motion,
+    periodic,
+    settling,
+)
 from calib.model.effect import Effect
 from calib.scan.fixed import Candidate
 from calib.scan.scores import Family

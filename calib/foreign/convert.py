@@ -9,12 +9,12 @@ from pathlib import Path
 from calib.arm.robot import load_robot
 from calib.convert.table import Table
 from calib.errors import DataError
-from calib.foreign.data_set import table_of
-from calib.foreign.evidence import Fit, fit_of
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import FileMap, Map, refuse_other
-from calib.foreign.one_file import readings_of
-from calib.foreign.proposal import tables_of
+from calib.foreign.files.layout import Layout
+from calib.foreign.map.map_file import FileMap, Map, refuse_other
+from calib.foreign.proposal.evidence import Fit, fit_of
+from calib.foreign.proposal.proposal import tables_of
+from calib.foreign.readings.data_set import table_of
+from calib.foreign.readings.one_file import readings_of
 from calib.units import DEG
 
 

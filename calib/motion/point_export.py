@@ -19,7 +19,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.dates import STAMP, seconds_of
+from calib.foreign.files.dates import STAMP, seconds_of
 from calib.text.text_file import read_text
 
 _COMMENT = ("//", "#")

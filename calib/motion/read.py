@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.dates import seconds_of
-from calib.foreign.entry import DATE, LENGTHS, Column, parse_map
+from calib.foreign.files.dates import seconds_of
+from calib.foreign.map.entry import DATE, LENGTHS, Column, parse_map
 from calib.motion.point_export import read_export
 from calib.motion.streams import MEND_TIMES, JointStream, PointStream
 from calib.text.columns import Columns

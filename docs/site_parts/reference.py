@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.effects import LIBRARY, gear_orders
+from calib.effects import LIBRARY
+from calib.effects.transmission import gear_orders
 from service.commands import app, load
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings

@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
-from calib.effects.coupling import pairs
+from calib.effects.transmission.coupling import pairs
 from mocks.campaign import DEFAULT_FIT, Campaign, make_campaign, plan, write_campaign
 from mocks.world import DEPARTURES, OUTSIDE, ArmState, Session, World, stream
 from mocks.world.dataset import header_of, row_of

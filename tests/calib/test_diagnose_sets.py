@@ -13,7 +13,7 @@ import pytest
 
 from calib.diagnose import select
 from calib.effects import Survey, offers
-from calib.effects.periodic import periodic
+from calib.effects.transmission.periodic import periodic
 from calib.fit.identify import identify
 from calib.scan.fixed import Candidate
 from tests.benchmarks.diagnosis_follow_up import before_and_after

@@ -21,10 +21,10 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.groups import GROUPS
 from calib.effects import LIBRARY, Survey, kind_of, offers
-from calib.effects.backlash import backlash
-from calib.effects.gear_orders import BANDS, curve_of, gear_orders
-from calib.effects.periodic import periodic
-from calib.effects.shift import tool_shift
+from calib.effects.geometry.shift import tool_shift
+from calib.effects.transmission.backlash import backlash
+from calib.effects.transmission.gear_orders import BANDS, curve_of, gear_orders
+from calib.effects.transmission.periodic import periodic
 from calib.model import base_model, regressors
 from calib.model.check import check_effect
 from calib.model.effect import Effect, Parameter, Term

@@ -15,8 +15,8 @@ import pytest
 from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import diagnose
 from calib.effects import Survey, offers
-from calib.effects.base_target import base_target_shift
-from calib.effects.joint_compliance import joint_compliance
+from calib.effects.elasticity.joint_compliance import joint_compliance
+from calib.effects.instrument.base_target import base_target_shift
 from calib.fit.identify import identify
 from calib.model.model import Design
 from tests.calib.campaigns import simulate, write_files

@@ -17,7 +17,7 @@ import pytest
 from calib.arm.robot import Load, Robot
 from calib.data.conditions import Conditions
 from calib.effects import Survey, offers
-from calib.effects.joint_compliance import joint_compliance
+from calib.effects.elasticity.joint_compliance import joint_compliance
 from calib.fit.identify import identify
 from calib.model.effect import Effect
 from calib.model.model import Design

@@ -16,7 +16,7 @@ from calib.data.header import header_of
 from calib.data.read import dataset_of
 from calib.errors import DataError
 from calib.foreign import converted, propose, read_map, text_of
-from calib.foreign.number import notation_of
+from calib.foreign.files.number import notation_of
 from calib.text.columns import Columns
 from calib.text.toml_text import parse_toml
 from calib.units import DEG

@@ -15,7 +15,7 @@ from calib.diagnose.carriers import gears_to_carry
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.normal import BLOCKS, Normal, blocks_of
 from calib.effects import Survey, offers
-from calib.effects.gear_orders import mostly
+from calib.effects.transmission.gear_orders import mostly
 from calib.fit.identify import identify
 from calib.model.model import Design
 from calib.saved.model_file import load_model, save_model

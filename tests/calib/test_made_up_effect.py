@@ -20,7 +20,7 @@ from calib.diagnose.refine import refine
 from calib.diagnose.select import refit
 from calib.effects import LIBRARY, Survey, check_of, offers
 from calib.effects.kind import Kind
-from calib.effects.warm_up import warm_up
+from calib.effects.thermal.warm_up import warm_up
 from calib.fit.identify import identify
 from calib.model.check import check_effect
 from calib.model.effect import Effect, effect

@@ -13,12 +13,12 @@ import pytest
 from calib.arm.robot import load_robot
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.select import refit
-from calib.effects.backlash import backlash
-from calib.effects.lost_motion import lost_motion
-from calib.effects.parallel_twist import parallel_twist
-from calib.effects.pedestal import pedestal
-from calib.effects.periodic import periodic
-from calib.effects.settling import settling
+from calib.effects.elasticity.pedestal import pedestal
+from calib.effects.geometry.parallel_twist import parallel_twist
+from calib.effects.transmission.backlash import backlash
+from calib.effects.transmission.lost_motion import lost_motion
+from calib.effects.transmission.periodic import periodic
+from calib.effects.transmission.settling import settling
 from calib.fit.identify import identify
 from calib.scan.fixed import Candidate
 from calib.scan.physics import bounds_of, impossible

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from calib.errors import DataError
-from calib.foreign.dates import seconds_of
-from calib.foreign.entry import Column, parse_map
+from calib.foreign.files.dates import seconds_of
+from calib.foreign.map.entry import Column, parse_map
 from calib.motion.point_export import read_export
 from calib.motion.read import read_points
 

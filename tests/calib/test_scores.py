@@ -19,12 +19,12 @@ from calib.diagnose import select
 from calib.diagnose.refine import refine
 from calib.diagnose.select import leave_one_out, refit
 from calib.effects import Survey, offers
-from calib.effects.backlash import backlash
-from calib.effects.drift import drift_rotation
-from calib.effects.periodic import periodic
-from calib.effects.shift import tool_shift
-from calib.effects.thermal_growth import thermal_growth
-from calib.effects.warm_up import warm_up
+from calib.effects.geometry.shift import tool_shift
+from calib.effects.instrument.drift import drift_rotation
+from calib.effects.thermal.thermal_growth import thermal_growth
+from calib.effects.thermal.warm_up import warm_up
+from calib.effects.transmission.backlash import backlash
+from calib.effects.transmission.periodic import periodic
 from calib.fit.identification import Identification
 from calib.fit.identify import identify
 from calib.fit.least_squares import Linearisation, solve

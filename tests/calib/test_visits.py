@@ -23,7 +23,7 @@ from calib.data.read import read_dataset
 from calib.data.visits import visits_of, with_visits
 from calib.diagnose.places import along, directions, drivers
 from calib.effects import offers
-from calib.effects.shift import change_points
+from calib.effects.geometry.shift import change_points
 from calib.effects.survey import Survey
 from calib.fit.identification import Identification
 from calib.fit.identify import fit, identify

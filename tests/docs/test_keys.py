@@ -23,8 +23,9 @@ from calib.arm.robot import BUILT_IN, load_robot
 from calib.data import read_dataset
 from calib.data.header import read_header
 from calib.fit import identify
-from calib.foreign import map_file, read_map
-from calib.foreign.map_file import is_quantity
+from calib.foreign import read_map
+from calib.foreign.map import map_file
+from calib.foreign.map.map_file import is_quantity
 from calib.robot_file import SCHEMA
 from calib.saved import save_model
 from calib.text.columns import Columns

@@ -35,7 +35,7 @@ from acquisition.record.verification import (
     world_of,
 )
 from calib.arm.kinematics import forward
-from calib.effects.drift import drift_translation
+from calib.effects.instrument.drift import drift_translation
 from calib.model.model import RobotModel
 from drivers.interfaces import JointReading, PointReading
 from tests.end_to_end.simulated import EXAMPLE

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from calib.effects import entries, gear_orders, words_of
+from calib.effects import entries, words_of
+from calib.effects.transmission import gear_orders
 from service.effect_names import listed, members_of, name_of
 
 

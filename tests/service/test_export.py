@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.compensate import carried, constant_slots
-from calib.effects.backlash import backlash
-from calib.effects.thermal_growth import thermal_growth
+from calib.effects.thermal.thermal_growth import thermal_growth
+from calib.effects.transmission.backlash import backlash
 from calib.errors import DataError
 from calib.model.stated import StatedConditions
 from calib.saved.model_file import SavedModel

@@ -19,7 +19,7 @@ from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
 from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
-from calib.effects.gear_orders import BANDS, gear_orders
+from calib.effects.transmission.gear_orders import BANDS, gear_orders
 from calib.fit.identification import Identification
 from calib.fit.identify import identify
 from calib.fit.statistics import statistics_of

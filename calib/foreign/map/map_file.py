@@ -20,8 +20,8 @@ from typing import Any, Literal
 import tomli_w
 
 from calib.errors import DataError
-from calib.foreign.layout import Layout
-from calib.foreign.rotations import FOR_PEOPLE, sequence_of
+from calib.foreign.files.layout import Layout
+from calib.foreign.map.rotations import FOR_PEOPLE, sequence_of
 from calib.text.toml_table import TomlTable
 from calib.text.toml_text import read_toml
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from functools import partial
 
+from calib.effects.geometry.shift import change_points
 from calib.effects.kind import Kind
-from calib.effects.shift import change_points
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import StepAt

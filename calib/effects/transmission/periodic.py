@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from calib.effects import gear_orders
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
+from calib.effects.transmission import gear_orders
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Cosine, Sine
 from calib.scan.harmonics import Harmonics

@@ -13,14 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.foreign.assigned import Answers, Assigned, Question, Set, occurrence
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import UNDECIDED
-from calib.foreign.names_of_rows import names_of_rows
-from calib.foreign.number import Notation, notation_of
-from calib.foreign.orientations import orientations
-from calib.foreign.units_of_columns import units_of_columns
-from calib.foreign.words import Meaning, meaning_of
+from calib.foreign.files.layout import Layout
+from calib.foreign.files.number import Notation, notation_of
+from calib.foreign.map.map_file import UNDECIDED
+from calib.foreign.meanings.assigned import Answers, Assigned, Question, Set, occurrence
+from calib.foreign.meanings.names_of_rows import names_of_rows
+from calib.foreign.meanings.orientations import orientations
+from calib.foreign.meanings.units_of_columns import units_of_columns
+from calib.foreign.meanings.words import Meaning, meaning_of
 
 _YASKAWA = ("s", "l", "u", "r", "b", "t")
 

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calib.array import Array
-from calib.foreign.assigned import Assigned, Question
-from calib.foreign.entry import ANGLES, LENGTHS
-from calib.foreign.map_file import UNDECIDED
-from calib.foreign.number import suffix_of
-from calib.foreign.sizes import FEW, HUGE_MM, LARGE_DEG, MOST_RAD, SMALL_MM
-from calib.foreign.unit_words import unit_of
-from calib.foreign.words import Meaning
+from calib.foreign.files.number import suffix_of
+from calib.foreign.files.unit_words import unit_of
+from calib.foreign.map.entry import ANGLES, LENGTHS
+from calib.foreign.map.map_file import UNDECIDED
+from calib.foreign.map.sizes import FEW, HUGE_MM, LARGE_DEG, MOST_RAD, SMALL_MM
+from calib.foreign.meanings.assigned import Assigned, Question
+from calib.foreign.meanings.words import Meaning
 
 
 def units_of_columns(

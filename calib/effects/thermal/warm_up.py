@@ -12,7 +12,7 @@ import numpy as np
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.effects.thermal_growth import arm_lengths
+from calib.effects.thermal.thermal_growth import arm_lengths
 from calib.model.effect import Effect, effect
 from calib.model.regressors import WarmUp
 from calib.scan.shapes import Shapes

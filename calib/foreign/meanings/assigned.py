@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calib.array import Array
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import UNDECIDED, FileMap
-from calib.foreign.number import Notation
+from calib.foreign.files.layout import Layout
+from calib.foreign.files.number import Notation
+from calib.foreign.map.map_file import UNDECIDED, FileMap
 
 Answers = Mapping[str, str]
 LEAVE = "leave"

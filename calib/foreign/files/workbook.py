@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import DataError
-from calib.foreign.sheet import Row, Sheet
+from calib.foreign.files.sheet import Row, Sheet
 from calib.text.csv_text import MOST_COLUMNS
 from calib.text.text_file import read_bytes
 

@@ -16,10 +16,10 @@ from functools import cached_property
 from itertools import pairwise
 
 from calib.errors import DataError
-from calib.foreign.dates import seconds_of
-from calib.foreign.number import NOT_MEASURED, is_number
-from calib.foreign.sheet import FEWEST_NUMBERS, Row, Sheet, wide_blanks
-from calib.foreign.unit_words import unit_of, unit_row
+from calib.foreign.files.dates import seconds_of
+from calib.foreign.files.number import NOT_MEASURED, is_number
+from calib.foreign.files.sheet import FEWEST_NUMBERS, Row, Sheet, wide_blanks
+from calib.foreign.files.unit_words import unit_of, unit_row
 
 _SUMMARY = re.compile(
     r"(mean|average|avg|median|min|max|minimum|maximum|std|stdev|rms|range|sum|total|mittel|mittelwert|durchschnitt"

@@ -1,7 +1,7 @@
 """Entries of a map of columns: a quantity is a column of a foreign file and the unit of its numbers, `Timestamp[ms]`.
 
 A map of a recording is written in one line, with commas between: `time=Timestamp[ms], j1=actual_q_0[rad], ...`; that of
-a measured file is a file (`calib.foreign.map_file`). The unit `date` of a time is a date and a time of day.
+a measured file is a file (`calib.foreign.map.map_file`). The unit `date` of a time is a date and a time of day.
 """
 
 from __future__ import annotations

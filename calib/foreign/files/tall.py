@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from calib.errors import DataError
-from calib.foreign.layout import Layout
-from calib.foreign.number import is_number
-from calib.foreign.sheet import Row
+from calib.foreign.files.layout import Layout
+from calib.foreign.files.number import is_number
+from calib.foreign.files.sheet import Row
 
 _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "abstand"}
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import DataError
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import Map
-from calib.foreign.readings import Readings
+from calib.foreign.files.layout import Layout
+from calib.foreign.map.map_file import Map
+from calib.foreign.readings.readings import Readings
 
 _TARGET = re.compile(r"(.+?)[\s_.:/-]+((?:T|SMR|M|R|Target|Marker|Ball)[\s_-]?\d{1,2})", re.IGNORECASE)
 _SHOWN = 6

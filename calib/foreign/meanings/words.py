@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.foreign.unit_words import split
+from calib.foreign.files.unit_words import split
 
 Kind = Literal[
     "joint", "external", "point", "angle", "quaternion", "id", "target", "time", "temperature", "status", "set",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calib.foreign.assigned import LEAVE, Assigned, Question, Set, occurrence
-from calib.foreign.map_file import UNDECIDED
-from calib.foreign.rotations import ANGLES_OF, USUAL
-from calib.foreign.units_of_columns import units_of_columns
-from calib.foreign.words import Meaning
+from calib.foreign.map.map_file import UNDECIDED
+from calib.foreign.map.rotations import ANGLES_OF, USUAL
+from calib.foreign.meanings.assigned import LEAVE, Assigned, Question, Set, occurrence
+from calib.foreign.meanings.units_of_columns import units_of_columns
+from calib.foreign.meanings.words import Meaning
 
 
 def orientations(to: Assigned, meanings: dict[str, Meaning]) -> None:

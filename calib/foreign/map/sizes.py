@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.entry import ANGLES, Column
+from calib.foreign.map.entry import ANGLES, Column
 from calib.units import DEG
 
 FEW = 5

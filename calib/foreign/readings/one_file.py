@@ -12,15 +12,15 @@ import numpy as np
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.dates import looks_like_date, seconds_of
-from calib.foreign.entry import ANGLES, DATE, Column, column_of
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import UNITLESS, FileMap, Map
-from calib.foreign.matching import matched
-from calib.foreign.number import NOT_MEASURED, Notation
-from calib.foreign.readings import Readings, joined
-from calib.foreign.rotations import quaternions
-from calib.foreign.sizes import refuse_angles, refuse_points
+from calib.foreign.files.dates import looks_like_date, seconds_of
+from calib.foreign.files.layout import Layout
+from calib.foreign.files.number import NOT_MEASURED, Notation
+from calib.foreign.map.entry import ANGLES, DATE, Column, column_of
+from calib.foreign.map.map_file import UNITLESS, FileMap, Map
+from calib.foreign.map.rotations import quaternions
+from calib.foreign.map.sizes import refuse_angles, refuse_points
+from calib.foreign.readings.matching import matched
+from calib.foreign.readings.readings import Readings, joined
 
 _TEXTS = ("id", "pose", "series", "set", "target", "waypoint", "visit")
 

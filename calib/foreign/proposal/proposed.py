@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib.foreign.assigned import Finding, Question
-from calib.foreign.layout import Layout
-from calib.foreign.map_file import Map
+from calib.foreign.files.layout import Layout
+from calib.foreign.map.map_file import Map
+from calib.foreign.meanings.assigned import Finding, Question
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calib.foreign.assigned import Assigned, Question
-from calib.foreign.dates import seconds_of
-from calib.foreign.map_file import UNDECIDED
-from calib.foreign.number import is_number
-from calib.foreign.words import Meaning
+from calib.foreign.files.dates import seconds_of
+from calib.foreign.files.number import is_number
+from calib.foreign.map.map_file import UNDECIDED
+from calib.foreign.meanings.assigned import Assigned, Question
+from calib.foreign.meanings.words import Meaning
 
 _GOOD = {
     "ok",

@@ -1,7 +1,7 @@
 """A sheet: rows of cells as a file has them, with the line of each, before anybody has said what they are.
 
 Text in any usual encoding, its cells apart by tabs, semicolons, commas, bars or blanks; or one sheet of a workbook
-(`calib.foreign.workbook`).
+(`calib.foreign.files.workbook`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from calib.errors import DataError
-from calib.foreign.number import is_number
+from calib.foreign.files.number import is_number
 from calib.text.csv_text import LONGEST_LINE, rows_of
 from calib.text.text_file import decoded, read_bytes
 

@@ -22,10 +22,10 @@ from calib.arm.robot import Robot, load_robot
 from calib.arm.start import base_and_tool, tool_turn
 from calib.data.hypotheses import BETTER, FEWEST, Meaning
 from calib.errors import DataError
-from calib.foreign.assigned import LEAVE, Question
-from calib.foreign.one_file import readings_of
-from calib.foreign.proposed import Proposal
-from calib.foreign.readings import Readings
+from calib.foreign.meanings.assigned import LEAVE, Question
+from calib.foreign.proposal.proposed import Proposal
+from calib.foreign.readings.one_file import readings_of
+from calib.foreign.readings.readings import Readings
 from calib.units import DEG
 
 _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what it was measured at

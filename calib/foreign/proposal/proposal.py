@@ -16,16 +16,16 @@ from typing import Any
 from calib.arm.robot import load_robot
 from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
-from calib.foreign.assigned import Answers, Assigned, Question
-from calib.foreign.assignment import assign
-from calib.foreign.evidence import decided
-from calib.foreign.layout import Layout, layouts_of
-from calib.foreign.map_file import BY, UNDECIDED, Map
-from calib.foreign.matching import pose_name, with_target
-from calib.foreign.proposed import Part, Proposal
-from calib.foreign.sheet import Sheet, text_sheet
-from calib.foreign.tall import joined
-from calib.foreign.workbook import workbook_sheets
+from calib.foreign.files.layout import Layout, layouts_of
+from calib.foreign.files.sheet import Sheet, text_sheet
+from calib.foreign.files.tall import joined
+from calib.foreign.files.workbook import workbook_sheets
+from calib.foreign.map.map_file import BY, UNDECIDED, Map
+from calib.foreign.meanings.assigned import Answers, Assigned, Question
+from calib.foreign.meanings.assignment import assign
+from calib.foreign.proposal.evidence import decided
+from calib.foreign.proposal.proposed import Part, Proposal
+from calib.foreign.readings.matching import pose_name, with_target
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
 MOST_FILES = 2

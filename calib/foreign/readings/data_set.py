@@ -12,8 +12,8 @@ import tomli_w
 
 from calib.convert.table import Table
 from calib.errors import DataError
-from calib.foreign.map_file import Map
-from calib.foreign.readings import Readings
+from calib.foreign.map.map_file import Map
+from calib.foreign.readings.readings import Readings
 from calib.units import DEG
 
 _PLAIN = ("series", "set", "waypoint", "visit")

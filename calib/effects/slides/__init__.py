@@ -1,0 +1,1 @@
+"""Effects of slides: linear axes that carry the arm or its tool."""
