@@ -67,9 +67,9 @@ def diagnosis(
     from calib.text import replace_file
     from service.files import as_json
     from service.report import diagnosis_report
-    from service.results import documents
-    from service.results.acceptance import EFFECTS, Limits, decide
-    from service.results.arrows import arrows_of
+    from service.results.cell.arrows import arrows_of
+    from service.results.judgement.acceptance import EFFECTS, Limits, decide
+    from service.results.models import documents
 
     dataset = read_dataset(data)
     held_to = Limits.kept(limits)
@@ -98,9 +98,9 @@ def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = 
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.acceptance import Limits
-    from service.results.arrows import arrows_of
-    from service.results.identified import Identified
+    from service.results.cell.arrows import arrows_of
+    from service.results.judgement.acceptance import Limits
+    from service.results.models.identified import Identified
 
     held_to = Limits.kept(limits)
     result = Identified.of(data, say=lambda step: tell(folder, step), limits=held_to)
@@ -115,7 +115,7 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.regressed import Regressed
+    from service.results.models.regressed import Regressed
 
     result = Regressed.of(data, **order)
     result.save(folder / MODEL)
@@ -130,9 +130,9 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from calib.text import replace_file
     from calib.validation import hold_outs
     from service.files import as_json
-    from service.results import validation_document
-    from service.results.acceptance import Limits
-    from service.results.validated import Question, Read, Validated
+    from service.results.judgement import validation_document
+    from service.results.judgement.acceptance import Limits
+    from service.results.judgement.validated import Question, Read, Validated
 
     dataset = read_dataset(data)
     if model is None:
@@ -149,7 +149,7 @@ def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
     from acquisition.cell import cell_of_record
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.selected import Question, Selected
+    from service.results.cell.selected import Question, Selected
 
     for name in ("groups", "targets"):
         order[name] = None if order[name] is None else tuple(order[name])
@@ -165,7 +165,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
     from calib.text import replace_file
     from drivers.errors import ConfigError
     from service.files import as_json
-    from service.results.placements import Order, found_for
+    from service.results.cell.placements import Order, found_for
 
     def progress(done: int, total: int) -> None:
         replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
@@ -188,8 +188,8 @@ def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
     from calib.text import replace_file
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
-    from service.report.motion import motion_picture
-    from service.results.alignment import Order, aligned_of, document
+    from service.report.figures.motion import motion_picture
+    from service.results.files.alignment import Order, aligned_of, document
 
     result = aligned_of(folder / ROBOT, folder / TRACKER, Order(**{**order, "tool": tuple(order["tool"])}))
     replace_file(folder / PICTURE, motion_picture(result))

@@ -16,7 +16,7 @@ from calib.text import replace_file
 from service.files import as_json
 from service.names import new_id
 from service.plain import utc_text
-from service.results import documents
+from service.results.models import documents
 
 CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"
 

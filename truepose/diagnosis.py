@@ -14,7 +14,7 @@ from calib.saved import as_saved
 from calib.text import replace_file
 from calib.units import to_display
 from service import wording
-from service.results import documents
+from service.results.models import documents
 from truepose.data import Data, data_of
 from truepose.frames import frame_of_rows
 from truepose.model import Model

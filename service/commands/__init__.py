@@ -13,21 +13,21 @@ from typer.main import get_command
 # name -> where it is, and the first sentence of its help (held against it by a test)
 COMMANDS = {
     "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
-    "robot": ("robot.app", "Write, import and check the file of a robot of your own."),
-    "convert": ("convert.convert", "Import foreign data."),
-    "align": ("align.align_command", "Align the streams of a moving robot and of a tracker."),
-    "identify": ("identify.identify_command", "Identify the robot's parameters, nothing else."),
-    "diagnose": ("diagnose.diagnose_command", "Identify, find what the model lacks, correct it."),
-    "sweeps": ("sweeps.sweeps_command", "Show what single joints do while they alone turn."),
-    "regress": ("regress.regress_command", "Compare regression with identification."),
-    "select": ("select.select", "Choose calibration poses by observability."),
-    "plan-ballbar": ("plan_ballbar.plan_ballbar", "Find where the base balls should be."),
-    "compensate": ("compensate.compensate_command", "Correct the targets of a program."),
-    "export": ("export.export_command", "Write a model in another program's format."),
-    "validate": ("validate.validate_command", "Judge a saved model, or compare kinds of hold-out."),
+    "robot": ("files.robot.app", "Write, import and check the file of a robot of your own."),
+    "convert": ("files.convert.convert", "Import foreign data."),
+    "align": ("files.align.align_command", "Align the streams of a moving robot and of a tracker."),
+    "identify": ("models.identify.identify_command", "Identify the robot's parameters, nothing else."),
+    "diagnose": ("models.diagnose.diagnose_command", "Identify, find what the model lacks, correct it."),
+    "sweeps": ("models.sweeps.sweeps_command", "Show what single joints do while they alone turn."),
+    "regress": ("models.regress.regress_command", "Compare regression with identification."),
+    "select": ("cell.select.select", "Choose calibration poses by observability."),
+    "plan-ballbar": ("cell.plan_ballbar.plan_ballbar", "Find where the base balls should be."),
+    "compensate": ("models.compensate.compensate_command", "Correct the targets of a program."),
+    "export": ("files.export.export_command", "Write a model in another program's format."),
+    "validate": ("models.validate.validate_command", "Judge a saved model, or compare kinds of hold-out."),
     "watch": ("watch.app", "Check with a few poses whether a robot has changed."),
-    "doctor": ("doctor.doctor_command", "Examine every device of a cell and say what to do."),
-    "campaign": ("campaign.app", "Measure with a robot and an instrument."),
+    "doctor": ("cell.doctor.doctor_command", "Examine every device of a cell and say what to do."),
+    "campaign": ("cell.campaign.app", "Measure with a robot and an instrument."),
     "mock": ("mock.mock", "Simulate devices until SIGTERM or SIGINT."),
     "serve": ("serve.serve", "Serve HTTP and the operator's page."),
     "conformance": ("conformance.conformance_command", "Try a driver of your own package on its simulator."),
@@ -57,7 +57,7 @@ class _Commands(_Group):
 
 def load(name: str) -> Any:
     """A command or group by its name, imported."""
-    module, _, attribute = COMMANDS[name][0].partition(".")
+    module, _, attribute = COMMANDS[name][0].rpartition(".")
     found = getattr(import_module(f"service.commands.{module}"), attribute)
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(**_SETTINGS)

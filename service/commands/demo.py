@@ -28,14 +28,15 @@ from calib.errors import DataError
 from calib.text import replace_file
 from service import exit_codes, wording
 from service.commands import options
-from service.commands.diagnose import show, write_results
+from service.commands.models.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed import tables
 from service.printed.progress import Progress
 from service.printed.terminal import Terminal
 from service.private import owner_only
-from service.results import documents, loop_results
-from service.results.predictions import predictions_csv
+from service.results.cell import loop_results
+from service.results.models import documents
+from service.results.models.predictions import predictions_csv
 from service.simulated_cell import simulated_cell
 
 # What a demo writes into its folder
@@ -148,8 +149,8 @@ def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
 
 
 def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
-    from service.report import verification
-    from service.report.follow_up_section import middle_step_in_words
+    from service.report.sections import verification
+    from service.report.sections.follow_up_section import middle_step_in_words
 
     diagnosis, verified = result.diagnosis, result.verification
     if result.followed_up is not None:

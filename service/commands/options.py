@@ -16,8 +16,8 @@ from calib.saved import SavedModel, load_model
 from service import exit_codes
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.acceptance import NAMES, Acceptance, Limits
-from service.results.zones import read_zones
+from service.results.judgement.acceptance import NAMES, Acceptance, Limits
+from service.results.judgement.zones import read_zones
 
 Data = Annotated[
     Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")

@@ -16,8 +16,8 @@ from calib.errors import DataError
 from calib.text import replace_file
 from calib.watch import ALONE, RATE, SEEN
 from service import exit_codes, wording
-from service.commands import campaign as campaigns
 from service.commands import options
+from service.commands.cell import campaign as campaigns
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from service import wording
 from service.printed.tables import grid, warnings
-from service.results.alignment import Result
+from service.results.files.alignment import Result
 
 
 def aligned(result: Result) -> Iterable[RenderableType]:

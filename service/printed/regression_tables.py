@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calib.comparison import Comparison, mae, rmse
-from service.results.regression_document import UM, waypoints
+from service.results.models.regression_document import UM, waypoints
 
 _NO_DECIMALS = 1000.0  # um
 COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")

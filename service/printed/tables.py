@@ -16,10 +16,10 @@ from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, LeftOut
 from calib.fit import left_out as rows_left_out
 from service import wording
-from service.results import positions
-from service.results.acceptance import NAMES, RULE, Acceptance
-from service.results.parameters import Row, rows_of
-from service.results.patched import Patched
+from service.results.judgement.acceptance import NAMES, RULE, Acceptance
+from service.results.models import positions
+from service.results.models.parameters import Row, rows_of
+from service.results.models.patched import Patched
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
 _LEFT_OUT = 20  # readings left out that are listed on a terminal

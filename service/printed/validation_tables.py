@@ -13,7 +13,7 @@ from calib.data import Dataset
 from calib.validation import VISITS_OF_THE_STANDARD, Difference, HeldOut, Judgement, Repeats, Summary
 from service import wording
 from service.printed.tables import grid
-from service.results.validation_document import MRAD
+from service.results.judgement.validation_document import MRAD
 
 _FIGURES = ("n", "mean", "std", "mean + 3 s", "RMS", "95 %", "max")
 _SHOWN = 12  # repeated poses on a terminal; the JSON holds all

@@ -22,28 +22,24 @@ from calib.model import Effect, RobotModel
 from calib.regression import Regression
 from calib.saved import SavedModel, model_document
 from service import wording
-from service.report import (
+from service.report import paper, scope
+from service.report.figures import drawing, errors, panels, scatter
+from service.report.figures.residuals import Sample
+from service.report.sections import (
     ballbar,
-    drawing,
-    errors,
     follow_up_section,
     judged,
     ladder,
-    panels,
-    paper,
     regression,
     repeats,
-    scatter,
-    scope,
     trust,
     verification,
 )
-from service.report.findings import DRAWN, effects_of, power_of, structure_of
-from service.report.residuals import Sample
-from service.results import positions
-from service.results.acceptance import NAMES, RULE, Acceptance
-from service.results.parameters import Row, rows_of
-from service.results.patched import Patched
+from service.report.sections.findings import DRAWN, effects_of, power_of, structure_of
+from service.results.judgement.acceptance import NAMES, RULE, Acceptance
+from service.results.models import positions
+from service.results.models.parameters import Row, rows_of
+from service.results.models.patched import Patched
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {

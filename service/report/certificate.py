@@ -23,7 +23,7 @@ from calib.data import Dataset
 from calib.errors import DataError
 from service import wording
 from service.report.paper import number_of, program_hash
-from service.results.acceptance import RULE
+from service.results.judgement.acceptance import RULE
 
 SCHEMA, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 VERSION = "3.3.0"

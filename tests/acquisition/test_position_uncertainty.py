@@ -110,7 +110,7 @@ def test_nests_may_disagree_by_what_they_are_known_to() -> None:
 def test_a_campaign_says_what_it_assumes_before_it_begins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.commands.campaign.execute", lambda *_, **__: None)  # no device is there
+    monkeypatch.setattr("service.commands.cell.campaign.execute", lambda *_, **__: None)  # no device is there
     campaign = tmp_path / "campaign.toml"
     campaign.write_text(a_campaign(block=HEXAPOD).source, "utf-8")
     for name, stated, said in (("1", {}, True), ("2", {"world__u_mm": 0.3, "tool__u_mm": 0.05}, False)):

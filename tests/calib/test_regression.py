@@ -33,7 +33,7 @@ from calib.regression.region import Region
 from calib.regression.regression import Wanted
 from calib.saved.model_checks import content_hash
 from calib.saved.model_file import load_model, save_model
-from service.results.regression_document import findings
+from service.results.models.regression_document import findings
 from tests.calib.campaigns import move_rows, write_files
 from tests.calib.chain import chain
 from tests.calib.ur5_path import REFLECTOR, ROBOT, WORLD, rows_of, simulate, waypoints

@@ -19,7 +19,7 @@ from calib.errors import DataError
 from calib.fit import identify, offsets_of
 from calib.fit.identification import Identification
 from calib.model.ties import ties
-from service.results.positions import by_the_bar
+from service.results.models.positions import by_the_bar
 from tests.benchmarks.nests import example, header_of, legs_of, truth_of
 from tests.calib.campaigns import Row, write_files
 

@@ -14,7 +14,7 @@ import pytest
 from calib.data import Dataset, read_dataset
 from calib.fit import base_model_of, errors_on, place_nominal
 from service.cli import main
-from service.results.acceptance import RULE, Acceptance, Criterion, Limits, Verdict, decide
+from service.results.judgement.acceptance import RULE, Acceptance, Criterion, Limits, Verdict, decide
 from tests.service.campaigns import edit_rows, write_data
 
 

@@ -22,8 +22,8 @@ import pytest
 import tomli_w
 
 from service.cli import main
-from service.report.quantities import Quantity
-from service.report.residual_pictures import by_group, over
+from service.report.figures.quantities import Quantity
+from service.report.figures.residual_pictures import by_group, over
 from tests.service.campaigns import Rows, edit_rows, write_data
 
 TEXTS = (

@@ -20,8 +20,8 @@ from calib.fit.left_out import left_out
 from mocks.campaign import make_campaign, write_campaign
 from service import job
 from service.cli import main
-from service.commands import diagnose
-from service.results import identified
+from service.commands.models import diagnose
+from service.results.models import identified
 
 
 @pytest.fixture(scope="module")

@@ -20,12 +20,12 @@ from calib.effects import check_of
 from service import wording
 from service.cli import main
 from service.report import diagnosis_report
-from service.report.errors import Errors, common_bins
-from service.report.follow_up_section import middle_step_in_words
-from service.report.panels import of_effect
-from service.report.residuals import MDEG, Sample
+from service.report.figures.errors import Errors, common_bins
+from service.report.figures.panels import of_effect
+from service.report.figures.residuals import MDEG, Sample
 from service.report.scope import scope_of
-from service.results import documents
+from service.report.sections.follow_up_section import middle_step_in_words
+from service.results.models import documents
 from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
 HOSTILE = "<script>alert(1)</script>"

@@ -14,8 +14,8 @@ from calib.data import read_dataset
 from calib.diagnose import Diagnosis, diagnose
 from calib.fit import ErrorStatistics
 from service.report import diagnosis_report
-from service.report.ladder import BASE, EFFECTS, HELD_OUT, NOMINAL, VERIFIED, ladder_of
-from service.results import documents
+from service.report.sections.ladder import BASE, EFFECTS, HELD_OUT, NOMINAL, VERIFIED, ladder_of
+from service.results.models import documents
 from tests.service.campaigns import write_data
 
 

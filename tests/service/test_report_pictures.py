@@ -28,12 +28,12 @@ from calib.model.regressors import Side
 from calib.scan import Candidate, Harmonics, Shapes
 from calib.scan.space import Space
 from calib.units import DEG
-from service.report import structure
-from service.report.drawing import FITTED
-from service.report.panels import Panel, of_effect, of_joint
-from service.report.quantities import quantity_of
-from service.report.residuals import Sample
-from service.report.scatter import effect_figure
+from service.report.figures import structure
+from service.report.figures.drawing import FITTED
+from service.report.figures.panels import Panel, of_effect, of_joint
+from service.report.figures.quantities import quantity_of
+from service.report.figures.residuals import Sample
+from service.report.figures.scatter import effect_figure
 from service.wording import structure_caption
 from tests.service.campaigns import edit_text, write_data
 

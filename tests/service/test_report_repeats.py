@@ -10,7 +10,7 @@ from calib.fit import base_model_of, place_nominal
 from calib.validation import judge_repeats
 from mocks.campaign import make_campaign, write_campaign
 from service.cli import main
-from service.report.repeats import section_of
+from service.report.sections.repeats import section_of
 from tests.service.campaigns import write_data
 
 TITLE = "Pose accuracy and repeatability (ISO 9283)"

@@ -14,7 +14,7 @@ from acquisition.campaign.plan import make_plan
 from calib.array import Array
 from calib.selection import Candidates, Setup
 from service.cli import main
-from service.results import selected as select_module
+from service.results.cell import selected as select_module
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
 CAMPAIGN = """

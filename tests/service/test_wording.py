@@ -13,7 +13,7 @@ from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.structure import Structure
 from calib.fit.statistics import ErrorStatistics
 from service.files import as_json
-from service.results.documents import reading
+from service.results.models.documents import reading
 from service.wording import chance, counted, grouped, structure_in_words, verdict_in_words, with_uncertainty
 
 

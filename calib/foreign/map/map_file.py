@@ -2,10 +2,8 @@
 belong together.
 
 It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
-of the
-columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands where
-nobody
-has decided.
+of the columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands
+where nobody has decided.
 """
 
 from __future__ import annotations

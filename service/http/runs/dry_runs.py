@@ -17,7 +17,7 @@ from service.files import as_json
 from service.http.runs.damage import unreadable
 from service.http.runs.run_document import run_document
 from service.http.work.campaigns import campaign_of
-from service.results.plan import plan_of_campaign, plan_of_record
+from service.results.cell.plan import plan_of_campaign, plan_of_record
 from service.wording import counted
 
 FILE, PLAN = "dry_run.json", "plan.json"

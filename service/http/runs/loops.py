@@ -31,7 +31,7 @@ from service.http.work.workers import Workers
 from service.job import RESULT
 from service.names import new_id, safe_id
 from service.plain import utc_text
-from service.results import loop_results
+from service.results.cell import loop_results
 from service.wording import counted
 
 ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)

@@ -31,9 +31,9 @@ from service.http.work.workers import WorkerDied, Workers
 from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, PROGRESS, REPORT, RESULT, ROBOT, STEP, TRACKER
 from service.names import new_id, safe_id
 from service.plain import utc_text
-from service.results import placements
-from service.results.acceptance import Limits
-from service.results.alignment import Order
+from service.results.cell import placements
+from service.results.files.alignment import Order
+from service.results.judgement.acceptance import Limits
 
 MOST_WAITING = 50
 _FOLDERS = {

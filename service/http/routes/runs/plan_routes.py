@@ -16,8 +16,8 @@ from service.http.wire.bodies import RunShown, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
 from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
 from service.http.wire.problems import not_found
-from service.results.price import price_of
-from service.results.scene import scene_of
+from service.results.cell.price import price_of
+from service.results.cell.scene import scene_of
 
 router = APIRouter(route_class=JsonRoute, tags=["plans"])
 Number = Annotated[

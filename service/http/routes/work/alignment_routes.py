@@ -19,7 +19,7 @@ from service.http.wire.bodies import AlignmentShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
-from service.results.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, Order
+from service.results.files.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, Order
 
 router = APIRouter(route_class=JsonRoute, tags=["alignments"])
 ALIGNMENTS = path_of("alignments")

@@ -10,7 +10,7 @@ from acquisition.examination import examine
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import ExaminationShown
-from service.results.examined import document_of
+from service.results.cell.examined import document_of
 
 router = APIRouter(route_class=JsonRoute, tags=["cell"])
 

@@ -14,7 +14,7 @@ from service.http.wire.bodies import PlacementsAsked, PlacementsShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
-from service.results.placements import Order, wanted_of
+from service.results.cell.placements import Order, wanted_of
 
 router = APIRouter(route_class=JsonRoute, tags=["placements"])
 PLACEMENTS = path_of("placements")

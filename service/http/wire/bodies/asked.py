@@ -16,7 +16,7 @@ from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
 from service.http.wire.bodies.told import Body, DescribedAs, Name, told
 from service.http.wire.bodies.zones import AcceptZones
-from service.results.acceptance import Limits
+from service.results.judgement.acceptance import Limits
 
 SerialNumber = Annotated[
     str,

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from service.http.wire.bodies.told import Answered, Body, Names, Point, told
-from service.results.placements import TOGETHER, Order
+from service.results.cell.placements import TOGETHER, Order
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=False)]
 

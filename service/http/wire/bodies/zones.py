@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from service.http.wire.bodies.told import Body, told
-from service.results.zones import FARTHEST, Zone
+from service.results.judgement.zones import FARTHEST, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
 _MOST = 100

@@ -1,0 +1,1 @@
+"""Commands about a cell: examine its devices, choose poses and places, measure, rescue a record."""

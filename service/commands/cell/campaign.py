@@ -1,0 +1,369 @@
+"""`truepose campaign`: measure, go on after a pause, look, export. The record in DIR is the state."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import typer
+
+import acquisition
+from acquisition import (
+    Campaign,
+    Cell,
+    Outcome,
+    Run,
+    RunStatus,
+    pausing_on_interrupt,
+    read_campaign,
+    read_cell,
+    read_status,
+)
+from acquisition.cell import unstated_in_words
+from acquisition.errors import RecordError, RecordInUse, UnsafePlan
+from acquisition.record import FILE as RECORD_FILE
+from acquisition.record import Acceptance, Store, export_streams, export_together
+from calib.data import assumed_in_words, read_dataset
+from calib.errors import DataError
+from drivers.errors import AcquisitionError, ConfigError, NoOperator
+from service import exit_codes, wording
+from service.commands import options
+from service.commands.cell.rescue import rescue_command
+from service.files import STANDARD_OUTPUT, write_json
+from service.plain import finite
+from service.printed.progress import Progress, terminal_operator
+from service.printed.terminal import Terminal
+from service.private import note_if_others_read, owner_only
+from service.results.models import documents, positions
+from service.simulated_cell import simulated_cell
+
+app = typer.Typer(help="Measure with a robot and an instrument. The record survives everything.")
+
+
+@app.callback()
+def _every_command(context: typer.Context) -> None:
+    context.with_resource(owner_only())
+
+
+Simulate = Annotated[
+    bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
+]
+Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
+app.command("rescue")(rescue_command)
+
+
+AcceptOther = Annotated[
+    str,
+    typer.Option(
+        metavar="SERIAL",
+        help="Go on with this other robot or instrument, by its serial number (its model, where it reports none).",
+    ),
+]
+Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why another device is accepted; it is kept.")]
+
+
+@app.command("run")
+def run_command(
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="What to measure.")],
+    record: Annotated[
+        Path, typer.Option("--record", metavar="DIR", help="New folder for the durable record.")
+    ],
+    simulate: Simulate = False,
+    json: options.Json = None,
+) -> None:
+    """Measure a campaign. Every pose is checked before the first motion."""
+    options.check_outputs({"--json": json}, inputs=(cell, campaign))
+    the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
+    if record.exists() and not record.is_dir():
+        raise ConfigError(f"--record {record}: is a file", what_to_do="Name a new folder.")
+    _refuse_begun(record, the_cell, the_campaign)
+    with created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
+        execute(run, record, json, simulate=simulate)
+
+
+@app.command("resume")
+def resume_command(
+    record: Record,
+    simulate: Simulate = False,
+    accept_other: AcceptOther = "",
+    reason: Reason = "",
+    json: options.Json = None,
+) -> None:
+    """Go on with a campaign: after a pause, a stop, a power cut."""
+    accepted = _accepted(accept_other, reason)
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    was_simulated = read_status(record).simulated
+    if was_simulated != simulate:
+        made = "on simulated devices" if was_simulated else "on real devices"
+        do = "Add --simulate." if was_simulated else "Leave --simulate out, or start a new record."
+        raise ConfigError(f"{record}: was measured {made}; both do not belong into one record", what_to_do=do)
+    note_if_others_read(record)
+    with Run.open(record) as run:
+        if run.status().state != "ready":  # one that never began needs no permission to go on
+            run.resume(by="terminal", accepted=accepted)
+        execute(run, record, json, simulate=simulate)
+
+
+@app.command("restation")
+def restation_command(
+    record: Record,
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
+    json: options.Json = None,
+) -> None:
+    """Say that the instrument is moved. The campaign is paused, and goes on with the nests."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    try:
+        run = Run.open(record)
+    except RecordInUse as error:
+        raise RecordInUse(
+            error.message,
+            what_to_do="Press Ctrl-C there, which pauses it; move the instrument, then resume: that measures the nests "
+            "first. A run of 'truepose serve' takes POST /runs/{id}/restation instead.",
+        ) from error
+    with run:
+        run.restation(by="terminal", reason=reason)
+        status = run.status()
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(f"{status.name}: noted. The nests are measured before the next pose.")
+        if status.state in ("paused", "stopped"):
+            terminal.note(_how_to_go_on(record, simulate=status.simulated))
+    write_json(_document(record, status), json)
+
+
+@app.command("status")
+def status_command(record: Record, json: options.Json = None) -> None:
+    """Show how far a campaign is, also while another program runs it."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    status = read_status(record)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(in_words(status), soft_wrap=True)
+    write_json(_document(record, status), json)
+
+
+@app.command("events")
+def events_command(
+    record: Record,
+    out: Annotated[
+        Path | None,
+        typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all; else standard output."),
+    ] = None,
+) -> None:
+    """Write what has happened, one JSON object a line. Oldest first; also while another program runs it."""
+    if out is not None:
+        options.check_outputs({"OUT.jsonl": out}, inputs=(record / RECORD_FILE,))
+        acquisition.export_events(record, out)
+        return
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "events.jsonl"
+        acquisition.export_events(record, file)
+        sys.stdout.write(file.read_text(encoding="utf-8"))
+
+
+@app.command("export")
+def export_command(
+    record: Record,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
+    ],
+    later: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with",
+            metavar="DIR",
+            help="Records measured later in the same cell, a follow-up for instance: one data set of all.",
+        ),
+    ] = None,
+    accept_other: AcceptOther = "",
+    reason: Reason = "",
+    streams: Annotated[
+        bool,
+        typer.Option(
+            "--streams",
+            help="Write what was recorded along a path instead: OUT_robot.csv, OUT_tracker.csv.",
+        ),
+    ] = False,
+    json: options.Json = None,
+) -> None:
+    """Write the readings of a record as a data set, finished or not."""
+    accepted = _accepted(accept_other, reason)
+    if out.suffix != ".csv":
+        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    if streams:
+        if later or accepted:
+            raise ConfigError("--streams: goes with neither --with nor --accept-other")
+        _export_streams(record, out, json)
+        return
+    data, header = options.files_of(out)
+    options.check_outputs(
+        {"OUT.csv": data, "header of OUT.csv": header, "--json": json},
+        inputs=tuple(each / RECORD_FILE for each in (record, *(later or ()))),
+    )
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        dataset = read_dataset(
+            export_together([record, *later], out, accepted) if later else acquisition.export(record, out)
+        )
+        terminal.rest()
+        between = (
+            f" and {wording.counted(len(dataset.spans), 'distance')} between balls" if dataset.spans else ""
+        )
+        terminal.out.print(f"{out}: {wording.counted(len(dataset), 'reading')}{between}.")
+        if found := positions.by_the_bar(dataset):
+            terminal.note(found)
+        if assumed := assumed_in_words(dataset.header):
+            terminal.note(assumed)
+        if old := sum(read_status(each).unprotected for each in (record, *(later or ()))):
+            terminal.note(
+                f"{wording.counted(old, 'reading')} from before rows had checksums: damage would not show."
+            )
+    write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
+
+
+def _export_streams(record: Path, out: Path, json: str | None) -> None:
+    """The two files of each path, and how they are aligned."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        cell, paths = export_streams(record, out)
+        terminal.rest()
+        for path in paths:
+            for role, file in (("robot", path.robot), ("instrument", path.tracker)):
+                lost = f", {path.lost[role]} lost" if path.lost[role] else ""
+                terminal.out.print(f"{file}: {wording.counted(path.samples[role], 'sample')}{lost}.")
+            if not path.complete:
+                terminal.note(
+                    f"INCOMPLETE: the {path.name} was never driven to its end; this is its last attempt."
+                )
+            tool = " ".join(f"{x:g}" for x in cell.tool.targets[path.target])
+            terminal.note(
+                f"Next: truepose align {path.robot} {path.tracker} {path.robot.with_name('aligned.csv')} "
+                f"--robot {cell.robot.model.name} --tool {tool} --instrument {cell.instrument.name}"
+            )
+    document = [
+        {
+            "name": path.name,
+            "target": path.target,
+            "robot": str(path.robot),
+            "tracker": str(path.tracker),
+            "samples": path.samples,
+            "lost": path.lost,
+            "complete": path.complete,
+        }
+        for path in paths
+    ]
+    write_json({"format": "truepose-streams/1", "record": str(record), "paths": document}, json)
+
+
+def _accepted(serial: str, reason: str) -> Acceptance | None:
+    """The other device that the options accept. Raises ConfigError where one is given without the other."""
+    return Acceptance(serial, reason, "terminal") if serial or reason else None
+
+
+def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
+    """Refuse a DIR that holds a campaign: what it measures was settled when it was begun. Raises RecordError."""
+    if not (record / RECORD_FILE).is_file():
+        return
+    store = Store.open(record, writer=False)
+    try:
+        row = store.campaign
+    finally:
+        store.close()
+    go_on = f"truepose campaign resume {record}{' --simulate' if row['simulated'] else ''}"
+    edited = [name for name, now in (("cell", cell), ("campaign", campaign)) if row[name] != now.source]
+    if edited:
+        raise RecordError(
+            f"{record}: was begun with another {' and another '.join(edited)} than the file says now",
+            what_to_do="Give a new folder to measure what the files say; "
+            f"the campaign as it was begun goes on with: {go_on}",
+        )
+    raise RecordError(
+        f"{record}: holds this campaign already",
+        what_to_do=f"Go on with it: {go_on}; or give a new folder to measure it once more.",
+    )
+
+
+def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulate: bool) -> Run:
+    """A new run of the campaign of a file, checked before anything moves.
+
+    Raises ConfigError, UnsafePlan, RecordError.
+    """
+    try:
+        run = Run.create(record, cell, campaign, simulated=simulate)
+    except RecordError:
+        raise
+    except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
+        raise type(error)(f"{file}: {error.message}", what_to_do=error.what_to_do) from error
+    note_if_others_read(record)
+    if cell.unstated:
+        sys.stderr.write(f"truepose: {unstated_in_words(cell.unstated)}\n")
+    return run
+
+
+def execute(run: Run, record: Path, json: str | None, *, simulate: bool, quiet: bool = False) -> None:
+    """Execute to the end, a pause or a stop, and leave with the contract's exit code where it was not the end."""
+    with ExitStack() as stack:
+        terminal = stack.enter_context(Terminal(quiet=quiet or json == STANDARD_OUTPUT))
+        progress = Progress(run, terminal)
+        operator = stack.enter_context(terminal_operator())
+        if simulate:
+            terminal.say("starting the simulators of the cell")
+            devices = stack.enter_context(simulated_cell(run.cell)).open(run.cell, operator)
+        else:
+            devices = acquisition.open_devices(run.cell, operator=operator)
+        stack.enter_context(pausing_on_interrupt(run))
+        outcome = run.execute(devices, on_event=progress)
+        terminal.rest()
+        status = run.status()
+        terminal.out.print(in_words(status), soft_wrap=True)
+        if outcome.error is not None:
+            terminal.note(_complaint(outcome.error, progress.prompt))
+        if status.state in ("paused", "stopped"):
+            terminal.note(_how_to_go_on(record, simulate=simulate))
+        elif status.done > status.skipped:
+            terminal.note(f"Next: truepose campaign export {record} OUT.csv")
+        write_json(
+            _document(record, status, outcome), json
+        )  # before a late Ctrl-C is the interpreter's again
+    if outcome.exit_code != exit_codes.DONE:
+        raise typer.Exit(outcome.exit_code)
+
+
+def _how_to_go_on(record: Path, *, simulate: bool) -> str:
+    return f"Go on with: truepose campaign resume {record}{' --simulate' if simulate else ''}"
+
+
+def _complaint(error: AcquisitionError, prompt: str | None) -> str:
+    if isinstance(error, NoOperator) and prompt:
+        return f"truepose: needs an operator: {prompt} {error.what_to_do}"
+    return f"truepose: {error.sentence}"
+
+
+def in_words(status: RunStatus) -> str:
+    """One line for people."""
+    parts = [
+        f"{status.name}: {status.state.replace('_', ' ')}",
+        f"{status.done} of {wording.counted(status.total, 'reading')}",
+    ]
+    if status.skipped:
+        parts.append(f"{status.skipped} of them skipped")
+    if status.simulated:
+        parts.append("SIMULATED")
+    if status.unprotected:
+        parts.append(f"{status.unprotected} of them without checksums, from an older version")
+    if status.prompt is not None:
+        parts.append(f"asks: {status.prompt['text']}")
+    elif status.reason:
+        parts.append(status.reason)
+    return ", ".join(parts)
+
+
+def _document(record: Path, status: RunStatus, outcome: Outcome | None = None) -> dict[str, Any]:
+    document = {"format": "truepose-run/1", "record": str(record), **finite(status.as_dict())}
+    if outcome is not None:
+        error = outcome.error
+        document |= {"exit_code": outcome.exit_code, "error": None if error is None else error.as_dict()}
+    return document

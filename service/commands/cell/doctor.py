@@ -1,0 +1,97 @@
+"""`truepose doctor`: are the devices of a cell there, are they the right ones, and is everything fit for a campaign?
+
+Read-only: nothing is armed, moved or set. One line a check, then one line with the verdict.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from acquisition import open_devices, read_cell
+from acquisition.examination import Examination, Finding, examine
+from service import exit_codes
+from service.commands import options
+from service.files import STANDARD_OUTPUT, write_json
+from service.printed.terminal import Terminal
+from service.results.cell.examined import document_of, verdict_of
+from service.simulated_cell import simulated_cell
+
+_STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
+
+
+def doctor_command(
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Start the cell's simulators and examine them instead.")
+    ] = False,
+    record: Annotated[
+        Path, typer.Option("--record", metavar="DIR", help="Where records are to be made: is there room?")
+    ] = Path(),
+    json: options.Json = None,
+) -> None:
+    """Examine every device of a cell and say what to do. Nothing is armed, moved or set."""
+    options.check_outputs({"--json": json}, inputs=(cell,))
+    the_cell = read_cell(cell)
+    with ExitStack() as stack:
+        terminal = stack.enter_context(Terminal(quiet=json == STANDARD_OUTPUT))
+        if simulate:
+            terminal.say("starting the simulators of the cell")
+            devices = stack.enter_context(simulated_cell(the_cell)).open(the_cell)
+        else:
+            devices = open_devices(the_cell)
+        stack.enter_context(_quiet_drivers())
+        found = examine(the_cell, devices, record=record, simulated=simulate, progress=terminal.say)
+        terminal.rest()
+        terminal.out.print(_table(found))
+        terminal.out.print(Text(verdict_of(found), style=_STYLES["fault" if found.faults else "ok"]))
+    write_json(document_of(found), json)
+    if found.exit_code != exit_codes.DONE:
+        raise typer.Exit(found.exit_code)
+
+
+@contextmanager
+def _quiet_drivers() -> Iterator[None]:
+    """What drivers warn of when they connect is in the table, where it does not write over the progress."""
+    log, nobody = logging.getLogger("drivers"), logging.NullHandler()
+    log.addHandler(nobody)
+    try:
+        yield
+    finally:
+        log.removeHandler(nobody)
+
+
+def _table(found: Examination) -> Table:
+    """Level, device, check, and what was found with what to do beneath it."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for _ in range(3):
+        table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    device = ""
+    for finding in found.findings:
+        first = finding.device if finding.device != device else ""
+        device = finding.device
+        table.add_row(
+            Text(
+                finding.level.upper() if finding.level == "fault" else finding.level, _STYLES[finding.level]
+            ),
+            Text(first, "bold"),
+            finding.check,
+            _words(finding),
+        )
+    return table
+
+
+def _words(finding: Finding) -> Text:
+    code = "" if finding.code is None else f" [{finding.code}]"
+    text = Text(finding.found + code)
+    if finding.do:
+        text.append(f"\n-> {finding.do}", style="bold" if finding.level == "fault" else "")
+    return text

@@ -1,0 +1,158 @@
+"""`truepose select`: which calibration poses to measure in a cell, and how many are worth it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
+
+from acquisition import read_cell
+from calib.data import DEFAULT_GROUPS
+from calib.selection import SHARE, STEP, WORTH, Candidates, Choice, Curve
+from calib.text import replace_file
+from service import exit_codes, wording
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.results.cell.selected import Question, Selected
+
+
+def select(
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="POSES.csv", help='The poses, for a block with select = "file".')
+    ],
+    count: Annotated[int, typer.Option(min=1, help="Poses to select.")] = 50,
+    candidates: Annotated[
+        int, typer.Option("--from", min=1, max=50_000, help="Candidates, drawn at random.")
+    ] = 5000,
+    groups: Annotated[
+        str, typer.Option(metavar="NAMES", help="What the model will free, with commas between.")
+    ] = ",".join(DEFAULT_GROUPS),
+    targets: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
+    ] = None,
+    offset_deg: Annotated[
+        float, typer.Option(min=-30.0, max=30.0, help="From where every joint arrives at its pose.")
+    ] = -5.0,
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Most of the poses that may fill the joints' ranges.")
+    ] = SHARE,
+    wanted_u: Annotated[
+        float | None,
+        typer.Option(min=0.0, metavar="MM", help="Exit code 3 when the predicted U stays above."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the candidates and the starts.")] = 1,
+    json: options.Json = None,
+) -> None:
+    """Choose calibration poses by observability."""
+    options.check_outputs({"--out": out, "--json": json}, inputs=(cell,))
+    asked = Question(
+        count=count,
+        candidates=candidates,
+        groups=_listed(groups),
+        targets=None if targets is None else _listed(targets),
+        offset_deg=offset_deg,
+        share=share,
+        wanted_u=wanted_u,
+        seed=seed,
+    )
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        found = Selected.of(read_cell(cell), asked, terminal.say)
+        choice, curve = found.choice, found.curve
+        options.write_result(found.document(), json, terminal)
+        replace_file(out, found.csv)
+        terminal.rest()
+        drawn = len(found.candidates.joints)
+        for each in (
+            _summary(found.candidates, choice),
+            _curve(curve, count),
+            tables.warnings([*_dropped(choice), *choice.warnings, *_shortage(drawn, candidates)]),
+        ):
+            terminal.out.print(each)
+        terminal.out.print(_advice(curve, wanted_u))
+        terminal.note(f"poses: {out}")
+    if wanted_u is not None and curve.at(count) > wanted_u:
+        terminal.note(f"truepose: U of {curve.at(count):.4f} mm is above the {wanted_u:g} mm asked for.")
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """Names with commas between."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _summary(candidates: Candidates, choice: Choice) -> RenderableType:
+    o = choice.observability
+    table = Table(title="Selection", title_justify="left", box=box.SIMPLE_HEAD, show_header=False)
+    n, found = len(choice.selection), len(candidates.joints)
+    table.add_row(
+        "poses", f"{n} of {found} candidates, {len(choice.filling)} of them fill the joints' ranges"
+    )
+    table.add_row("parameters", str(len(candidates.parameters)))
+    table.add_row(
+        "efficiency",
+        f"{choice.efficiency:.3f} of the continuous D-optimal bound"
+        f" ({choice.efficiency_core:.3f} without filling ranges)",
+    )
+    table.add_row("O1 .. O5", f"{o.o1:.4g}, {o.o2:.4g}, {o.o3:.4g}, {o.o4:.4g}, {o.o5:.4g} (scaled columns)")
+    return table
+
+
+def _curve(curve: Curve, count: int) -> RenderableType:
+    table = Table(
+        title="Predicted U of the position, k = 2, worst direction, mm",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+    )
+    for name in ("poses", "max", "mean", "max of the model alone"):
+        table.add_column(name, justify="right")
+    for n, largest, mean, of_model in zip(
+        curve.counts, curve.largest, curve.mean, curve.of_model, strict=True
+    ):
+        shown = (f"{x:.4f}" for x in (largest, mean, of_model))
+        table.add_row(f"{n}", *shown, style="bold" if n == count else None)
+    return table
+
+
+def _dropped(choice: Choice) -> list[str]:
+    return [
+        f"{d.name} was dropped: "
+        + (
+            f"confounded with {', '.join(d.confounded_with)}."
+            if d.confounded_with
+            else "it moves nothing here."
+        )
+        for d in choice.dropped
+    ]
+
+
+def _shortage(found: int, asked: int) -> list[str]:
+    return [] if found == asked else [f"Only {found} of {asked} candidates were found in this cell."]
+
+
+def _advice(curve: Curve, wanted_u: float | None) -> str:
+    enough, last = curve.enough(), int(curve.counts[-1])
+    lines = [
+        f"Beyond {last} poses, {STEP} more still lower the largest U by {WORTH:.0%} or more."
+        if enough is None
+        else f"From {enough} poses on, {STEP} more lower the largest U by less than {WORTH:.0%}."
+    ]
+    if wanted_u is not None:
+        reached = curve.reaches(wanted_u)
+        lines.append(
+            f"A largest U of {wanted_u:g} mm is not reached with {last} poses."
+            if reached is None
+            else f"A largest U of {wanted_u:g} mm takes {wording.counted(reached, 'pose')}."
+        )
+    lines.append(
+        'For a diagnosis let the campaign draw both sides of approach (select = "observability", sides = "both")'
+        " and repeat a reference pose (reference_every)."
+    )
+    return "\n".join(lines)

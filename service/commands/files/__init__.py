@@ -1,0 +1,1 @@
+"""Commands about files: foreign data, streams, robot files, and models for other programs."""

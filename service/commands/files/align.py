@@ -1,0 +1,126 @@
+"""`truepose align`: two streams of a moving robot on one clock; its standstills become a data set."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.arm import built_in_robots
+from calib.data import read_dataset
+from calib.errors import DataError
+from calib.motion import SLOW_MM_S
+from calib.text import replace_file
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed import alignment_tables
+from service.printed.terminal import Terminal
+from service.results.files import alignment
+from service.results.files.alignment import HOLDOUT, SEED, Order
+
+
+def align_command(
+    robot_stream: Annotated[
+        Path, typer.Argument(metavar="ROBOT.csv", help="t_s, j1_deg ..; or a recording by RTDE.")
+    ],
+    tracker_stream: Annotated[
+        Path,
+        typer.Argument(metavar="TRACKER.csv", help="t_s, x_mm, y_mm, z_mm; status where a point was lost."),
+    ],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
+    ],
+    robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="The robot.")],
+    tool: Annotated[
+        tuple[float, float, float],
+        typer.Option(metavar="X Y Z", help="The measured point in the flange frame, mm, nominal."),
+    ],
+    tool_known: Annotated[
+        bool, typer.Option("--tool-known", help="That point is exact; do not fit it.")
+    ] = False,
+    slower_than: Annotated[
+        float, typer.Option(metavar="MM/S", help="Samples slower than this are standstills.")
+    ] = SLOW_MM_S,
+    robot_columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP", help="Columns of a foreign file: 'time=Timestamp[ms], j1=axis 1[rad], ...'."
+        ),
+    ] = None,
+    tracker_columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="The same with x, y, z; or spatial-analyzer[mm] for its export of points with time stamps.",
+        ),
+    ] = None,
+    coupling: Annotated[
+        str, typer.Option(help="How the controller's joints couple, as joint_coupling in a header.")
+    ] = "none",
+    instrument: Annotated[str, typer.Option(help="The instrument's name, for the header.")] = "unknown",
+    every_sample: Annotated[
+        bool, typer.Option("--every-sample", help="A row for each slow sample, not one a standstill.")
+    ] = False,
+    holdout: Annotated[
+        float,
+        typer.Option(metavar="SHARE", help="Share of the waypoints held out for validation; 0 for none."),
+    ] = HOLDOUT,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the waypoints held out.")] = SEED,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Draw the speeds before and after, and the error by speed."),
+    ] = None,
+    json: options.Json = None,
+) -> None:
+    """Align the streams of a moving robot and of a tracker. Its standstills become a data set."""
+    if out.suffix != ".csv":
+        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    data, header = options.files_of(out)
+    options.check_outputs(
+        {"OUT.csv": data, "header of OUT.csv": header, "--json": json, "--picture": picture},
+        inputs=(robot_stream, tracker_stream),
+    )
+    order = Order(
+        tool=tool,
+        robot=robot,
+        robot_in_header=_beside(out, robot),
+        tool_known=tool_known,
+        slower_than=slower_than,
+        coupling=coupling,
+        instrument=instrument,
+        robot_columns=robot_columns,
+        tracker_columns=tracker_columns,
+        every_sample=every_sample,
+        holdout=holdout,
+        seed=seed,
+    )
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        result = alignment.aligned_of(robot_stream, tracker_stream, order, terminal.say)
+        terminal.say(f"writing {out}")
+        result.table.write(out)
+        read_dataset(out)  # refused now, by name, rather than by the command that comes next
+        options.write_result(alignment.document(result), json, terminal)
+        if picture is not None:
+            # drawing is not needed for the numbers, and takes long to import
+            from service.report.figures.motion import motion_picture
+
+            terminal.say("drawing the picture")
+            replace_file(picture, motion_picture(result))
+        terminal.rest()
+        for shown in alignment_tables.aligned(result):
+            terminal.out.print(shown)
+        terminal.note(f"data set: {out}")
+        if picture is not None:
+            terminal.note(f"picture: {picture}")
+
+
+def _beside(out: Path, robot: str) -> str:
+    """The robot as a header beside `out` names it: files are looked for from there."""
+    if robot in built_in_robots():
+        return robot
+    try:
+        return Path(os.path.relpath(robot, out.parent)).as_posix()
+    except ValueError:  # on another drive
+        return str(Path(robot).resolve())

@@ -1,0 +1,118 @@
+"""`truepose convert`: a foreign file becomes a data set: a known one by its importer, any other by a map of its
+columns."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.convert import IMPORTERS, Table
+from calib.errors import DataError
+from service.commands import options
+from service.commands.files.own_files import HoldOut, OwnFiles
+from service.files import STANDARD_OUTPUT, write_json
+from service.printed.terminal import Terminal
+from service.results.files import conversion
+
+
+class HoldoutKind(Enum):
+    """How rows are held out."""
+
+    RANDOM = "random"
+    BLOCK = "block"
+
+
+def convert(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE [FILE2]",
+            help="The foreign file, or one with joints and one with points; with --from, the data set behind it.",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="OUT.csv", help="The data set; OUT.toml is written beside it."),
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="NAME", help=f"A known file: {', '.join(sorted(IMPORTERS))}."),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.toml", help="What its columns are; without it a map is proposed."),
+    ] = None,
+    propose: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.toml", help="Write the map that is proposed, and convert nothing yet."),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE.toml", help="The robot that was measured.")
+    ] = None,
+    answer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=CHOICE", help="Answer a question of the proposal; may be repeated."),
+    ] = None,
+    sigma: Annotated[
+        float | None,
+        typer.Option(min=1e-6, metavar="MM", help="Standard deviation of one coordinate; 0.05 is assumed."),
+    ] = None,
+    instrument: Annotated[str | None, typer.Option(help="Name of the instrument, for the header.")] = None,
+    lines: Annotated[
+        tuple[int, int] | None,
+        typer.Option(metavar="FIRST LAST", help="Lines of the table, where a file holds several."),
+    ] = None,
+    holdout: Annotated[
+        HoldoutKind | None,
+        typer.Option(help="Hold rows out for validation: drawn one by one, or whole blocks of time."),
+    ] = None,
+    share: Annotated[float, typer.Option(help="Share of the rows held out.")] = 0.2,
+    seed: Annotated[int, typer.Option(help="Draws the rows held out.")] = 1,
+    json: options.Json = None,
+) -> None:
+    """Import foreign data."""
+
+    def held_out(table: Table) -> Table:
+        return table if holdout is None else table.hold_out(holdout.value, share, seed)
+
+    kind = None if holdout is None else holdout.value
+    if source is not None:
+        if map_file or propose or robot or answer or lines or sigma or instrument:
+            raise DataError(
+                "knows its files: it takes no map and no answers.", do="Leave them out.", file="--from"
+            )
+        _known(files, out, source, held_out, kind, json)
+        return
+    own = OwnFiles(files, out, map_file, propose, robot, answer or [], sigma, instrument, lines)
+    own.convert(held_out, kind, json)
+
+
+def _known(
+    files: list[Path], out: Path | None, source: str, held_out: HoldOut, kind: str | None, json: str | None
+) -> None:
+    """A file that an importer knows."""
+    if source not in IMPORTERS:
+        raise DataError(
+            f"'{source}' is not a known kind of file.",
+            do=f"Use {', '.join(sorted(IMPORTERS))}.",
+            key="--from",
+        )
+    if out is None and len(files) == 2:
+        files, out = files[:1], files[1]
+    if out is None or len(files) != 1:
+        raise DataError("takes one file.", do="Give FILE OUT.csv.", file=f"--from {source}")
+    file = files[0]
+    options.check_data_set(out, json, (file,))
+    if not file.is_file():
+        raise DataError("there is no such file.", do="Check the name.", file=file)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {file}")
+        table = held_out(IMPORTERS[source](file))
+        terminal.say(f"writing {out}")
+        table.write(out)
+        terminal.rest()
+        terminal.out.print(conversion.summary(out, table))
+    write_json(conversion.document(out, table, kind), json)

@@ -1,0 +1,221 @@
+"""Files of a user's own for `truepose convert`: a map is proposed and its open questions asked, or a kept map is used.
+
+Questions are asked where both ends are a terminal; elsewhere they are printed and the command ends with exit code 2.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import typer
+
+from calib.arm import built_in_robots, load_robot
+from calib.convert import Table
+from calib.data import dataset_of, header_of
+from calib.errors import DataError
+from calib.foreign import Map, Proposal, Question, converted, propose, read_map, text_of
+from calib.text import Columns, parse_toml, replace_file
+from service import exit_codes
+from service.commands import options
+from service.files import STANDARD_OUTPUT, write_json
+from service.printed import conversion_tables
+from service.printed.terminal import Terminal
+from service.results.files import conversion
+
+HoldOut = Callable[[Table], Table]
+
+
+@dataclass(frozen=True)
+class OwnFiles:
+    """Files and what the command line says of them."""
+
+    files: Sequence[Path]
+    out: Path | None
+    map_file: Path | None
+    propose_to: Path | None
+    robot: str | None
+    answers: Sequence[str]
+    sigma: float | None
+    instrument: str | None
+    lines: tuple[int, int] | None
+
+    def convert(self, held_out: HoldOut, holdout: str | None, json: str | None) -> None:
+        """Propose, or convert by the map. Raises DataError, and typer.Exit with USAGE where questions are open."""
+        self._check(json)
+        with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+            for file in self.files:
+                terminal.say(f"reading {file}")
+            if self.map_file is not None:
+                made, kept = read_map(self.map_file), self.map_file
+                self._write(made, kept, self.map_file.parent, terminal, held_out, holdout, json)
+                return
+            proposal = self._proposal(terminal, asking=json != STANDARD_OUTPUT)
+            kept = self.propose_to or (None if self.out is None else self.out.with_suffix(".map.toml"))
+            made = proposal.made
+            if self.propose_to is not None:
+                _keep(made, proposal, self.propose_to, terminal)
+            if not proposal.complete or self.out is None:
+                write_json(conversion.proposal_document(proposal, self.propose_to), json)
+                self._end(proposal, terminal)
+                return
+            assert kept is not None
+            self._write(made, kept, Path(), terminal, held_out, holdout, json)
+            if self.propose_to is None:  # kept once it has been of use
+                _keep(made, proposal, kept, terminal)
+
+    def _check(self, json: str | None) -> None:
+        if len(self.files) > 2:
+            raise DataError(
+                f"{len(self.files)} files are given.",
+                do="Give one, or one with joints and one with points; the data set is named by --out OUT.csv.",
+            )
+        if self.map_file is not None:
+            if self.propose_to or self.answers or self.lines or self.robot or self.sigma or self.instrument:
+                raise DataError(
+                    "holds all answers: --propose, --robot, --answer, --sigma, --instrument and --lines go without it.",
+                    do="Change the map, or leave it out.",
+                    file="--map",
+                )
+            if self.out is None:
+                raise DataError("is missing.", do="Name the data set.", file="--out")
+        inputs = (*self.files, self.map_file)
+        if self.out is not None:
+            options.check_data_set(self.out, json, inputs)
+        if self.propose_to is not None:
+            options.check_outputs({"--propose": self.propose_to, "--json": json}, inputs=inputs)
+
+    def _given(self) -> dict[str, str]:
+        """The answers of the command line."""
+        given = {"robot": self.robot or "", "instrument": self.instrument or ""}
+        given["sigma_mm"] = "" if self.sigma is None else repr(self.sigma)
+        for text in self.answers:
+            key, mark, choice = text.partition("=")
+            if not mark or not key.strip() or not choice.strip():
+                raise DataError(f"{text!r} is no answer.", do="Write KEY=CHOICE.", file="--answer")
+            given[key.strip()] = choice.strip()
+        return {key: value for key, value in given.items() if value}
+
+    def _proposal(self, terminal: Terminal, *, asking: bool) -> Proposal:
+        """The proposal, with what a person at the terminal answers."""
+        answers = self._given()
+        asking = asking and sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
+        proposal = propose(self.files, answers, self.lines)
+        unknown = [key for key in answers if key not in proposal.keys]
+        if unknown:
+            raise DataError(
+                f"answers '{unknown[0]}', which nothing asks.",
+                do=f"Open are {', '.join(q.key for q in proposal.questions) or 'no questions'}.",
+                file="--answer",
+            )
+        while asking and proposal.questions and not proposal.missing:
+            terminal.rest()
+            # the robot first: it may answer others
+            question = min(proposal.questions, key=lambda each: each.key != "robot")
+            answers[question.key] = _asked(question)
+            terminal.begin("reading")
+            proposal = propose(self.files, answers, self.lines)
+        terminal.rest()
+        for shown in conversion_tables.proposal(proposal):
+            terminal.out.print(shown)
+        return proposal
+
+    def _end(self, proposal: Proposal, terminal: Terminal) -> None:
+        if proposal.missing:
+            raise DataError(
+                f"no file holds {' and '.join(proposal.missing)}.",
+                do="Give the file that does as a second one, or name its columns in a map (--propose writes one).",
+                file=self.files[0],
+            )
+        if proposal.questions:
+            first = proposal.questions[0]
+            choice = first.proposed or (first.choices[0] if first.choices else "...")
+            terminal.note(f"truepose: undecided. Answer with --answer, e.g. --answer '{first.key}={choice}'"
+                          + (", or in the map." if self.propose_to else "."))  # fmt: skip
+            raise typer.Exit(exit_codes.USAGE)
+        if self.out is None:
+            terminal.note("nothing was converted: name the data set with --out OUT.csv" if self.propose_to is None else
+                          f"convert with: truepose convert FILE --map {self.propose_to} --out OUT.csv")  # fmt: skip
+
+    def _write(
+        self,
+        made: Map,
+        kept: Path,
+        home: Path,
+        terminal: Terminal,
+        held_out: HoldOut,
+        holdout: str | None,
+        json: str | None,
+    ) -> None:
+        """Convert, hold the result against its robot, and write it only then. home: from where the map names a
+        robot."""
+        assert self.out is not None
+        made = _from(made, home, self.out.parent)
+        found = converted(made, self.files, kept, self.out.parent)
+        table = held_out(found.table)
+        header = self.out.with_suffix(".toml")
+        terminal.say("holding it against the nominal robot")
+        try:
+            dataset_of(
+                Columns.of_text(table.text, self.out),
+                header_of(parse_toml(table.header, header), header, table.header),
+            )
+        except (
+            DataError
+        ) as error:  # of files that are not written: what can be changed is the map, or the answers
+            raise DataError(
+                f"as they are mapped {error.what}",
+                do=f"{error.do} The map's [header], or --robot and --answer, hold what is not in the files.",
+                file=" and ".join(file.name for file in self.files),
+                key=error.key,
+            ) from error
+        terminal.say(f"writing {self.out}")
+        table.write(self.out)
+        write_json(conversion.mapped_document(self.out, table, holdout, found, kept), json)
+        terminal.rest()
+        for shown in conversion_tables.converted(found):
+            terminal.out.print(shown)
+        terminal.out.print(conversion.summary(self.out, table))
+
+
+def _keep(made: Map, proposal: Proposal, to: Path, terminal: Terminal) -> None:
+    """Write the map of a proposal."""
+    replace_file(to, text_of(_from(made, Path(), to.parent), conversion_tables.remarks(proposal)))
+    terminal.note(f"map: {to}")
+
+
+def _asked(question: Question) -> str:
+    """The answer of a person; an empty one is the proposed one where there is one."""
+    typer.echo(f"\n{question.text}")
+    for number, choice in enumerate(question.choices, start=1):
+        typer.echo(f"  {number}  {choice}" + ("   (likely)" if choice == question.proposed else ""))
+    while True:
+        given = typer.prompt(question.key, default=question.proposed or None, type=str).strip()
+        if question.key == "robot":
+            try:
+                load_robot(given, Path())
+            except DataError as error:
+                typer.echo(str(error))
+                continue
+        if not question.choices and given:
+            return given
+        if given in question.choices:
+            return given
+        if given.isdigit() and 1 <= int(given) <= len(question.choices):
+            return question.choices[int(given) - 1]
+        typer.echo(f"Answer with one of {', '.join(question.choices)}, or its number.")
+
+
+def _from(made: Map, home: Path, to: Path) -> Map:
+    """The map with its robot's file, named from `home`, named from the folder `to`."""
+    robot = str(made.header.get("robot", ""))
+    if robot in built_in_robots() or robot == "?" or not (home / robot).is_file():
+        return made
+    try:
+        named = Path(os.path.relpath(home / robot, to)).as_posix()
+    except ValueError:  # on another drive
+        named = str((home / robot).resolve())
+    return replace(made, header={**made.header, "robot": named})

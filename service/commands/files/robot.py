@@ -1,0 +1,289 @@
+"""`truepose robot`: robot files are written, imported, checked, listed and shown."""
+
+from __future__ import annotations
+
+import json as notation
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from calib.arm import Robot, built_in_robots, load_robot
+from calib.array import Array
+from calib.errors import DataError
+from calib.robot_file import (
+    SCHEMA,
+    Described,
+    Draft,
+    described,
+    held_against,
+    import_dh,
+    import_urdf,
+    read_handful,
+    written_robot,
+)
+from calib.text import read_text, replace_file
+from service import exit_codes
+from service.commands import options
+from service.commands.files.robot_answers import Asked, ask_draft
+from service.files import STANDARD_OUTPUT, write_json
+from service.printed.robot_tables import (
+    described_lines,
+    document_of,
+    link_table,
+    posture_table,
+    verdict_document,
+    verdict_lines,
+)
+from service.printed.terminal import Terminal
+from service.report.figures.arm_picture import arm_svg
+
+app = typer.Typer(help="Write, import and check the file of a robot of your own.")
+
+
+class ConventionName(Enum):
+    """Conventions of DH tables."""
+
+    DH = "dh"
+    MDH = "mdh"
+
+
+class AngleUnit(Enum):
+    """Units of angles."""
+
+    DEG = "deg"
+    RAD = "rad"
+
+
+class LengthUnit(Enum):
+    """Units of lengths."""
+
+    MM = "mm"
+    M = "m"
+
+
+RobotArgument = Annotated[
+    str, typer.Argument(metavar="NAME|FILE.toml", help="A robot of the library, or a robot file.")
+]
+ConventionOption = Annotated[
+    ConventionName | None,
+    typer.Option(help="dh: the standard one; mdh: the modified one, of Craig."),
+]
+
+
+@app.command("new")
+def new_command(
+    out: Annotated[Path, typer.Argument(metavar="OUT.toml", help="The robot file to write.")],
+    name: Annotated[str | None, typer.Option(help="Name of the robot.")] = None,
+    maker: Annotated[str | None, typer.Option(help="Its maker.")] = None,
+    convention: ConventionOption = None,
+    joints: Annotated[int | None, typer.Option(min=1, max=20, help="How many joints it has.")] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NUMBERS",
+            help="A row of the table: alpha deg, a mm, theta deg, d mm, lowest, highest; 'slides' before them for a "
+            "joint that slides. One --link a joint.",
+        ),
+    ] = None,
+    source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,
+) -> None:
+    """Write a robot file; what no option gives is asked for."""
+    _refuse_existing(out)
+    asked = Asked(name, maker, None if convention is None else convention.value, joints, link or [], source)
+    draft = ask_draft(asked)
+    written_robot(draft)
+    _write(draft, out)
+
+
+@app.command("import")
+def import_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A URDF, or a table of DH numbers (CSV).")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="OUT.toml", help="Default: FILE.toml, here.")
+    ] = None,
+    convention: ConventionOption = None,
+    base: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="URDF: where the robot begins. Default: the outermost link."),
+    ] = None,
+    tip: Annotated[
+        str | None, typer.Option(metavar="LINK", help="URDF: the flange. Default: the only end of the tree.")
+    ] = None,
+    angles: Annotated[
+        AngleUnit | None, typer.Option(help="CSV: unit of the angles, where nothing shows it.")
+    ] = None,
+    lengths: Annotated[
+        LengthUnit | None, typer.Option(help="CSV: unit of the lengths, where nothing shows it.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the robot. Default: what the file calls it.")
+    ] = None,
+    maker: Annotated[str, typer.Option(help="Its maker.")] = "unknown",
+) -> None:
+    """Make a robot file of a URDF or of a table of DH numbers."""
+    out = Path(f"{file.stem}.toml") if out is None else out
+    _refuse_existing(out)
+    with Terminal() as terminal:
+        if file.suffix.lower() in (".urdf", ".xml", ".xacro"):
+            _refuse_of_table({"--convention": convention, "--angles": angles, "--lengths": lengths})
+            found = import_urdf(file, base=base, tip=tip, name=name, maker=maker)
+            draft, remarks = found.draft, found.remarks
+            terminal.note(
+                f"truepose: the chain of the robot file and that of the URDF differ by at most "
+                f"{found.off_mm:.1g} mm and {found.off_rad:.1g} rad in 200 random postures"
+            )
+        else:
+            _refuse_of_urdf({"--base": base, "--tip": tip})
+            if convention is None:
+                raise DataError(
+                    "is not given: the same numbers are two different arms.",
+                    do="Say --convention dh (standard: alpha and a lead to the next axis) or mdh (modified, Craig).",
+                    key="--convention",
+                )
+            draft, _, remarks = import_dh(
+                file,
+                convention.value,
+                angles=None if angles is None else angles.value,
+                lengths=None if lengths is None else lengths.value,
+                name=name,
+                maker=maker,
+            )
+        for remark in remarks:
+            terminal.note(f"truepose: {remark}")
+    _write(draft, out)
+
+
+@app.command("check")
+def check_command(
+    robot: RobotArgument,
+    data: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[DATA.csv]", help="A handful of readings, 20 or so: joints and measured points."
+        ),
+    ] = None,
+    home: Annotated[
+        str | None,
+        typer.Option(metavar="J1,J2,...", help="A posture of your own to be shown too, deg or mm."),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="OUT.svg", help="Draw the arm into this file.")
+    ] = None,
+    posture: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw it in 'zero', 'middle' or 'home'. Default: home, else zero."),
+    ] = None,
+    json: options.Json = None,
+) -> None:
+    """Check a robot file; readings name usual mistakes.
+
+    Says where the flange is in named postures, reach, wrist, inverse kinematics and what is odd; draws the arm. Exit
+    code 3 where the readings show a mistake, or nothing explains them.
+    """
+    path = Path(robot)
+    options.check_outputs({"--picture": picture, "--json": json}, inputs=(path, *options.files_of(data)))
+    found = load_robot(robot)
+    at_home = None if home is None else _posture(home, found)
+    about = described(found, at_home)
+    verdict = None
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        if data is not None:
+            terminal.say(f"holding {robot} against {data}")
+            text = read_text(path) if path.is_file() else ""
+            verdict = held_against(path, text, read_handful(found, data))
+        terminal.rest()
+        terminal.out.print(link_table(found))
+        terminal.out.print(posture_table(found, about))
+        for line in (*described_lines(about), *(() if verdict is None else verdict_lines(verdict))):
+            terminal.out.print(line, soft_wrap=True)
+        if picture is not None:
+            name = _drawn(posture, about)
+            replace_file(picture, arm_svg(found, about.postures[name][0], f"{found.name}, {name}"))
+            terminal.note(f"picture: {picture}")
+    document = document_of(found, about)
+    write_json(document if verdict is None else document | {"readings": verdict_document(verdict)}, json)
+    if verdict is not None and not verdict.explained:
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
+@app.command("list")
+def list_command(json: options.Json = None) -> None:
+    """List the robots that are built in, with their source."""
+    robots = [load_robot(name) for name in built_in_robots()]
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        for robot in robots:
+            terminal.out.print(
+                f"{robot.name:<24} {robot.maker}, {robot.joints} joints. {robot.source}", soft_wrap=True
+            )
+    write_json({"robots": [document_of(robot) for robot in robots]}, json)
+
+
+@app.command("show")
+def show_command(robot: RobotArgument, json: options.Json = None) -> None:
+    """Show the table of a robot, its limits and its source."""
+    found = load_robot(robot)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(f"{found.name}, {found.maker}, {found.convention}")
+        terminal.out.print(link_table(found))
+        terminal.out.print(f"Source: {found.source}", soft_wrap=True)
+    write_json(document_of(found), json)
+
+
+@app.command("schema")
+def schema_command() -> None:
+    """Print the JSON schema of robot files."""
+    typer.echo(notation.dumps(SCHEMA, indent=1))
+
+
+def _refuse_existing(out: Path) -> None:
+    if out.suffix != ".toml":
+        raise DataError("is not the name of a robot file.", do="Let it end in .toml.", file=out)
+    options.check_outputs({"robot file": out})
+    if out.exists():
+        raise DataError("exists already.", do="Name another file, or move it away.", file=out)
+
+
+def _posture(text: str, robot: Robot) -> Array:
+    """(N,) joints of a posture in words, rad or mm. Raises DataError."""
+    try:
+        counted = np.array([float(word) for word in text.replace(";", ",").split(",")])
+    except ValueError:
+        counted = np.array([])
+    if len(counted) != robot.joints or not np.all(np.isfinite(counted)):
+        names = ", ".join(robot.joint_columns)
+        raise DataError(f"is '{text}'.", do=f"Give {robot.joints} numbers: {names}.", key="--home")
+    return counted * robot.joint_units
+
+
+def _drawn(posture: str | None, about: Described) -> str:
+    names = {"zero": "all zero", "middle": "middle of the ranges", "home": "home"}
+    name = (
+        names.get(posture, "")
+        if posture is not None
+        else ("home" if "home" in about.postures else "all zero")
+    )
+    if name not in about.postures:
+        raise DataError(f"is '{posture}'.", do="Say zero, middle, or home with --home.", key="--posture")
+    return name
+
+
+def _refuse_of_table(given: dict[str, object]) -> None:
+    for option, value in given.items():
+        if value is not None:
+            raise DataError("is for tables.", do="A URDF says it itself; leave it out.", key=option)
+
+
+def _refuse_of_urdf(given: dict[str, object]) -> None:
+    for option, value in given.items():
+        if value is not None:
+            raise DataError("is for URDFs.", do="Leave it out; a table has no links by name.", key=option)
+
+
+def _write(draft: Draft, out: Path) -> None:
+    replace_file(out, draft.text)
+    typer.echo(f"truepose: {out} is written; now: truepose robot check {out}", err=True)

@@ -1,0 +1,1 @@
+"""Commands about models: identified, diagnosed, judged, and used to correct a program."""

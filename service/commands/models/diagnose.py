@@ -1,0 +1,184 @@
+"""`truepose diagnose`: identify, find what the model lacks, refit, and judge on readings that took no part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from acquisition import read_cell
+from acquisition.loop import campaign_text, in_cell
+from calib.data import read_dataset
+from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
+from calib.saved import model_document, save_model
+from calib.text import replace_file
+from service import wording
+from service.commands import options
+from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
+from service.files import STANDARD_OUTPUT
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.results.judgement.acceptance import EFFECTS, Acceptance, decide
+from service.results.models import documents
+from service.results.models.patched import Patched
+from service.results.models.predictions import predictions_csv
+
+
+def diagnose_command(
+    data: options.Data,
+    json: options.Json = None,
+    predictions: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="P.csv", help="Predict every validation row, with and without the effects found."
+        ),
+    ] = None,
+    model: options.Model = None,
+    report: options.Report = None,
+    most: Annotated[int, typer.Option(min=0, help="Most effects that may be added.")] = MOST_EFFECTS,
+    carry_to: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="B.csv", help="Judge the effects on another data set of the same robot as well."
+        ),
+    ] = None,
+    follow_up: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CAMPAIGN.toml", help="Where something is ambiguous, write poses that decide it."
+        ),
+    ] = None,
+    cell: Annotated[
+        Path | None,
+        typer.Option(metavar="CELL.toml", help="Keep those poses within this cell: limits, table, boxes."),
+    ] = None,
+    patch: Annotated[
+        bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
+    ] = False,
+    accept_rms: options.AcceptRms = None,
+    accept_max: options.AcceptMax = None,
+    accept_zones: options.AcceptZones = None,
+    dcc: Dcc = None,
+    dcc_about: DccAbout = None,
+) -> None:
+    """Identify, find what the model lacks, correct it. The gain is judged on held-out readings."""
+    options.check_outputs(
+        {
+            "--json": json,
+            "--predictions": predictions,
+            "--model": model,
+            "--report": report,
+            "--follow-up": follow_up,
+            "--dcc": dcc,
+        },
+        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones),
+    )
+    limits = options.limits_of(accept_rms, accept_max, accept_zones)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {data}")
+        dataset = read_dataset(data)
+        other = None if carry_to is None else read_dataset(carry_to)
+        the_cell = None if cell is None else read_cell(cell)
+        if limits is not None:
+            limits.refuse_unjudged(dataset)
+        diagnosis = diagnose(dataset, most=most, progress=terminal.say)
+        if the_cell is not None and diagnosis.follow_up is not None:
+            terminal.say("seeking poses of the cell that distinguish rivals")
+            chosen = in_cell(the_cell, diagnosis.final, diagnosis.follow_up.rivals)
+            diagnosis = replace(diagnosis, follow_up=chosen)
+        carried = None
+        if other is not None:
+            terminal.say(f"judging the effects on {carry_to}")
+            carried = carry_over(diagnosis, other)
+        patched = None
+        if patch:
+            terminal.say("mapping what is left")
+            patched = Patched.of(diagnosis)
+        acceptance = None
+        if limits is not None:
+            judged = (diagnosis.final.model, diagnosis.final.estimate)
+            acceptance = decide(limits, dataset, dataset.validation_rows, *judged, EFFECTS)
+        document = documents.of_diagnosis(diagnosis, carried, patched)
+        if acceptance is not None:
+            document["acceptance"] = acceptance.document()
+        options.write_result(document, json, terminal)
+        write_results(
+            diagnosis,
+            document,
+            terminal,
+            predictions=predictions,
+            model=model if diagnosis.final.converged else None,
+            report=report,
+            carried=carried,
+            patched=patched,
+            acceptance=acceptance,
+        )
+        if dcc is not None:
+            final = diagnosis.final
+            sealed = model_document(final, diagnosis)["content_sha256"] if final.converged else None
+            write_certificate(
+                dcc, read_about(dcc_about), dataset, document, documents.parameters_of(final), sealed
+            )
+        if follow_up is not None and diagnosis.follow_up is not None:
+            replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
+        terminal.rest()
+        if dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
+        show(diagnosis, terminal, carried, patched)
+        terminal.out.print(tables.acceptance(acceptance))
+        if model is not None and not diagnosis.final.converged:  # refused, when everything else is there
+            save_model(model, diagnosis.final, diagnosis)
+        if follow_up is not None:
+            terminal.note(
+                "follow-up: nothing is ambiguous, no file was written"
+                if diagnosis.follow_up is None
+                else f"follow-up: {follow_up}"
+            )
+        for what, path in (
+            ("predictions", predictions),
+            ("model", model),
+            ("report", report),
+            ("certificate", dcc),
+        ):
+            if path is not None:
+                terminal.note(f"{what}: {path}")
+    options.finish(acceptance, terminal)
+
+
+def write_results(
+    diagnosis: Diagnosis,
+    document: Mapping[str, Any],
+    terminal: Terminal,
+    *,
+    predictions: Path | None,
+    report: Path | None,
+    model: Path | None = None,
+    carried: CarryOver | None = None,
+    patched: Patched | None = None,
+    acceptance: Acceptance | None = None,
+) -> None:
+    """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
+    if predictions is not None:
+        replace_file(predictions, predictions_csv(diagnosis))
+    if model is not None:
+        save_model(model, diagnosis.final, diagnosis)
+    if report is not None:
+        # drawing is not needed for the numbers, and takes long to import
+        from service.report import diagnosis_report
+
+        terminal.say("drawing the report")
+        replace_file(report, diagnosis_report(diagnosis, document, carried, patched, acceptance=acceptance))
+
+
+def show(
+    diagnosis: Diagnosis,
+    terminal: Terminal,
+    carried: CarryOver | None = None,
+    patched: Patched | None = None,
+) -> None:
+    """Print the result for people."""
+    for table in tables.diagnosis(diagnosis, carried, patched):
+        terminal.out.print(table)

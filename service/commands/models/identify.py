@@ -1,0 +1,102 @@
+"""`truepose identify`: the parameters of the base model, without any search for missing effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.errors import DataError
+from calib.fit import left_out
+from calib.saved import load_model, model_document, save_model
+from calib.text import replace_file
+from calib.validation import refuse_other_robot
+from service import wording
+from service.commands import options
+from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
+from service.files import STANDARD_OUTPUT
+from service.printed import tables
+from service.printed.terminal import Terminal
+from service.results.models.documents import parameters_of
+from service.results.models.identified import Identified
+
+
+def identify_command(
+    data: options.Data,
+    json: options.Json = None,
+    model: options.Model = None,
+    report: options.Report = None,
+    level: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=3,
+            help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
+        ),
+    ] = None,
+    preliminary: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="STAGE1.json",
+            help="The model of stage 1 of a ballbar campaign: the report sets it beside nominal and final.",
+        ),
+    ] = None,
+    accept_rms: options.AcceptRms = None,
+    accept_max: options.AcceptMax = None,
+    accept_zones: options.AcceptZones = None,
+    dcc: Dcc = None,
+    dcc_about: DccAbout = None,
+) -> None:
+    """Identify the robot's parameters, nothing else."""
+    options.check_outputs(
+        {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
+        inputs=(*options.files_of(data), dcc_about, accept_zones),
+    )
+    if preliminary is not None and report is None:
+        raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
+    limits = options.limits_of(accept_rms, accept_max, accept_zones)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {data}")
+        result = Identified.of(data, level, terminal.say, limits)
+        dataset, found = result.dataset, result.found
+        stage = None if preliminary is None else load_model(preliminary)
+        if preliminary is not None and stage is not None:
+            refuse_other_robot(stage, dataset, preliminary)
+        options.write_result(result.document(), json, terminal)
+        if model is not None and found.converged:
+            save_model(model, found)
+        if report is not None:
+            terminal.say("drawing the report")
+            replace_file(report, result.report(stage))
+        if dcc is not None:
+            sealed = model_document(found)["content_sha256"] if found.converged else None
+            write_certificate(
+                dcc, read_about(dcc_about), dataset, result.document(), parameters_of(found), sealed
+            )
+        terminal.rest()
+        if dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
+        for table in (
+            tables.parameters(found),
+            tables.offsets(found),
+            tables.left_out(left_out(dataset, found)),
+            tables.warnings(wording.grouped(found.warnings)),
+            tables.errors(
+                {"nominal robot, placed": result.error_nominal, "identified": result.error_identified},
+                dataset.header.holdout,
+                wording.error_kind(dataset),
+            ),
+        ):
+            terminal.out.print(table)
+        terminal.out.print(tables.acceptance(result.acceptance))
+        if model is not None and not found.converged:  # refused, when everything else is there
+            save_model(model, found)
+        _say_where(terminal, model, report, dcc)
+    options.finish(result.acceptance, terminal)
+
+
+def _say_where(terminal: Terminal, model: object, report: object, dcc: object) -> None:
+    for what, path in (("model", model), ("report", report), ("certificate", dcc)):
+        if path is not None:
+            terminal.note(f"{what}: {path}")

@@ -1,0 +1,80 @@
+"""`truepose regress`: MLS-SVR on positions or on what a model leaves, beside the models, in sample and by waypoint."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from calib.errors import DataError
+from calib.regression import SETS
+from calib.text import replace_file
+from service import wording
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed.regression_tables import shown
+from service.printed.terminal import Terminal
+from service.results.models.regressed import Regressed
+
+METHODS = ("mls-svr",)
+
+
+def regress_command(
+    data: options.Data,
+    method: Annotated[str, typer.Option(help=f"The regression: {', '.join(METHODS)}.")] = METHODS[0],
+    kernel: Annotated[str, typer.Option(help="linear or rbf, its width chosen too.")] = "linear",
+    features: Annotated[
+        str | None,
+        typer.Option(
+            help=f"{', '.join(SETS)}; default: the smallest set that holds the arm at these samples."
+        ),
+    ] = None,
+    on: Annotated[str, typer.Option(help="residuals of the model, or absolute positions.")] = "residuals",
+    level: Annotated[
+        int, typer.Option(min=2, max=3, help="2 geometry, 3 and gravity: the model that it is based on.")
+    ] = 3,
+    both: Annotated[
+        bool, typer.Option("--compare", help="The other level and the other kind of regression as well.")
+    ] = False,
+    diagnosed: Annotated[
+        bool,
+        typer.Option("--diagnose", help="The diagnosis on top, and a regression on what it leaves; slow."),
+    ] = False,
+    model: options.Model = None,
+    json: options.Json = None,
+    report: options.Report = None,
+) -> None:
+    """Compare regression with identification. Both see the same readings; a model can take the regression along."""
+    options.check_outputs(
+        {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
+    )
+    if method not in METHODS:
+        raise DataError(f"is {method!r}.", do=f"Use {', '.join(METHODS)}.", key="--method")
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.say(f"reading {data}")
+        result = Regressed.of(
+            data,
+            on=on,
+            features=features,
+            kernel=kernel,
+            level=level,
+            both=both,
+            diagnosed=diagnosed,
+            say=terminal.say,
+        )
+        options.write_result(result.document, json, terminal)
+        if model is not None:
+            result.save(model)
+        if report is not None:
+            terminal.say("drawing the report")
+            replace_file(report, result.report())
+        terminal.rest()
+        if result.comparison.dataset.header.simulated:
+            terminal.note(wording.SIMULATED)
+        for each in shown(result.comparison, result.document["findings"]):
+            terminal.out.print(each)
+        if model is not None and not result.gains:
+            terminal.note("the regression adds nothing: the model is saved without it")
+        for what, path in (("model", model), ("report", report)):
+            if path is not None:
+                terminal.note(f"{what}: {path}")

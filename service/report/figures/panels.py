@@ -1,0 +1,289 @@
+"""Panels: the residual over what drives an effect, with the fitted law drawn on it.
+
+Which abscissa convinces depends on the driver: the joint angle for gears, the phase of the gear error where it
+repeats too often to follow, the side of approach for backlash, the order of the readings for steps, the time for
+drifts, the temperature for growth, torque and moment for what bends. An effect that several things drive at once is
+drawn over the displacement that it should cause: readings that follow it lie on the diagonal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.data import Conditions
+from calib.effects import words_of
+from calib.model import Axis, Drawn, Effect, Regressor
+from calib.units import DEG
+from service.report.figures.residuals import MDEG, Sample, Seen
+
+_FOLDED_FROM = 9.0  # cycles a turn above which the angle is folded into one cycle
+_FAST = 30  # changes of sign
+_BLIND = 3.0  # readings that see the quantity so many times worse than usual are not drawn
+_CURVE_POINTS = 1500
+_PER = {
+    "mm/h": ("mm", 1.0),
+    "deg/h": ("deg", DEG),
+    "1e-6/K": ("1e-6", 1e-6),
+    "mm": ("mm", 1.0),
+    "deg": ("deg", DEG),
+    "ppm": ("ppm", 1e-6),
+}
+_ANGLES = ("theta", "alpha", "beta")
+_UNTOUCHED = 1e-6  # of the largest displacement: such a reading says nothing of the effect
+_ALIKE = 0.2  # spread of the displacements, of the largest, below which they are no abscissa
+
+Mask = NDArray[np.bool_]
+Curve = tuple[Array, Array, float]  # x, y, side (0 where none is distinguished)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Points (x, y, sd), the law to draw as lines (x, y), and labels; all in the units of the labels."""
+
+    title: str
+    x_label: str
+    y_label: str
+    x: Array
+    y: Array
+    sd: Array
+    held: Mask  # (n,) took no part in the fit
+    side: Array | None  # (n,) +1 or -1, where the picture distinguishes the sides
+    lines: tuple[Curve, ...]
+    described: str
+    # Abscissa, and the lowest and highest law that its uncertainty allows (k = 2)
+    band: tuple[Array, Array, Array] | None = None
+
+    @property
+    def clear(self) -> Mask:
+        """(n,) mask of the readings that see the quantity well enough to be drawn."""
+        return self.sd <= _BLIND * np.median(self.sd)
+
+    @property
+    def fast(self) -> bool:
+        """Whether the law changes its sign too often for means of bins to follow it."""
+        heights = self.lines[0][1]
+        signs = np.sign(heights[np.isfinite(heights)])
+        return bool(np.sum(signs[1:] * signs[:-1] < 0.0) > _FAST)
+
+
+def of_effect(sample: Sample, effect: Effect) -> Panel:
+    """The panel of one effect."""
+    drivers = {term.regressor for term in effect.terms}
+    slots = {term.slot for term in effect.terms}
+    joints = sample.fitted.model.robot.joint_slots
+    if len(slots) == 1 and (slot := next(iter(slots))) in joints:
+        return _on_joint(sample, effect, joints.index(slot) + 1)
+    if len(drivers) == 1 and (axis := _common_axis(sample, effect)) is not None:
+        return _by_driver(sample, effect, axis)
+    return _by_displacement(sample, effect)
+
+
+def _by_displacement(sample: Sample, effect: Effect) -> Panel:
+    """Over the displacement that the law causes; in order of time where it is the same for all that it moves."""
+    seen = sample.of_share(effect)
+    moved = np.linalg.norm(sample.moved(effect), axis=1)
+    touched = moved > _UNTOUCHED * np.max(moved)
+    if np.ptp(moved[touched]) < _ALIKE * np.max(moved):
+        x, x_label, y_label = (
+            sample.column("order") + 1.0,
+            "reading, in order of time",
+            "share of the fitted effect",
+        )
+    else:
+        seen = Seen(seen.y * moved, seen.sd * moved, moved)
+        x, x_label, y_label = moved, "displacement by the fitted law, mm", "displacement seen, mm"
+    panel = _panel(sample, effect.label, x, x_label, seen, 1.0, y_label)
+    return replace(
+        panel, x=panel.x[touched], y=panel.y[touched], sd=panel.sd[touched], held=panel.held[touched]
+    )
+
+
+def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
+    if effect.is_curve:
+        return _over_a_turn(sample, effect, joint)
+    seen = sample.of_joint(joint, [effect])
+    angle, shown = sample.angle(joint), sample.shown(joint)
+    axis = _common_axis(sample, effect)
+    folded = axis is not None and axis.cycles >= _FOLDED_FROM
+    side = None
+    x, x_label = angle / shown.unit, shown.place
+    if axis is None:
+        if np.ptp(seen.law) > 0.0:
+            x, x_label = seen.law / shown.error_unit, f"fitted law, {shown.error}"
+    elif folded:
+        x = np.mod(axis.cycles * angle, 2.0 * np.pi) / DEG
+        x_label = f"{axis.cycles:g} × θ{shown.name}, folded into one cycle, deg"
+    else:
+        x, x_label = axis.values, axis.label
+        side = _side(sample, axis)
+    y_label = f"error of joint {shown.name}, {shown.error}"
+    panel = _panel(sample, effect.label, x, x_label, seen, shown.error_unit, y_label, side)
+    if axis is not None and axis.cycles > 0.0 and not folded:
+        # readings may leave gaps that a line through them would cut short
+        return replace(panel, lines=_curves(sample, joint, (effect,), sided=False))
+    return panel
+
+
+def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
+    """The curve of a gear over a whole turn about the readings, with the band that its uncertainty leaves (k = 2)."""
+    angle = sample.angle(joint)
+    seen = sample.of_joint(joint, [effect])
+    shown = sample.shown(joint)
+    y_label = f"error of joint {shown.name}, mdeg"
+    panel = _panel(sample, effect.label, angle / DEG, shown.place, seen, MDEG, y_label)
+    middle = 0.5 * (angle.min() + angle.max())
+    grid = middle + np.linspace(-np.pi, np.pi, _CURVE_POINTS)
+    conditions = _turned(sample, joint, grid)
+    positions = sample.fitted.model.positions(effect)
+    waves = np.array([term.regressor.evaluate(conditions) for term in effect.terms])
+    law = sample.fitted.estimate[positions] @ waves / MDEG
+    covariance = sample.fitted.covariance[np.ix_(positions, positions)]
+    room = 2.0 * np.sqrt(np.maximum(np.sum(waves * (covariance @ waves), axis=0), 0.0)) / MDEG
+    x = grid / DEG
+    described = f"{panel.described} over a whole turn and its uncertainty (k = 2) as a band"
+    return replace(panel, lines=((x, law, 0.0),), band=(x, law - room, law + room), described=described)
+
+
+def _turned(sample: Sample, joint: int, grid: Array, side: float = 0.0) -> Conditions:
+    """Conditions of the first reading with one joint turned to every angle of a grid, rad, from one side (or none)."""
+    conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
+    joints, sides = conditions.joints.copy(), conditions.side.copy()
+    joints[:, joint - 1], sides[:, joint - 1] = grid, side
+    return replace(conditions, joints=joints, side=sides)
+
+
+def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
+    seen = sample.of_driver(effect)
+    x, name = axis.values, axis.label
+    side = _side(sample, axis)
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    unit, slot = effect.parameters[0].unit, effect.terms[0].slot
+    if len(effect.terms) == 1 and slot.startswith(_ANGLES):
+        amount = effect.terms[0].weight * float(estimate[model.index[effect.terms[0].parameter]])
+        return _panel(
+            sample, effect.label, x, name, seen, MDEG / (amount or 1.0), f"error of {slot}, mdeg", side
+        )
+    shown, factor = _PER.get(unit, ("", 0.0))
+    if not shown:
+        largest = max(float(np.max(np.abs(seen.law))), 1e-300)
+        return _panel(sample, effect.label, x, name, seen, largest, "share of the fitted effect", side)
+    values = [estimate[model.index[p.name]] for p in effect.parameters if p.unit == unit]
+    size = float(values[0]) if len(values) == 1 else float(np.linalg.norm(values))
+    small = shown == "deg"
+    scale = (MDEG if small else factor) / (size if size != 0.0 else 1.0)
+    label = f"{effect.label.replace('_', ' ')}, {'mdeg' if small else shown}"
+    return _panel(sample, effect.label, x, name, seen, scale, label, side)
+
+
+def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
+    """What all that drives an effect is drawn over; None where that is several quantities, or one without an axis."""
+    axes = [_axis(sample, term.regressor) for term in effect.terms]
+    labels = {None if axis is None else axis.label for axis in axes}
+    return axes[0] if len(labels) == 1 else None
+
+
+def _axis(sample: Sample, driver: Regressor) -> Axis | None:
+    return sample.axis(driver) if isinstance(driver, Drawn) else None
+
+
+def _side(sample: Sample, axis: Axis) -> Array | None:
+    """(n,) side of approach of the joint whose angle an axis is, where a law has two sides."""
+    return sample.side(axis.joint) if axis.sided and axis.joint is not None else None
+
+
+def _panel(
+    sample: Sample,
+    title: str,
+    x: Array,
+    x_label: str,
+    seen: Seen,
+    scale: float,
+    y_label: str,
+    side: Array | None = None,
+) -> Panel:
+    """Points and law over x; one line a side where sides are distinguished."""
+    law, lines = seen.law / scale, []
+    for s in (0.0,) if side is None else (1.0, -1.0):
+        mine = np.ones(len(x), dtype=bool) if side is None else side == s
+        unique, first = np.unique(x[mine], return_index=True)
+        heights = law[mine][first]
+        if len(unique) > _CURVE_POINTS:
+            keep = np.linspace(0, len(unique) - 1, _CURVE_POINTS).astype(int)
+            unique, heights = unique[keep], heights[keep]
+        lines.append((unique, heights, s))
+    return Panel(
+        title=title,
+        x_label=x_label,
+        y_label=y_label,
+        x=x,
+        y=seen.y / scale,
+        sd=np.abs(seen.sd / scale),
+        held=sample.held,
+        side=side,
+        lines=tuple(lines),
+        described=f"{title}: {y_label} over {x_label}, one dot a reading, with the fitted law",
+    )
+
+
+def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
+    """The error of one joint over its angle, with everything found on that joint taken out and drawn as lines."""
+    shown = sample.shown(joint)
+    mine = tuple(e for e in effects if {t.slot for t in e.terms} == {shown.slot})
+    seen = sample.of_joint(joint, mine)
+    angle = sample.angle(joint)
+    sided = _gap(sample, mine) > 0.25 * float(np.max(np.abs(seen.law)))
+    names = [words_of(e.label) for e in mine]
+    of = "angle" if shown.turns else "position"
+    listed = ", ".join(names[:1]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
+    return Panel(
+        title=listed or f"joint {shown.name}",
+        x_label=shown.place,
+        y_label=f"error, {shown.error}",
+        x=angle / shown.unit,
+        y=seen.y / shown.error_unit,
+        sd=seen.sd / shown.error_unit,
+        held=sample.held,
+        side=sample.side(joint) if sided else None,
+        lines=_curves(sample, joint, mine, sided=sided),
+        described=f"Joint {shown.name}: residual as joint-{of} error over the joint {of}; found: {listed or 'nothing'}",
+    )
+
+
+def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
+    """How much of the laws the side of approach makes, rad."""
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    return sum(
+        abs(float(term.weight * estimate[model.index[term.parameter]]))
+        for effect in effects
+        for term in effect.terms
+        if (axis := _axis(sample, term.regressor)) is not None and axis.sided
+    )
+
+
+def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
+    """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
+    angle, shown = sample.angle(joint), sample.shown(joint)
+    grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
+    model, estimate = sample.fitted.model, sample.fitted.estimate
+    # between readings far apart the law is a guess: no line there
+    gap = 0.01 * float(np.ptp(angle))
+    near = np.sort(angle)
+    right = np.clip(np.searchsorted(near, grid), 1, len(near) - 1)
+    apart = np.minimum(np.abs(grid - near[right - 1]), np.abs(near[right] - grid)) > max(
+        gap, 2.0 * shown.unit
+    )
+    curves = []
+    for s in (1.0, -1.0) if sided else (0.0,):
+        total, conditions = np.zeros(len(grid)), _turned(sample, joint, grid, s)
+        for effect in effects:
+            for term in effect.terms:
+                amount = term.weight * estimate[model.index[term.parameter]]
+                axis = _axis(sample, term.regressor)
+                if axis is not None and axis.joint == joint:
+                    total += amount * term.regressor.evaluate(conditions)
+        curves.append((grid / shown.unit, np.where(apart, np.nan, total / shown.error_unit), s))
+    return tuple(curves)

@@ -1,0 +1,171 @@
+"""Structure that no effect explains, drawn where it lives: over an angle, two or three of them, a load, a direction,
+time, the side of the tool that is down, in the workspace, by target or by pose.
+
+What is left of every reading is a vector; its three parts in the world are drawn over what drives it, with the weighted
+means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters evenly about zero and its
+arrows point anywhere. Where the readings that the fit left out lie together, they are drawn among the others.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Structure
+from calib.fit import all_readings
+from calib.model import Design
+from service.report.figures import maps
+from service.report.figures import residual_pictures as pictures
+from service.report.figures.quantities import Quantity, quantity_of
+from service.report.figures.residuals import MDEG, Sample
+
+_MOST_POSES = 40
+_IN_CELL, _MOST_CELLS = 5, 4  # readings in a cell of three angles; cells along each
+
+
+def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> str | None:
+    """The picture of one place as SVG; None where no points were measured, or the place has no name we know."""
+    name = f"left{number}"
+    if left.acts_on == ACTS_ON:
+        return _of_left_out(left.where, name, dataset, sample)
+    rest = sample.left(dataset)
+    pointed = np.isfinite(rest[:, 0])
+    if not pointed.any():
+        return None
+    if left.where == "tool target":
+        targets = sample.column("target").astype(np.int64)
+        names = sample.parts[0].conditions.target_names
+        return pictures.by_group(targets[pointed], names, rest[pointed], name, "every tool target")
+    if left.where == EACH_POSE:
+        return _by_pose(sample, rest, pointed, name)
+    if left.where == "region of the workspace":
+        points = dataset.points[np.concatenate([part.rows for part in sample.parts])]
+        return pictures.in_space(points[pointed], rest[pointed], name)
+    parts = [quantity_of(left.where, part.conditions, dataset.header) for part in sample.parts]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return None
+    quantity = _joined(known)
+    if "down" in left.where:
+        rest = _in_tool(sample, rest)
+    quantity = _taken(quantity, pointed)
+    if left.where == TOGETHER:
+        return _over_three(left, quantity, rest, pointed, sample, name)
+    if quantity.values.shape[1] == 2:
+        return maps.over_two(quantity, rest[pointed], name, left.where)
+    return pictures.over(quantity, rest[pointed], sample.held[pointed], name, left.where)
+
+
+def _over_three(
+    left: Structure,
+    angles: Quantity,
+    rest: Array,
+    pointed: NDArray[np.bool_],
+    sample: Sample,
+    name: str,
+) -> str | None:
+    """Maps over the three angles that tell most of what is left: of its parts, or of the joint on which it acts."""
+    values, weight, labels = rest[pointed], np.ones(int(pointed.sum())), tuple(f"{k}, mm" for k in "xyz")
+    if left.acts_on.startswith("joint "):
+        joint = int(left.acts_on.split()[-1])
+        seen = sample.of_joint(joint, ())
+        values, weight = seen.y[pointed, None] / MDEG, 1.0 / seen.sd[pointed] ** 2
+        labels = (f"joint {joint}, mdeg",)
+    three = most_telling(angles.values, values, weight)
+    if three is None:
+        return None
+    return maps.over_three(_columns(angles, three), values, weight, labels, name, left.where)
+
+
+def _columns(quantity: Quantity, which: list[int]) -> Quantity:
+    return Quantity(quantity.values[:, which], tuple(quantity.labels[k] for k in which))
+
+
+def most_telling(angles: Array, values: Array, weight: Array) -> list[int] | None:
+    """The three of angles (n, q) over whose cells the means of values (n, p) explain most, their number allowed for;
+    the one that tells least by itself last. None where fewer than three vary."""
+    n, q = angles.shape
+    cells = int(np.clip((n / _IN_CELL) ** (1.0 / 3.0), 2, _MOST_CELLS))
+    place = np.stack([_ranked(angle, cells) for angle in angles.T], axis=1)
+
+    def told(of: tuple[int, ...]) -> float:
+        _, cell = np.unique(place[:, of], axis=0, return_inverse=True)
+        cell = cell.reshape(-1)
+        total = np.bincount(cell, weight)
+        sums = np.array([np.bincount(cell, weight * column) for column in values.T])
+        gain = float(np.sum(sums**2 / total))
+        most = float(np.sum(weight[:, None] * values**2))
+        return 1.0 - (1.0 - gain / most) * n / max(n - len(total), 1)
+
+    if q < 3:
+        return None
+    best = max(combinations(range(q), 3), key=told)
+    return sorted(best, key=lambda k: -told((k,)))
+
+
+def _ranked(angle: Array, cells: int) -> NDArray[np.int64]:
+    """(n,) which of so many cells, each with as many readings, an angle lies in."""
+    return np.argsort(np.argsort(angle, kind="stable"), kind="stable") * cells // len(angle)
+
+
+def _joined(parts: list[Quantity]) -> Quantity:
+    group = None
+    if parts[0].group is not None:
+        group = np.concatenate([part.group for part in parts if part.group is not None])
+    return Quantity(np.concatenate([p.values for p in parts]), parts[0].labels, group, parts[0].group_names)
+
+
+def _taken(quantity: Quantity, rows: NDArray[np.bool_]) -> Quantity:
+    group = None if quantity.group is None else quantity.group[rows]
+    return Quantity(quantity.values[rows], quantity.labels, group, quantity.group_names)
+
+
+def _in_tool(sample: Sample, rest: Array) -> Array:
+    """(n, 3) what is left along the axes of the tool."""
+    turns = [design.frames(sample.fitted.estimate, ()).rotation for design in sample.designs]
+    return np.einsum("nji,nj->ni", np.concatenate(turns), rest)
+
+
+def _by_pose(sample: Sample, rest: Array, pointed: NDArray[np.bool_], name: str) -> str | None:
+    """The poses whose own errors are largest, of those that were visited again in the calibration."""
+    pose = sample.parts[0].conditions.pose
+    count = len(pose)
+    rest, pose = rest[:count][pointed[:count]], pose[pointed[:count]]
+    if not len(pose):
+        return None
+    visits = np.bincount(pose)
+    means = np.array([np.bincount(pose, column) for column in rest.T]) / np.maximum(visits, 1)
+    size = np.where(visits > 1, np.linalg.norm(means, axis=0), -1.0)
+    largest = np.argsort(-size)[: min(_MOST_POSES, int(np.sum(visits > 1)))]
+    if not len(largest):
+        return None
+    rank = np.full(len(visits), -1)
+    rank[largest] = np.arange(len(largest))
+    shown = rank[pose] >= 0
+    labels = [str(k + 1) if (k + 1) % 5 == 0 or k == 0 else "" for k in range(len(largest))]
+    return pictures.by_group(
+        rank[pose][shown], labels, rest[shown], name, "every pose that was visited again, the largest first"
+    )
+
+
+def _of_left_out(where: str, name: str, dataset: Dataset, sample: Sample) -> str | None:
+    """How far every calibration reading lies from the model, those that were left out among the others."""
+    readings, out = all_readings(dataset, sample.fitted)
+    predicted = Design(sample.fitted.model, readings.conditions).predict(sample.fitted.estimate)
+    error = np.linalg.norm(dataset.points[readings.rows] - predicted, axis=1)
+    seen = np.isfinite(error)
+    quantity = quantity_of(where, readings.conditions, dataset.header)
+    if quantity is None or not out[seen].any():
+        return None
+    quantity = _taken(quantity, seen)
+    if where == TOGETHER:
+        lies: Array = out[seen, None].astype(np.float64) - float(np.mean(out[seen]))
+        three = most_telling(quantity.values, lies, np.ones(len(lies)))
+        if three is None:
+            return None
+        quantity = _columns(quantity, three[:2])
+    return pictures.left_out(quantity, error[seen], out[seen], name, where)

@@ -1,0 +1,44 @@
+"""Picture of single joints: the tangential error over the angle, up and down, one panel a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.sweeps import JointSweep
+from calib.units import DEG
+from service.report.figures import drawing
+
+
+def sweeps_picture(sweeps: Sequence[JointSweep]) -> str:
+    """The picture as a text of SVG."""
+    rows = (len(sweeps) + 1) // 2
+    drawn, panels = drawing.figure(9.0, 0.5 + 2.3 * rows, rows, min(len(sweeps), 2))
+    for axes, sweep in zip(panels, sweeps, strict=False):
+        for rows_of, colour, label in (
+            (sweep.upwards, drawing.AFTER, "on the way up"),
+            (~sweep.upwards, drawing.FITTED, "on the way down"),
+        ):
+            order = np.flatnonzero(rows_of)[np.argsort(sweep.angle[rows_of], kind="stable")]
+            axes.plot(
+                sweep.angle[order] / DEG,
+                sweep.tangential[order] / DEG,
+                marker="o",
+                markersize=2.4,
+                linewidth=0.8,
+                color=colour,
+                label=label,
+            )
+        axes.set_title(
+            f"joint {sweep.joint}, {sweep.target}, radius {sweep.radius:.0f} mm",
+            fontsize=9.0,
+            loc="left",
+            color=drawing.INK,
+        )
+        axes.set_xlabel("commanded angle, deg")
+        axes.set_ylabel("tangential error, deg")
+    for axes in panels[len(sweeps) :]:
+        axes.set_axis_off()
+    drawing.legend(drawn, panels[0], 2)
+    return drawing.as_svg(drawn, "sweeps", "Tangential error of every joint over its angle, up and down")

@@ -1,0 +1,102 @@
+"""The findings for the template, every effect and every place where structure is left: words, figures, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from calib.data import Dataset
+from calib.diagnose import Found, Structure, Visible, errors_without
+from calib.effects import check_of, words_of
+from calib.fit import ErrorStatistics
+from calib.units import to_display
+from service import effect_names, wording
+from service.report.figures import panels, scatter, structure
+from service.report.figures.residuals import Sample
+
+_LISTED = 12  # parameters of an effect
+DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
+_PLACES_DRAWN = 6  # places where structure is left, most certain first; all are listed
+
+
+def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
+    picture = structure.picture_of(left, number + 1, dataset, sample) if number < _PLACES_DRAWN else None
+    return {
+        "where": left.where,
+        "acts_on": left.acts_on,
+        "caption": wording.structure_caption(left),
+        "share": left.explained_variance,
+        "p_value": left.p_value,
+        "picture": None if picture is None else Markup(picture),
+    }
+
+
+def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
+    """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
+    kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
+    for each in power:
+        if each.size is not None:
+            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append((each.size, each.label))
+    return [
+        {
+            "kind": kind,
+            "words": words_of(min(sizes)[1]),
+            "unit": unit,
+            "least": min(sizes)[0],
+            "most": max(sizes)[0],
+            "count": len(sizes),
+        }
+        for (kind, unit), sizes in kinds.items()
+    ]
+
+
+def effects_of(effects: Sequence[Found], sample: Sample, dataset: Dataset) -> list[dict[str, Any]]:
+    """The effects found, in their order."""
+    without = errors_without(dataset, sample.fitted, [found.effect for found in effects])
+    return [
+        effect_of(found, sample, number, error)
+        for number, (found, error) in enumerate(zip(effects, without, strict=True))
+    ]
+
+
+def effect_of(found: Found, sample: Sample, number: int, without: ErrorStatistics | None) -> dict[str, Any]:
+    value, uncertainty, unit = wording.amplitude(found)
+    picture = None
+    if number < DRAWN:
+        picture = Markup(scatter.effect_figure(panels.of_effect(sample, found.effect), f"effect{number + 1}"))
+    return {
+        "label": found.effect.label,
+        "members": effect_names.members_of(found),
+        "sentence": wording.sentence_of(found),
+        "amplitude": value,
+        "uncertainty": uncertainty,
+        "unit": unit,
+        "number": number + 1,
+        "parts": _parts(found),
+        "owner": wording.OWNERS[found.effect.owner],
+        "group": found.effect.group,
+        "check": check_of(found.effect.label),
+        "without": without,
+        "share": found.evidence.explained_variance,
+        "evidence": found.evidence,
+        "rivals": wording.rivals_of(found),
+        "weight": found.evidence.candidates.get(found.effect.label, 1.0),
+        "displacement": sample.displacement(found.effect),
+        "picture": picture,
+    }
+
+
+def _parts(found: Found) -> str:
+    """Every parameter of an effect that has more of them than its amplitude; empty for the waves of a curve."""
+    if not 3 <= len(found.effect.parameters) <= _LISTED:
+        return ""
+    texts = []
+    for i, parameter in enumerate(found.effect.parameters):
+        value = to_display(float(found.values[i]), parameter.unit)
+        spread = to_display(float(np.sqrt(found.covariance[i, i])), parameter.unit)
+        value_text, uncertainty = wording.with_uncertainty(value, wording.COVERAGE * spread)
+        texts.append(f"{parameter.short} {value_text} ± {uncertainty} {parameter.unit}".replace("-", "−"))
+    return "; ".join(texts)

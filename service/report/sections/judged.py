@@ -1,0 +1,174 @@
+"""What the models were judged by, shown: errors as arrows in the workspace, over time, and target by target.
+
+Arrows are measured less predicted points in the world, many times their size, each model with an enlargement of its
+own: what is left after a calibration would else be dots beside what was there before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.fit import statistics_of
+from calib.model import Design, RobotModel
+from service.report.figures import drawing
+from service.report.figures.errors import Errors
+from service.report.figures.scatter import thinned
+from service.wording import millimetres
+
+Models = Mapping[str, tuple[RobotModel, Array, str]]
+_ARROWS = 150
+_DOTS = 800
+_STRETCHES = 40  # of the readings in order of time, for the line
+_LONGEST = 0.16  # of the workspace, which the longest arrow but the wildest takes
+_TARGETS = 24  # rows of the table
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Errors (n, 3), mm, world frame, of one model."""
+
+    name: str
+    errors: Array
+    colour: str
+
+
+def section_of(dataset: Dataset, models: Models, measured: Sequence[Errors]) -> dict[str, Any]:
+    """Pictures and table for models with their colours and errors on the validation readings; empty where none is."""
+    if not measured:
+        return {}
+    rows = np.flatnonzero(dataset.validation_rows)
+    return {
+        "arrows": _arrows_of(dataset, models),
+        "over_time": Markup(over_time(dataset, rows, measured)),
+        "by_clock": _known_time(dataset, rows),
+        "models": [each.name for each in measured],
+        "targets": _by_target(dataset, rows, measured),
+    }
+
+
+def _known_time(dataset: Dataset, rows: NDArray[np.int64]) -> bool:
+    return bool(
+        np.isfinite(dataset.conditions.time[rows]).all() and np.ptp(dataset.conditions.time[rows]) > 0.0
+    )
+
+
+def _arrows_of(dataset: Dataset, models: Models) -> Markup | None:
+    """The arrows of the first model and of the last; None without held-out points."""
+    taken = np.zeros(len(dataset), dtype=bool)
+    taken[thinned(np.flatnonzero(dataset.validation_rows & dataset.pointed), _ARROWS)] = True
+    if not taken.any():
+        return None
+    conditions, points = dataset.conditions.take(taken), dataset.points[taken]
+    ends = [list(models.items())[k] for k in (0, -1)]
+    return Markup(
+        arrows(
+            points,
+            [
+                Vectors(name, points - Design(model, conditions).predict(estimate), colour)
+                for name, (model, estimate, colour) in ends
+            ],
+        )
+    )
+
+
+def arrows(points: Array, models: Sequence[Vectors]) -> str:
+    """Errors of models at points (n, 3), mm, from above and from the side, a row a model, as SVG."""
+    drawn, places = drawing.figure(8.2, 2.55 * len(models), len(models), 2)
+    size = float(np.max(np.ptp(points, axis=0))) or 1.0
+    told = []
+    for number, each in enumerate(models):
+        length = np.linalg.norm(each.errors, axis=1)
+        usual = float(np.quantile(length, 0.95)) or 1.0
+        times = enlargement(_LONGEST * size / usual)
+        for axes, a, b, seen in (
+            (places[2 * number], 0, 1, "from above"),
+            (places[2 * number + 1], 0, 2, "from the side"),
+        ):
+            _arrows(axes, points[:, [a, b]], times * each.errors[:, [a, b]], each.colour)
+            axes.set_title(f"{each.name}, {seen}\narrows {times:g} times", fontsize=9.0, loc="left")
+            axes.set_xlabel(f"{'xyz'[a]}, mm")
+            axes.set_ylabel(f"{'xyz'[b]}, mm")
+        told.append(f"{each.name} up to {millimetres(float(length.max()))} mm")
+    return drawing.as_svg(
+        drawn, "arrows", f"Errors as arrows in the workspace, from above and from the side: {'; '.join(told)}"
+    )
+
+
+def enlargement(wanted: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, 50 and so on that is not above what is wanted; 1 at least."""
+    power = 10.0 ** np.floor(np.log10(max(wanted, 1.0)))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0)))
+
+
+def _arrows(axes: Axes, at: Array, vectors: Array, colour: str) -> None:
+    drawing.dots(axes, at[:, 0], at[:, 1], size=1.4, alpha=0.6)
+    axes.quiver(
+        *at.T,
+        *vectors.T,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        color=colour,
+        width=0.003,
+        headwidth=2.6,
+        headlength=3.0,
+        headaxislength=2.8,
+        zorder=4,
+    )
+    ends = np.vstack([at, at + vectors])
+    axes.update_datalim(ends)
+    axes.autoscale_view()
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]) -> str:
+    """Errors (n,) of every model on the rows (n,) over time in hours, or in order where no time is known;
+    the line is the median of a stretch. As SVG."""
+    clock = _known_time(dataset, rows)
+    x = dataset.conditions.time[rows] / 3600.0 if clock else dataset.conditions.order[rows] + 1.0
+    drawn, (axes,) = drawing.figure(8.2, 2.4)
+    shown = thinned(np.arange(len(rows)), _DOTS)
+    stretch = np.array_split(np.argsort(x, kind="stable"), max(1, min(_STRETCHES, len(rows) // 5)))
+    for each in measured:
+        drawing.dots(axes, x[shown], each.distances[shown], size=2.4, alpha=0.5, colour=each.colour)
+        middle = [np.median(x[part]) for part in stretch]
+        axes.plot(
+            middle,
+            [np.median(each.distances[part]) for part in stretch],
+            color=each.colour,
+            linewidth=1.5,
+            label=each.name,
+        )
+    axes.set_yscale("log")
+    drawing.plain(axes.yaxis)
+    axes.set_xlabel("time, h" if clock else "reading, in order of time")
+    axes.set_ylabel("error, mm")
+    drawing.legend(drawn, axes, len(measured))
+    return drawing.as_svg(drawn, "over-time", "Error of every model on held-out readings over time")
+
+
+def _by_target(
+    dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]
+) -> list[tuple[str, int, list[tuple[str, str]]]]:
+    """(target, n, (RMS, max) of every model, mm) for every target, of every series where there are several."""
+    conditions = dataset.conditions
+    several = len(conditions.series_names) > 1
+    table = []
+    for s, series in enumerate(conditions.series_names):
+        for t, target in enumerate(conditions.target_names):
+            mine = (conditions.series[rows] == s) & (conditions.target[rows] == t)
+            if not mine.any():
+                continue
+            figures = [statistics_of(each.distances[mine]) for each in measured]
+            shown = [(millimetres(e.rms), millimetres(e.max)) for e in figures if e is not None]
+            table.append((f"{series}: {target}" if several else target, int(mine.sum()), shown))
+    return table[:_TARGETS]

@@ -1,0 +1,70 @@
+"""The panel of a regression: its table, and its errors in sample and on waypoints left out as a picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from calib.array import Array
+from calib.comparison import Comparison
+from service.printed.regression_tables import COLUMNS, rows
+from service.report.figures import drawing
+from service.results.models.regression_document import UM, waypoints
+
+_WIDE = 1000.0  # ratio of the ends of an axis, from which on 2 and 5 between the powers of ten run into each other
+
+
+def section_of(comparison: Comparison, findings: list[str]) -> dict[str, Any]:
+    """What the template shows: rows of (name, kind, figures), the picture, and the findings."""
+    return {
+        "columns": COLUMNS,
+        "rows": list(rows(comparison)),
+        "picture": Markup(picture(comparison)),
+        "findings": findings,
+        "samples": len(comparison.rows),
+        "waypoints": waypoints(comparison),
+        "features": comparison.plan.wanted.features,
+        "kernel": comparison.plan.wanted.kernel,
+    }
+
+
+def foremost(findings: list[str], asked: str) -> list[str]:
+    """The findings for the head of the report: the first, and what is said of the predictor that was asked for."""
+    return list(dict.fromkeys([findings[0], *(each for each in findings if each.startswith(f"{asked}:"))]))
+
+
+def picture(comparison: Comparison) -> str:
+    """The errors of every predictor: each waypoint a dot, in sample and left out, with the median."""
+    drawn, (axes,) = drawing.figure(7.2, 0.6 + 0.55 * len(comparison.scored))
+    kinds = (("in sample", drawing.BEFORE, -0.16), ("on waypoints left out", drawing.AFTER, 0.16))
+    for place, scored in enumerate(comparison.scored):
+        for (label, colour, beside), errors in zip(
+            kinds, (scored.in_sample, scored.by_waypoint), strict=True
+        ):
+            size = UM * _by_waypoint(errors, comparison.waypoint)
+            height = np.full(len(size), place + beside)
+            axes.plot(size, height, ".", color=colour, markersize=4, label="" if place else label)
+            axes.plot(
+                np.median(size), place + beside, "|", color=drawing.INK, markersize=11, markeredgewidth=1.6
+            )
+    axes.set_yticks(range(len(comparison.scored)), [s.predictor.name for s in comparison.scored])
+    axes.invert_yaxis()
+    drawing.plain_ratio_axis(axes)
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > _WIDE * low else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("RMS distance at a waypoint, um")
+    drawing.legend(drawn, axes, 2)
+    return drawing.as_svg(drawn, "regression", "Errors of every predictor, by waypoint")
+
+
+def _by_waypoint(errors: Array, waypoint: NDArray[np.int64]) -> Array:
+    """(w,) RMS distance at every waypoint of errors (n, 3)."""
+    _, number = np.unique(waypoint, return_inverse=True)
+    squares = np.bincount(number, weights=(errors**2).sum(axis=1)) / np.bincount(number)
+    return np.maximum(np.sqrt(squares), 1e-9)

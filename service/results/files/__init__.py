@@ -1,0 +1,1 @@
+"""Results of files that were read: foreign files converted, two streams aligned."""

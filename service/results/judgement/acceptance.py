@@ -1,0 +1,239 @@
+"""The acceptance of a calibration: its error on held-out readings against limits, with guard bands.
+
+The decision rule is that of ISO 14253-1: what is within the limit by more than its expanded uncertainty is accepted,
+what is beyond it by more than that is rejected, and between the two nothing is decided.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.errors import DataError
+from calib.fit import errors_on
+from calib.model import RobotModel
+from calib.validation import targets_in_base
+from service import wording
+from service.results.judgement.zones import Zone
+
+Quantity = Literal["rms", "max"]
+Verdict = Literal["accepted", "rejected", "not_decided"]
+NAMES: dict[Verdict, str] = {"accepted": "Accepted", "rejected": "Rejected", "not_decided": "Not decided"}
+RULE = (
+    "Accepted where the figure plus its expanded uncertainty U (95 %) is within the limit, rejected where the figure "
+    "less U is beyond it, otherwise not decided (guard bands as in ISO 14253-1)."
+)
+BASE, EFFECTS = "identified base model", "base model with the effects found"
+_RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the same verdict
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The largest errors asked for, mm; None where a figure has no limit. zones: parts with limits of their own."""
+
+    rms: float | None
+    largest: float | None
+    zones: Sequence[Zone] = ()
+
+    @classmethod
+    def of(cls, rms: float | None, largest: float | None, zones: Sequence[Zone] = ()) -> Limits | None:
+        """The limits of --accept-rms, --accept-max and --accept-zones, None where none was given. Raises DataError."""
+        for option, value in (("--accept-rms", rms), ("--accept-max", largest)):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise DataError(f"is {value:g}.", do="Give an error above 0 mm.", file=option)
+        return None if rms is None and largest is None and not zones else cls(rms, largest, zones)
+
+    @classmethod
+    def kept(cls, table: Mapping[str, Any] | None) -> Limits | None:
+        """The limits of which `asdict` made a table."""
+        if table is None:
+            return None
+        zones = [
+            Zone(**{**z, "low": tuple(z["low"]), "high": tuple(z["high"])}) for z in table.get("zones", ())
+        ]
+        return cls(table["rms"], table["largest"], tuple(zones))
+
+    def refuse_unjudged(self, dataset: Dataset) -> None:
+        """Raise DataError for a data set in which no reading can judge."""
+        if not dataset.validation_rows.any():
+            raise DataError(
+                "has no measured validation rows, so --accept-rms, --accept-max and --accept-zones cannot be judged.",
+                do="Mark some rows set = validation, or leave the options out.",
+                file=dataset.path,
+                key="set",
+            )
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One figure against its limit. figure, limit, uncertainty (expanded, 95 %; infinite where unknown): mm.
+
+    zone: the part of the workspace that it is of, None for all of it. Where no reading lies in the zone the figure is
+    NaN, and nothing is decided.
+    """
+
+    quantity: Quantity
+    figure: float
+    limit: float
+    uncertainty: float
+    basis: str  # of the uncertainty
+    zone: Zone | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict by the rule."""
+        if self.figure + self.uncertainty <= self.limit:
+            return "accepted"
+        return "rejected" if self.figure - self.uncertainty > self.limit else "not_decided"
+
+    @property
+    def name(self) -> str:
+        """The figure in words, with its zone."""
+        what = "RMS error" if self.quantity == "rms" else "Largest error"
+        return what if self.zone is None else f"{what} in zone {self.zone.name}"
+
+    @property
+    def shown(self) -> tuple[str, str]:
+        """Figure and uncertainty as text, mm."""
+        if not math.isfinite(self.figure):
+            return "none", "unknown"
+        if not math.isfinite(self.uncertainty):
+            return f"{self.figure:.4f}", "unknown"
+        return f"{self.figure:.4f}", f"{self.uncertainty:.4f}"
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Every figure that has a limit, of one model on n readings."""
+
+    model: str
+    n: int
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Rejected where one criterion is, accepted where all are."""
+        verdicts = {each.verdict for each in self.criteria}
+        if "rejected" in verdicts:
+            return "rejected"
+        return "accepted" if verdicts == {"accepted"} else "not_decided"
+
+    @property
+    def sentences(self) -> list[str]:
+        """What was decided on every figure, and why."""
+        return [
+            f"{each.name} {each.shown[0]} mm, U {each.shown[1]} mm, limit {each.limit:g} mm: "
+            f"{NAMES[each.verdict].lower()}."
+            if math.isfinite(each.figure)
+            else f"{each.name}, limit {each.limit:g} mm: {NAMES[each.verdict].lower()}, {each.basis}."
+            for each in self.criteria
+        ]
+
+    @property
+    def zones(self) -> list[Zone]:
+        """The zones that have limits, each once, in their order."""
+        return list(dict.fromkeys(each.zone for each in self.criteria if each.zone is not None))
+
+    def document(self) -> dict[str, Any]:
+        """Document of the verdict, as JSON has it; an uncertainty that is unknown is null."""
+        return {
+            "verdict": self.verdict,
+            "model": self.model,
+            "readings": self.n,
+            "rule": RULE,
+            "criteria": [
+                {
+                    "quantity": each.quantity,
+                    "zone": None if each.zone is None else each.zone.name,
+                    "figure_mm": each.figure if math.isfinite(each.figure) else None,
+                    "expanded_uncertainty_mm": each.uncertainty if math.isfinite(each.uncertainty) else None,
+                    "uncertainty_basis": each.basis,
+                    "limit_mm": each.limit,
+                    "verdict": each.verdict,
+                }
+                for each in self.criteria
+            ],
+        }
+
+
+def decide(
+    limits: Limits, dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array, name: str
+) -> Acceptance:
+    """Hold a model to limits on the measured rows of a mask (n,), of which there must be one."""
+    errors = np.full(len(dataset), np.nan)
+    errors[rows] = errors_on(dataset, rows, model, estimate)
+    criteria = _held(dataset, rows, errors, limits.rms, limits.largest)
+    if limits.zones:
+        places = targets_in_base(dataset, model, estimate)
+        for zone in limits.zones:
+            criteria += _held(dataset, rows & zone.holds(places), errors, zone.rms, zone.largest, zone)
+    return Acceptance(name, int(rows.sum()), tuple(criteria))
+
+
+def _held(
+    dataset: Dataset,
+    rows: NDArray[np.bool_],
+    errors: Array,
+    rms: float | None,
+    largest: float | None,
+    zone: Zone | None = None,
+) -> list[Criterion]:
+    """The figures of the rows (n,) that have a limit; errors (n,), mm."""
+    judged, criteria = errors[rows], []
+    if not len(judged):
+        none = (math.inf, "no held-out reading lies in it")
+        asked: tuple[tuple[Quantity, float | None], ...] = (("rms", rms), ("max", largest))
+        return [Criterion(q, math.nan, limit, *none, zone) for q, limit in asked if limit is not None]
+    if rms is not None:
+        _, poses = np.unique(
+            dataset.conditions.pose[rows], return_inverse=True
+        )  # visits of one pose err together
+        figure = float(np.sqrt(np.mean(judged**2)))
+        criteria.append(Criterion("rms", figure, rms, *_of_rms(judged, poses), zone))
+    if largest is not None:
+        figure = float(judged.max())
+        criteria.append(Criterion("max", figure, largest, *_of_largest(dataset, rows, len(judged)), zone))
+    return criteria
+
+
+def _of_rms(errors: Array, pose: NDArray[np.int64]) -> tuple[float, str]:
+    """The expanded uncertainty of an RMS, mm, and its basis: a bootstrap over whole poses.
+
+    Poses are drawn with replacement; the standard deviation of the RMS of the draws is widened by sqrt(g / (g - 1)) for
+    g poses and by Student's factor of g - 1 degrees of freedom. With a single pose the spread is unknown.
+    """
+    squares, counts = np.bincount(pose, errors**2), np.bincount(pose)
+    g = len(counts)
+    if g < 2:
+        return math.inf, "a single pose has no spread: the uncertainty of its RMS is unknown"
+    random = np.random.default_rng(_SEED)
+    drawn = (random.integers(g, size=g) for _ in range(_RESAMPLES))
+    spread = float(np.std([math.sqrt(squares[k].sum() / counts[k].sum()) for k in drawn]))
+    factor = float(stdtrit(g - 1, 0.975))
+    return (
+        factor * math.sqrt(g / (g - 1)) * spread,
+        f"bootstrap over {g} whole poses, k = {factor:.2f} (Student, 95 %); noise of the readings is in the figure",
+    )
+
+
+def _of_largest(dataset: Dataset, rows: NDArray[np.bool_], n: int) -> tuple[float, str]:
+    """The expanded uncertainty of the largest error, mm, and its basis: the declared noise of a reading."""
+    pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
+    covariance = dataset.header.noise.of_points(dataset.points[pointed], dataset.u_point[pointed])
+    of_points = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])
+    own = dataset.u_length[spanned]
+    of_lengths = np.where(np.isfinite(own), own, dataset.header.noise.length_mm)
+    largest = float(np.concatenate([of_points, of_lengths]).max())
+    return (
+        wording.COVERAGE * largest,
+        f"{wording.COVERAGE:g} times the largest declared standard uncertainty of a reading; "
+        f"the figure is that of these {n} readings, not of all the workspace",
+    )

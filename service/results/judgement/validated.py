@@ -1,0 +1,168 @@
+"""A saved model judged on readings, for the command line and for the jobs of the service (`truepose-validation/1`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calib.array import Array
+from calib.data import Dataset
+from calib.fit import base_model_of, place_nominal, silent
+from calib.model import RobotModel
+from calib.saved import SavedModel
+from calib.validation import (
+    Difference,
+    Judgement,
+    Repeats,
+    Summary,
+    apart,
+    differences,
+    judge,
+    judge_repeats,
+    place,
+    refuse_incomparable,
+    refuse_other_robot,
+)
+from service.results.judgement import validation_document
+from service.results.judgement.acceptance import Acceptance, Limits, decide
+
+
+class Read(NamedTuple):
+    """A model to judge and its file, and another to set beside it."""
+
+    model: SavedModel
+    path: Path
+    second: SavedModel | None = None
+    other: Path | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """How to judge. placed: base and tool fitted to the calibration rows; everything: on all measured rows; point: of
+    the world, mm, from which errors are shown by distance; limits: that the error is held to."""
+
+    placed: bool = False
+    everything: bool = False
+    point: tuple[float, float, float] | None = None
+    limits: Limits | None = None
+
+
+@dataclass(frozen=True)
+class Validated:
+    """The judgements, first that of the nominal robot, and what else is said of them."""
+
+    dataset: Dataset
+    asked: Question
+    placed: bool
+    judgements: Sequence[Judgement]
+    repeats: Repeats
+    names: Sequence[str]
+    parameters: Sequence[Difference]
+    between: Summary | None
+    acceptance: Acceptance | None
+    warnings: Sequence[str]
+
+    @staticmethod
+    def of(dataset: Dataset, read: Read, asked: Question, say: Callable[[str], None] = silent) -> Validated:
+        """Judge. Raises DataError."""
+        saved, path, second, other = read
+        refuse_other_robot(saved, dataset, path)
+        if second is not None and other is not None:
+            refuse_incomparable(saved, second, other)
+        rows = dataset.usable if asked.everything else dataset.validation_rows
+        placed = asked.placed or (second is not None and bool(dataset.pointed.any()))
+
+        def in_place(model: SavedModel) -> tuple[RobotModel, Array]:
+            return place(dataset, model.model, model.estimate) if placed else (model.model, model.estimate)
+
+        models = {
+            "nominal robot, placed": place_nominal(dataset, base_model_of(dataset)),
+            _name(path): in_place(saved),
+        }
+        if second is not None and other is not None:
+            models[_name(other, unlike=_name(path))] = in_place(second)
+        judgements = []
+        for name, judged in models.items():
+            say(f"judging the {name}")
+            judgements.append(judge(name, dataset, rows, *judged, asked.point))
+        names = list(models)
+        parameters, between = [], None
+        if second is not None:
+            parameters = differences(saved, second)
+            between = apart(dataset, rows & dataset.pointed, models[names[1]], models[names[2]])
+        acceptance = None
+        if (
+            asked.limits is not None
+        ):  # on what a table shows: positions, or lengths where no point was measured
+            on = rows & dataset.pointed if (rows & dataset.pointed).any() else rows
+            acceptance = decide(asked.limits, dataset, on, *models[names[1]], names[1])
+        return Validated(
+            dataset,
+            asked,
+            placed,
+            judgements,
+            judge_repeats(dataset, *models[names[1]]),
+            names,
+            parameters,
+            between,
+            acceptance,
+            _warnings(dataset, saved, second, judgements, placed=placed, everything=asked.everything),
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Document of the result, as JSON has it."""
+        comparison = None
+        if len(self.names) > 2:
+            comparison = validation_document.comparison_of(self.names[1:], self.parameters, self.between)
+        document = validation_document.of_validation(
+            self.dataset,
+            judged_on="all" if self.asked.everything else "validation",
+            placed=self.placed,
+            judgements=self.judgements,
+            repeats=self.repeats,
+            warnings=self.warnings,
+            comparison=comparison,
+        )
+        if self.acceptance is not None:
+            document["acceptance"] = self.acceptance.document()
+        return document
+
+
+def _name(path: Path, unlike: str = "") -> str:
+    """A model by its file: the bare name, or the whole path where two share it."""
+    return str(path) if path.stem == unlike else path.stem
+
+
+def _warnings(
+    dataset: Dataset,
+    saved: SavedModel,
+    second: SavedModel | None,
+    judgements: list[Judgement],
+    *,
+    placed: bool,
+    everything: bool,
+) -> list[str]:
+    """What keeps these figures from meaning what they seem to mean."""
+    out = [*saved.notes, *(() if second is None else second.notes)]
+    if everything and dataset.sha256 in (saved.data_sha256, "" if second is None else second.data_sha256):
+        out.append("Rows to which the model was fitted are among those judged: flatters.")
+    if second is not None and second.data_sha256 == saved.data_sha256:
+        out.append("Both models come from the same readings; E_n supposes independent ones.")
+    nominal, judged = judgements[0].error, judgements[1].error
+    if not placed and judged.rms > nominal.rms:
+        out.append(
+            f"The model is worse than the nominal robot in its place ({judged.rms:.3f} against {nominal.rms:.3f} mm "
+            "RMS): its frame may not be that of these readings; --place fits base and tool."
+        )
+    one_sided = [k for k, side in enumerate(saved.holds_for.get("approach", [])) if side != "both sides"]
+    sides = dataset.conditions.side[dataset.usable]
+    both = [str(k + 1) for k in one_sided if len(np.unique(sides[:, k])) > 1]
+    if both:
+        out.append(
+            f"The model holds for an approach from one side; joints {', '.join(both)} came from both sides here."
+        )
+    return out

@@ -1,0 +1,1 @@
+"""Results of fits: identification, diagnosis, regression and sweeps, as documents and as rows."""

@@ -1,0 +1,282 @@
+"""The JSON documents of `identify` and `diagnose`: contracts that other programs rely on.
+
+Values are in the units of files and screens; NaN never occurs (null instead); reading ids that are whole numbers
+are numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from acquisition.loop import FollowedUp, campaign_table
+from calib.array import Array
+from calib.data import Dataset
+from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
+from calib.effects import check_of
+from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
+from calib.units import DEG, to_display
+from service.results.models import positions
+from service.results.models.parameters import high_leverage, rows_of, strong_correlations
+from service.results.models.patched import Patched
+
+IDENTIFICATION_FORMAT = "truepose-identification/1"
+DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
+
+
+def of_identification(
+    dataset: Dataset,
+    found: Identification,
+    error_nominal: ErrorStatistics | None,
+    error_identified: ErrorStatistics | None,
+) -> dict[str, Any]:
+    """The document of `identify --json`."""
+    return {
+        "format": IDENTIFICATION_FORMAT,
+        "data": data_of(dataset),
+        "parameters": parameters_of(found),
+        **_fit_of(dataset, found),
+        "correlations": [
+            {"between": [a, b], "correlation": _number(r)} for a, b, r in strong_correlations(found)
+        ],
+        "high_leverage": [
+            {"reading": reading(dataset.reading_id[row]), "leverage": _number(share)}
+            for row, share in high_leverage(found)
+        ],
+        "predicted_u_mm": _predicted(uncertainty_map(found)),
+        "error_nominal_mm": _errors(error_nominal),
+        "error_identified_mm": _errors(error_identified),
+        "holdout": dataset.header.holdout,
+    }
+
+
+def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
+    """Expanded uncertainty (k = 2) of predicted positions, within the measured joint ranges and outside."""
+
+    def summary(u: Array) -> dict[str, Any] | None:
+        if not len(u):
+            return None
+        return {
+            "median": _number(np.median(u)),
+            "p95": _number(np.quantile(u, 0.95)),
+            "max": _number(u.max()),
+        }
+
+    return {
+        "coverage_factor": 2,
+        "measured_ranges": summary(of_map.u[of_map.measured]),
+        "outside_them": summary(of_map.u[~of_map.measured]),
+    }
+
+
+def of_diagnosis(
+    diagnosis: Diagnosis, carried: CarryOver | None = None, patched: Patched | None = None
+) -> dict[str, Any]:
+    """The document of `diagnose --json`; with `carry_over` where another data set was judged as well, with `patch`
+    where a residual map was asked for."""
+    other: dict[str, Any] = {} if carried is None else {"carry_over": _carried(carried)}
+    if patched is not None:
+        other["patch"] = _patch(patched)
+    return {
+        "format": DIAGNOSIS_FORMAT,
+        "simulated": diagnosis.dataset.header.simulated,
+        "verdict": diagnosis.verdict,
+        "effects": [_effect(found) for found in diagnosis.effects],
+        **_fit_of(diagnosis.dataset, diagnosis.final),
+        "p_lack_of_fit": _number(diagnosis.p_lack_of_fit),
+        "error_before_mm": _errors(diagnosis.error_before),
+        "error_after_mm": _errors(diagnosis.error_after),
+        "error_nominal_mm": _errors(diagnosis.error_nominal),
+        "raises_held_out_error": list(diagnosis.harmful),
+        "holdout": diagnosis.dataset.header.holdout,
+        "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
+        "structure": [
+            {
+                "where": s.where,
+                "acts_on": s.acts_on,
+                "p_value": _number(s.p_value),
+                "explained_variance": _number(s.explained_variance),
+            }
+            for s in diagnosis.structure
+        ],
+        "power": [
+            {"label": v.label, "smallest": None if v.size is None else _number(v.size), "unit": v.unit}
+            for v in diagnosis.power
+        ],
+        "notes": list(diagnosis.notes),
+        "data": data_of(diagnosis.dataset),
+        **other,
+        "seconds": round(diagnosis.seconds, 3),
+    }
+
+
+def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
+    """What to measure next: one entry of poses, with the campaign that measures them, and one a procedure.
+
+    joints_deg as the controller counts them; sides +1 from below, -1 from above, of every joint of a pose;
+    approach_deg: how far before the pose the last move begins.
+    """
+    joints, robot = follow_up.joints.shape[1], follow_up.rivals[0].fitted.model.robot
+    poses = {
+        "kind": "poses",
+        "joints_deg": np.round(follow_up.joints / robot.joint_units, 4).tolist(),
+        "sides": [[int(side)] * joints for side in follow_up.sides],
+        "approach_deg": np.round(follow_up.approach / DEG, 4).tolist(),
+        "targets": list(follow_up.targets),
+        "separates": [
+            {"effect": label, "rival": rival, "squared_distance": _number(square)}
+            for (label, rival), square in follow_up.separations.items()
+        ],
+        "settles": SEPARATES,
+        "campaign": campaign_table(follow_up),
+    }
+    return [poses, *({"kind": "procedure", "text": text} for text in follow_up.procedures)]
+
+
+def of_middle_step(step: FollowedUp) -> dict[str, Any]:
+    """The middle step of a closed loop: the classes that were ambiguous, and what was measured to settle them."""
+    return {
+        "verdict_before": step.before.verdict,
+        "effects_before": [
+            {
+                "label": found.effect.label,
+                "candidates": {label: _number(w) for label, w in found.evidence.candidates.items()},
+            }
+            for found in step.before.effects
+        ],
+        "error_before_follow_up_mm": _errors(step.before.error_after),
+        "poses": len(step.poses.joints),
+        "readings": step.readings,
+        "separates": follow_up_of(step.poses)[0]["separates"],
+    }
+
+
+def _patch(patched: Patched) -> dict[str, Any]:
+    return {
+        "meaning": "A smooth map of what no named effect explains; a patch, not a cause.",
+        "block_rms_without_mm": _number(patched.patch.block_rms_without),
+        "block_rms_with_mm": _number(patched.patch.block_rms_with),
+        "worth_it": bool(patched.patch.worth_it),
+        "width": patched.patch.width,
+        "ridge": patched.patch.ridge,
+        "landmarks": len(patched.patch.landmarks),
+        "error_without_mm": _errors(patched.without),
+        "error_with_mm": _errors(patched.with_it),
+    }
+
+
+def _carried(carried: CarryOver) -> dict[str, Any]:
+    return {
+        "data": carried.name,
+        "error_base_mm": _errors(carried.base),
+        "error_frozen_mm": _errors(carried.frozen),
+        "error_refitted_mm": _errors(carried.refitted),
+        "finding": carried.finding,
+    }
+
+
+def data_of(dataset: Dataset) -> dict[str, Any]:
+    """The readings that a result is based on."""
+    return {
+        "name": dataset.name,
+        "sha256": dataset.sha256,
+        "robot": dataset.header.robot.name,
+        "instrument": dataset.header.instrument,
+        "simulated": dataset.header.simulated,
+        "readings": len(dataset),
+        "fit": int(dataset.fit_rows.sum()),
+        "validation": int(dataset.validation_rows.sum()),
+        **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
+    }
+
+
+def parameters_of(found: Identification) -> list[dict[str, Any]]:
+    """Every parameter of a model: value (change from nominal), standard error, unit, owner; null where dropped."""
+    return [
+        {
+            "name": row.name,
+            "value": None if row.change is None else _number(row.change),
+            "std": None if row.std is None else _number(row.std),
+            "unit": row.unit,
+            "nominal": row.nominal,
+            "owner": row.owner,
+            "dropped": row.change is None,
+            "confounded_with": list(row.confounded_with),
+        }
+        for row in rows_of(found)
+    ]
+
+
+def reading(name: str) -> int | str:
+    """A reading id as the data set means it: a whole number, or text."""
+    return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
+
+
+def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
+    return {
+        "faulty_rows": [reading(name) for name in found.faulty_rows],
+        "left_out": [
+            {
+                "reading": reading(row.reading_id),
+                "joints_deg": list(row.joints_deg),
+                "target": row.target,
+                "error_mm": _number(row.error_mm),
+                "times_noise": _number(row.times_noise),
+            }
+            for row in left_out(dataset, found)
+        ],
+        "relabelled_rows": [[reading(name), was, is_] for name, was, is_ in found.relabelled_rows],
+        "noise_scale": _number(found.noise_scale),
+        "degrees_of_freedom": found.degrees_of_freedom,
+        "reduced_chi_square": _number(found.reduced_chi_square),
+        "condition_number": _number(found.condition_number),
+        "config_sha256": found.config_sha256,
+        "converged": bool(found.converged),
+        "ending": found.ending.value,
+        "offsets": positions.document_of(found),
+        "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
+        "warnings": list(found.warnings),
+    }
+
+
+def _effect(found: Found) -> dict[str, Any]:
+    spread = np.sqrt(np.diag(found.covariance))
+    value, std, unit = found.effect.amplitude(found.values, found.covariance)
+    return {
+        "label": found.effect.label,
+        "meaning": found.effect.meaning,
+        "index": None if found.index is None else reading(found.index),
+        "candidates": {label: _number(w) for label, w in found.evidence.candidates.items()},
+        "parameters": {
+            p.short: {"value": _shown(v, p.unit), "std": _shown(s, p.unit), "unit": p.unit}
+            for p, v, s in zip(found.effect.parameters, found.values, spread, strict=True)
+        },
+        "amplitude": {"value": _number(value), "std": _number(std), "unit": unit},
+        "evidence": {
+            "delta_bic": _number(found.evidence.delta_bic),
+            "p_value": _number(found.evidence.p_value),
+            "explained_variance": _number(found.evidence.explained_variance),
+        },
+        "owner": found.effect.owner,
+        "group": found.effect.group,
+        "check": check_of(found.effect.label),
+        "shape": {name: _number(x) for name, x in found.effect.shape.items()},
+    }
+
+
+def _errors(errors: ErrorStatistics | None) -> dict[str, Any] | None:
+    return None if errors is None else {name: _number(x) for name, x in asdict(errors).items()}
+
+
+def _shown(value: float, unit: str) -> float | None:
+    return _number(to_display(float(value), unit))
+
+
+def _number(value: float) -> float | int | None:
+    """JSON knows neither NaN nor infinity."""
+    if isinstance(value, int):
+        return value
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,77 @@
+"""An identification with what is said of it, for the command line and for the jobs of the service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calib.array import Array
+from calib.data import LEVELS, Dataset, read_dataset
+from calib.fit import (
+    ErrorStatistics,
+    Identification,
+    base_model_of,
+    errors_on,
+    identify,
+    place_nominal,
+    silent,
+    statistics_of,
+)
+from calib.model import RobotModel
+from calib.saved import SavedModel
+from service.results.judgement.acceptance import BASE, Acceptance, Limits, decide
+from service.results.models import documents
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The findings in a data set, and the errors on its validation rows before, `nominal` as `placed`, and after."""
+
+    dataset: Dataset
+    found: Identification
+    nominal: RobotModel
+    placed: Array
+    error_nominal: ErrorStatistics | None
+    error_identified: ErrorStatistics | None
+    acceptance: Acceptance | None = None
+
+    @staticmethod
+    def of(
+        data: Path,
+        level: int | None = None,
+        say: Callable[[str], None] = silent,
+        limits: Limits | None = None,
+    ) -> Identified:
+        """Read and identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to. Raises
+        DataError."""
+        dataset = read_dataset(data)
+        if limits is not None:
+            limits.refuse_unjudged(dataset)
+        groups = None if level is None else LEVELS[level]
+        found = identify(dataset, groups=groups, progress=say)
+        nominal, placed = place_nominal(dataset, base_model_of(dataset, groups))
+        rows = dataset.validation_rows
+        before = statistics_of(errors_on(dataset, rows, nominal, placed))
+        after = statistics_of(errors_on(dataset, rows, found.model, found.estimate))
+        verdict = None
+        if limits is not None:
+            verdict = decide(limits, dataset, rows, found.model, found.estimate, BASE)
+        return Identified(dataset, found, nominal, placed, before, after, verdict)
+
+    def document(self) -> dict[str, Any]:
+        """Document of the result (`truepose-identification/1`)."""
+        document = documents.of_identification(
+            self.dataset, self.found, self.error_nominal, self.error_identified
+        )
+        if self.acceptance is not None:
+            document["acceptance"] = self.acceptance.document()
+        return document
+
+    def report(self, preliminary: SavedModel | None = None) -> str:
+        """The report as HTML. preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
+        from service.report import identification_report  # drawing takes long to import
+
+        models = (self.dataset, self.found, self.nominal, self.placed)
+        return identification_report(*models, self.document(), self.acceptance, preliminary)
