@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from calib.arm.robot import Load, Robot, load_robot, parse_loads
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
-from calib.data.noise import Noise
+from calib.data.noise import Kind, Noise
 from calib.data.occasion import KEYS as OCCASION_KEYS
 from calib.data.occasion import Occasion, occasion_of
 from calib.errors import DataError
@@ -145,7 +145,7 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
     return Header(
         robot=robot,
         instrument=table.text("instrument", "") or "unknown",
-        world=table.text("world", "free", ("free", "nominal")),  # type: ignore[arg-type]
+        world=table.word("world", ("free", "nominal"), "free"),
         coupling=table.text("joint_coupling", "none", couplings),
         gravity=_gravity(table),
         groups=_groups(table.table("model")),
@@ -280,10 +280,10 @@ def _groups(table: TomlTable) -> tuple[str, ...]:
 
 
 def _noise(table: TomlTable) -> Noise:
-    kind = table.text("kind", allowed=("tracker", "isotropic", "per-row"))
+    kind: Kind = table.word("kind", ("tracker", "isotropic", "per-row"))
     tracker = kind == "tracker"
     noise = Noise(
-        kind=kind,  # type: ignore[arg-type]
+        kind=kind,
         sigma_mm=table.number("sigma_mm", low=0.0) if kind == "isotropic" else 0.0,
         station_mm=table.vector("station_mm") if tracker else (0.0, 0.0, 0.0),
         range_mm=table.number("range_mm", low=0.0) if tracker else 0.0,

@@ -8,7 +8,7 @@ has an axis of its own it says which (`drawn_over`).
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from calib.units import DEG
 
 
 class Regressor(Protocol):
-    """Anything that gives one number a reading."""
+    """A frozen dataclass that gives one number a reading."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def evaluate(self, conditions: Conditions) -> Array | float:
         """(n,) values, or a float that holds for every reading."""
@@ -391,7 +393,7 @@ KINDS = {
 
 def to_json(regressor: Regressor) -> dict[str, Any]:
     """Plain dictionary of a regressor: its kind and its shape."""
-    return {"kind": type(regressor).__name__, **asdict(regressor)}  # type: ignore[call-overload]
+    return {"kind": type(regressor).__name__, **asdict(regressor)}
 
 
 def from_json(table: dict[str, Any]) -> Regressor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard, TypeVar
 
 from calib.errors import DataError
 
@@ -13,6 +13,7 @@ FARTHEST_MM = 1e8
 """No coordinate is larger: squares of what is would drown all others."""
 
 Vector = tuple[float, float, float]
+Word = TypeVar("Word", bound=str)
 
 
 class TomlTable:
@@ -60,6 +61,10 @@ class TomlTable:
             raise self.refuse(key, f"is {value!r}.", f"Use {wanted}.")
         return value
 
+    def word(self, key: str, allowed: Sequence[Word], default: Word | None = None) -> Word:
+        """One of the words of `allowed`."""
+        return allowed[allowed.index(self.text(key, default, allowed))]
+
     def flag(self, key: str, default: bool = False) -> bool:
         value = self.values.get(key, default)
         if not isinstance(value, bool):
@@ -85,7 +90,7 @@ class TomlTable:
         value = self.values.get(key, default)
         if not _are_numbers(value, 3):
             raise self.refuse(key, f"is {value!r}.", "Give three numbers, [x, y, z].")
-        x, y, z = value  # type: ignore[misc]
+        x, y, z = value
         if max(abs(x), abs(y), abs(z)) > FARTHEST_MM:
             raise self.refuse(key, f"is {value!r}: farther than anything on earth.", "Give it in mm.")
         return float(x), float(y), float(z)
@@ -126,7 +131,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _are_numbers(value: object, count: int) -> bool:
+def _are_numbers(value: object, count: int) -> TypeGuard[Sequence[float]]:
     return isinstance(value, list | tuple) and len(value) == count and all(_is_number(x) for x in value)
 
 

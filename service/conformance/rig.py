@@ -14,6 +14,7 @@ from drivers import Busy
 from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: docs/decisions/0059
 
 SLACK_S = 20.0  # what a loaded machine may add to a deadline
+_ASK_AGAIN_S = 0.02  # no driver reports the end of a watchdog: it is asked until it agrees
 
 
 @dataclass
@@ -52,7 +53,7 @@ class Rig:
             except Busy:
                 if time.monotonic() > end:
                     raise
-                time.sleep(0.02)
+                time.sleep(_ASK_AGAIN_S)
             else:
                 return
 

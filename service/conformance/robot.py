@@ -34,6 +34,9 @@ FAST, SLOW = 1e5, 2.0  # deg/s: at once, and slowly enough for a busy machine to
 POSES = 10
 FAR_DEG = 60.0
 PATIENCE_S = 60.0
+_LOOK_AGAIN_S = (
+    0.005  # a simulator is another process that answers how its arm is and reports nothing by itself
+)
 
 
 @dataclass
@@ -313,4 +316,4 @@ def _wait(true: Callable[[], bool], otherwise: str) -> None:
     end = time.monotonic() + PATIENCE_S
     while not true():
         hold(time.monotonic() < end, otherwise)
-        time.sleep(0.005)
+        time.sleep(_LOOK_AGAIN_S)

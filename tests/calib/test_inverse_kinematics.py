@@ -25,7 +25,7 @@ from calib.arm.inverse_kinematics import (
 from calib.arm.inverse_kinematics.structure import structure_of
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose
 from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib.arm.robot import Convention, Robot, load_robot
 from calib.array import Array
 from calib.errors import DataError
 from calib.validation.branch import branches
@@ -177,7 +177,7 @@ def test_no_poses_at_all() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["mdh", "dh"]), st.booleans())
-def test_every_arm_of_the_structure(seed: int, convention: str, against: bool) -> None:
+def test_every_arm_of_the_structure(seed: int, convention: Convention, against: bool) -> None:
     """Lengths, offsets and senses drawn at random: spherical wrists in both conventions."""
     rng = np.random.default_rng(seed)
     turn = -1.0 if against else 1.0
@@ -192,7 +192,7 @@ def test_every_arm_of_the_structure(seed: int, convention: str, against: bool) -
         lengths = (a[0], a[1], a[2], 0.0, 0.0, 0.0), (d[0], d[1], d[2], d[3], 0.0, d[5])
     robot = replace(
         base,
-        convention=convention,  # type: ignore[arg-type]
+        convention=convention,
         base="plain",
         alpha=alpha,
         a=lengths[0],

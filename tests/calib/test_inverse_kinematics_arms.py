@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.arm.inverse_kinematics import Reached, arm_of, inverse_kinematics
 from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib.arm.robot import Convention, Robot, load_robot
 from calib.array import Array
 from calib.compensate import postures_of
 from calib.errors import DataError
@@ -26,14 +26,14 @@ RIGHT = np.pi / 2.0
 
 
 def arm(
-    convention: str, alpha: list[float], a: list[float], d: list[float], slides: tuple[int, ...] = ()
+    convention: Convention, alpha: list[float], a: list[float], d: list[float], slides: tuple[int, ...] = ()
 ) -> Robot:
     """A robot of any number of axes, without loads."""
     n = len(alpha)
     return replace(
         load_robot("abb-irb120"),
         name="made up",
-        convention=convention,  # type: ignore[arg-type]
+        convention=convention,
         base="plain",
         alpha=tuple(alpha),
         a=tuple(a),
@@ -92,7 +92,7 @@ def test_a_wrist_that_is_not_in_a_point_is_searched_through(robot: Robot) -> Non
 
 
 @given(st.integers(0, 2**32 - 1), st.permutations([1, 2, 3, 4]), st.sampled_from(["mdh", "dh"]))
-def test_every_order_and_sense_of_a_scara(seed: int, order: list[int], convention: str) -> None:
+def test_every_order_and_sense_of_a_scara(seed: int, order: list[int], convention: Convention) -> None:
     rng = np.random.default_rng(seed)
     alpha = [0.0, *rng.choice([0.0, np.pi], 3)]
     a, d = rng.uniform(100.0, 400.0, (2, 4))

@@ -162,11 +162,13 @@ def with_a_byte(state: bytes, at: int, byte: int) -> bytes:
     return state[:at] + bytes([byte]) + state[at + 1 :]
 
 
-def test_two_damaged_states_in_a_row_that_agree_are_not_where_the_robot_is() -> None:
+def test_two_damaged_states_in_a_row_that_agree_are_not_where_the_robot_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """-45 deg without one of two bits of its exponent is -1e-8 deg or -2e-18 deg: to the driver both are 0."""
     top_of_joint_2 = 20 + 4 + 3
     damaged = [with_a_byte(AT_THERE, top_of_joint_2, byte) for byte in (0xAF, 0x9F)]
     assert max(abs(parse_state(each).joints_deg[1]) for each in damaged) < 0.002
     arm = AbbSimpleArm("tcp://127.0.0.1:1")
-    arm._stream = Told([*damaged, *3 * [AT_THERE]])  # type: ignore[assignment]
+    monkeypatch.setattr(arm, "_stream", Told([*damaged, *3 * [AT_THERE]]))
     assert arm.position().joints_deg == pytest.approx(TARGET, abs=1e-5)

@@ -8,7 +8,7 @@ as well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,9 @@ from calib.foreign.meanings.assigned import Answers, Assigned, Question, Set, oc
 from calib.foreign.meanings.names_of_rows import names_of_rows
 from calib.foreign.meanings.orientations import orientations
 from calib.foreign.meanings.units_of_columns import units_of_columns
-from calib.foreign.meanings.words import Meaning, meaning_of
+from calib.foreign.meanings.words import Meaning, Role, meaning_of
 
+_Key = tuple[Role, str, str]  # role, family of angles or name of the target, and which of equal names
 _YASKAWA = ("s", "l", "u", "r", "b", "t")
 
 
@@ -101,7 +102,7 @@ def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
 
 
 def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
-    sets: dict[tuple[str, ...], dict[int, str]] = {}
+    sets: dict[_Key, dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "joint":
             key = (meaning.role, meaning.family, occurrence(name))
@@ -115,12 +116,11 @@ def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
     for key in list(whole):  # q1..q4 beside joints are a quaternion, as is q0..q3 of norm 1
         if key[1] == "q" and len(whole[key]) == 4 and (len(whole) > 1 or _normed(to, whole[key])):
             for k, name in enumerate(whole.pop(key)):
-                meanings[name] = Meaning("quaternion", k, key[0], "numbered")  # type: ignore[arg-type]
+                meanings[name] = Meaning("quaternion", k, key[0], "numbered")
     commanded = {key: names for key, names in whole.items() if key[0] != "read"}
     read = {key: names for key, names in whole.items() if key[0] == "read"}
-    chosen = _one_of(
-        to, "joints", "Several sets of columns may be the joints as commanded", commanded or read
-    )
+    sets_of_joints = [*(commanded or read).values()]
+    chosen = _one_of(to, "joints", "Several sets of columns may be the joints as commanded", sets_of_joints)
     if not chosen:
         return
     unit, why = units_of_columns(to, chosen, meanings, "angles", ("deg", "rad"))
@@ -164,29 +164,26 @@ def _normed(to: Assigned, names: Sequence[str]) -> bool:
     return bool(len(norm) and np.nanmax(np.abs(norm - 1.0)) < 1e-2)
 
 
-def _one_of(to: Assigned, what: str, text: str, sets: Mapping[tuple[str, ...], Set]) -> Set | None:
+def _one_of(to: Assigned, what: str, text: str, sets: Sequence[Set]) -> Set | None:
     """The only set, or the one that was answered; None where there is none, or it is open."""
     if not sets:
         return None
     if len(sets) == 1:
-        return next(iter(sets.values()))
-    choices = {names[0]: names for names in sets.values()}
-    shown = "; ".join(f"{names[0]} .. {names[-1]}" for names in sets.values())
+        return sets[0]
+    choices = {names[0]: names for names in sets}
+    shown = "; ".join(f"{names[0]} .. {names[-1]}" for names in sets)
     answer = to.ask(Question(f"{to.prefix}{what}", f"{text}: {shown}. Which?", tuple(choices), evidence=True))
     if answer in choices:
         return choices[answer]
-    for names in sets.values():
+    for names in sets:
         for name in names:
             to.aside(name, "open: see the question")
-    first = next(iter(sets.values()))
-    for quantity, name in zip(("j1",) if what == "joints" else "xyz", first, strict=False):
-        to.columns[quantity] = UNDECIDED
-        del name
+    to.columns.update(dict.fromkeys(("j1",) if what == "joints" else "xyz", UNDECIDED))
     return None
 
 
 def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
-    sets: dict[tuple[str, ...], dict[int, str]] = {}
+    sets: dict[_Key, dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "point":
             sets.setdefault((meaning.role, meaning.group, occurrence(name)), {}).setdefault(
@@ -204,10 +201,10 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
         text = f"No coordinates are named as measured, only {shown}. Which were measured by an instrument?"
         answer = to.ask(Question(f"{to.prefix}points", text, (*choices, "none")))
         if answer in choices:
-            candidates = {("",): choices[answer]}
+            candidates = {("", "", ""): choices[answer]}
         elif answer == UNDECIDED:
             to.columns.update(dict.fromkeys("xyz", UNDECIDED))
-    groups = {key[1]: names for key, names in candidates.items() if len(key) == 3 and key[1]}
+    groups = {key[1]: names for key, names in candidates.items() if key[1]}
     if groups and len(groups) == len(candidates) and not any(group.isdigit() for group in groups):
         _unit_of_points(to, [name for names in groups.values() for name in names], meanings)
         for group, names in groups.items():
@@ -218,7 +215,9 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
                 of = to.found[name]
                 to.found[name] = replace(of, read_as=f"{axis} of target {group}")
         return
-    chosen = _one_of(to, "points", "Several sets of columns may be the measured point", candidates)
+    chosen = _one_of(
+        to, "points", "Several sets of columns may be the measured point", [*candidates.values()]
+    )
     if chosen:
         _unit_of_points(to, chosen, meanings)
         for axis, name in zip("xyz", chosen, strict=True):
