@@ -6,6 +6,7 @@ of the program can believe a `Cell`.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from acquisition.cell.clearance import Clearance
 from acquisition.cell.obstacles import Obstacle, Table, read_fixtures, read_keep_out
 from acquisition.cell.position_uncertainty import stated
 from acquisition.errors import as_config_error
-from calib.arm import Load, Robot, load_robot
+from calib.arm import Load, Robot, built_in_robots, load_robot, own_robot_table, robot_from
 from calib.text import TomlTable, Vector, parse_toml, read_toml
 from calib.units import DEG
 from drivers import InstrumentDriver, Option, RobotDriver, TextOption, instrument_driver, robot_driver
@@ -49,7 +50,7 @@ class RobotSection:
     """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`.
 
     home_deg: a posture over which every pose can be reached, where the cell file has one; options: what only its
-    driver uses.
+    driver uses; file: the parsed robot file of a robot that is not in the library.
     """
 
     model: Robot
@@ -64,6 +65,7 @@ class RobotSection:
     home_deg: tuple[float, ...] | None
     repeatability_deg: float
     options: Mapping[str, float | str] = field(default_factory=dict)
+    file: Mapping[str, Any] | None = None
 
     @property
     def declared(self) -> RobotDriver:
@@ -192,9 +194,10 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
             raise simulation.refuse(
                 "misplaced_mm", f"names {place}, which is neither nest nor target.", "Correct the name."
             )
+    robot = _robot(top.table("robot"), beside)
     return Cell(
         name=top.text("name"),
-        robot=_robot(top.table("robot"), beside),
+        robot=robot,
         instrument=_instrument(top.table("instrument")),
         nests=nests,
         nests_u_mm=stated(world, "nests_u_mm", nests),
@@ -202,8 +205,20 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
         fixtures=tuple(read_fixtures(top)),
         time_scale=simulation.number("time_scale", 1.0, low=1e-3, high=1e6),
         rehearsed=simulation.text("operator", "person", ("person", "confirms")) == "confirms",
-        source=source or tomli_w.dumps(table),
+        source=_whole(source, table, robot.file),
     )
+
+
+def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None) -> str:
+    """The text of the cell file with the robot file that it names: a record is read where that file is not."""
+    if file is None or "file" in table["robot"]:
+        return source or tomli_w.dumps(table)
+    if source:  # behind the text, which keeps its comments, where TOML allows that: it adds nothing to robot = { ... }
+        whole = f"{source.rstrip()}\n\n{tomli_w.dumps({'robot': {'file': file}})}"
+        with suppress(tomllib.TOMLDecodeError):
+            tomllib.loads(whole)
+            return whole
+    return tomli_w.dumps({**table, "robot": {**table["robot"], "file": file}})
 
 
 @as_config_error()
@@ -221,13 +236,20 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
     table.only(
         (
             *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
-            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg"),
+            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg", "file"),
             *(option.key for option in options),
         )
     )
     model = table.text("model")
     with as_config_error(f"{table.file}, key 'robot.model': "):
-        robot = load_robot(model, beside)
+        file = table.values.get("file") or own_robot_table(model, beside)
+        robot = load_robot(model) if file is None else robot_from(file, Path(model))
+    if robot.name in built_in_robots() and robot.name != model:
+        raise table.refuse(
+            "model",
+            f"is the file of a robot with the name of one of the library, '{robot.name}'.",
+            "Give it another name.",
+        )
     driver = table.text("driver")
     _refuse_undriven(table, robot, driver)
     own = [(low / DEG, high / DEG) for low, high in zip(robot.lower, robot.upper, strict=True)]
@@ -258,6 +280,7 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
         options=_options(table, options),
+        file=file,
     )
 
 

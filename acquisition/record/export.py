@@ -232,6 +232,7 @@ def _header(
     return {
         "format": "truepose-dataset/1",
         "robot": cell.robot.model.name,
+        **({"robot_file": cell.robot.file} if cell.robot.file else {}),
         "instrument": cell.instrument.name,
         **({"simulated": True} if simulated else {}),
         "world": "nominal",
