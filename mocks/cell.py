@@ -82,7 +82,8 @@ class Cell:
         self.world = make_world(cell)
         robot = self.world.robot
         self.arm = ArmDevice(self.clock.now, robot.limits_deg, robot.sliding)
-        self.arm.put(robot.counting.to_model([min(max(0.0, low), high) for low, high in robot.limits_deg]))
+        within = cell.limits_deg or robot.limits_deg
+        self.arm.put(robot.counting.to_model([min(max(0.0, low), high) for low, high in within]))
         nests = true_nests(cell)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, nests)
         self.abb = AbbController(self.arm, self.clock, robot, stock=stock)
