@@ -14,7 +14,8 @@ _LEVER_MM = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
 class Caps:
     """The speeds of one arm (mm/s at the tool, deg/s of a joint) and the limits of its joints.
 
-    `speeds`: both, in this order. `limits_deg`: a pair a joint, or None for `widest_deg` to either side of zero.
+    `speeds`: both, in this order. `limits_deg`: a pair a joint, or None for `widest_deg` to either side of zero. units:
+    in which each joint is counted, deg where empty.
     """
 
     def __init__(
@@ -26,6 +27,7 @@ class Caps:
         joints: int,
         widest_deg: float,
         device: str,
+        units: Sequence[str] = (),
     ) -> None:
         """Raises ConfigError for a speed that is not positive, and unless there is a pair for every joint."""
         if not (speed_mm_s > 0 and speed_deg_s > 0):
@@ -37,6 +39,7 @@ class Caps:
         self.speeds = (speed_mm_s, speed_deg_s)
         self._pairs = [(-widest_deg, widest_deg)] * joints if limits_deg is None else limits_deg
         self._device = device
+        self._units = units or ["deg"] * joints
 
     def check(self, target_deg: Sequence[float]) -> None:
         """Check a target. Raises JointLimit naming the first joint that may not go there; NaN may not."""
@@ -49,7 +52,7 @@ class Caps:
         for i, (q, (low, high)) in enumerate(zip(target_deg, self._pairs, strict=True), start=1):
             if not low <= q <= high:
                 raise JointLimit(
-                    f"joint {i} to {q:g} deg, allowed {low:g} to {high:g}",
+                    f"joint {i} to {q:g} {self._units[i - 1]}, allowed {low:g} to {high:g}",
                     device=self._device,
                     command="move_to",
                 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
@@ -30,19 +31,30 @@ from mocks.shared.mbp_bridge import MbpBridge
 from mocks.shared.sockets import Endpoint, Servers
 from mocks.shared.tracker_device import TrackerDevice
 from mocks.ur.controller import UrController
-from mocks.world import Session, World, random_label, robot_named
+from mocks.world import ROBOTS, Robot, Session, World, random_label
+from mocks.world.robot_file import robot_of, table_of
+from mocks.world.robots import Counting
 
 LABEL_STREAM, CLOCK_STREAM = 22, 23
 
 
+def robot_in(cell: CellFile) -> Robot:
+    """The robot of a cell file: the simulator's own of this name, else from the robot file. ValueError."""
+    if cell.robot_file is None and cell.robot in ROBOTS:
+        own = ROBOTS[cell.robot]
+        return replace(own, counting=Counting()) if cell.joint_coupling == "none" else own
+    return robot_of(cell.robot_file or table_of(cell.robot), cell.joint_coupling, cell.limits_deg)
+
+
 def make_world(cell: CellFile) -> World:
     """The world of a cell file; without effects named, one label is drawn from the seed."""
+    robot = robot_in(cell)
     labels: Sequence[str] = cell.effects
     if not labels:
-        labels = [random_label(robot_named(cell.robot), np.random.default_rng([cell.seed, LABEL_STREAM]))]
+        labels = [random_label(robot, np.random.default_rng([cell.seed, LABEL_STREAM]))]
     cog = cell.tool_cog_mm
     return World(
-        cell.robot,
+        robot,
         cell.seed,
         [label for label in labels if label != "none"],
         size=cell.effect_size,
@@ -68,22 +80,21 @@ class Cell:
     ) -> None:
         self.clock = clock or CellClock(cell.time_scale)
         self.world = make_world(cell)
-        self.arm = ArmDevice(self.clock.now, self.world.robot.limits_deg)
+        robot = self.world.robot
+        self.arm = ArmDevice(self.clock.now, robot.limits_deg, robot.sliding)
+        within = cell.limits_deg or robot.limits_deg
+        self.arm.put(robot.counting.to_model([min(max(0.0, low), high) for low, high in within]))
         nests = true_nests(cell)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, nests)
-        self.abb = AbbController(self.arm, self.clock, stock=stock)
-        self.abb_simple = SimpleMessageServers(self.arm, self.clock)
-        robot = self.world.robot
-        self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock, coupled=robot.name.startswith("fanuc"))
+        self.abb = AbbController(self.arm, self.clock, robot, stock=stock)
+        self.abb_simple = SimpleMessageServers(self.arm, self.clock, robot.counting)
+        self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock)
         self.ur_clock = DeviceClock(self.clock)
         self.ur = UrController(self.arm, self.ur_clock, self.world)
         self.faro = FaroBridge(self.tracker, self.clock)
         self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, nests, cell.normals))
         self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, nests, cell.ballbar_mm))
-        as_shown = self.fanuc.controller
-        self.person = SimulatedPerson(
-            cell, self.arm, self.tracker, self.clock, as_shown.to_model, as_shown.joints_deg
-        )
+        self.person = SimulatedPerson(cell, self.arm, self.tracker, self.clock, robot)
         self.at960 = LeicaDevice(self.world, self.arm, self.clock, nests, cell.normals)
         self.leica, self.emscon = LeicaBridge(self.at960), EmsconServer(self.at960)
         self.backdoor = BackDoor(

@@ -16,6 +16,9 @@ class CellFile:
     """One cell. `effects` empty: drawn from the seed; `none` among them: none at all."""
 
     robot: str = "abb-irb120"
+    robot_file: dict[str, Any] | None = None  # the parsed file of a robot that is not in the library
+    joint_coupling: str | None = None  # as which the controller counts; None: as the robot has it
+    limits_deg: tuple[tuple[float, ...], ...] | None = None
     station_mm: tuple[float, ...] = STATION_MM
     nests: dict[str, tuple[float, ...]] = field(default_factory=lambda: dict(NESTS))
     targets: dict[str, tuple[float, ...]] | None = None
@@ -51,6 +54,9 @@ def read_cell(path: Path) -> CellFile:
     robot, tool, simulation = table.get("robot", {}), table.get("tool", {}), table.get("simulation", {})
     values: dict[str, Any] = {
         "robot": robot.get("model"),
+        "robot_file": robot.get("file"),
+        "joint_coupling": robot.get("joint_coupling"),
+        "limits_deg": robot.get("limits_deg"),
         "station_mm": table.get("instrument", {}).get("station_mm"),
         "nests": table.get("world", {}).get("nests"),
         "targets": tool.get("targets"),

@@ -32,7 +32,7 @@ def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
         _within_limits(cell, stops, joints, what)
         for visit, angles, contact in zip(stops, joints, cell.clearance.at(joints), strict=True):
             if contact is not None:
-                raise _unsafe(f"{what}{visit.name} ({_angles(angles)}): {contact}")
+                raise _unsafe(f"{what}{visit.name} ({cell.robot.said(angles)}): {contact}")
     _moves(cell, stops)
 
 
@@ -41,13 +41,15 @@ def _moves(cell: Cell, stops: Sequence[Visit]) -> None:
     approaches = np.array([visit.approach_deg for visit in stops])
     for visit, contact in zip(stops, cell.clearance.contacts(approaches, poses), strict=True):
         if contact is not None:
-            raise _unsafe(f"the last move to {visit.name} ({_angles(visit.joints_deg)}): {contact.during}")
+            raise _unsafe(
+                f"the last move to {visit.name} ({cell.robot.said(visit.joints_deg)}): {contact.during}"
+            )
     transit = Transit(cell)
     for i in np.flatnonzero(~clear_moves(cell, poses[:-1], approaches[1:])).tolist():
         try:
             transit.path(poses[i], approaches[i + 1])
         except NoClearWay as error:
-            there = f"{stops[i + 1].name} ({_angles(poses[i + 1])})"
+            there = f"{stops[i + 1].name} ({cell.robot.said(poses[i + 1])})"
             raise _unsafe(f"between {stops[i].name} and {there}: {error.message}") from error
 
 
@@ -61,11 +63,7 @@ def _within_limits(cell: Cell, stops: Sequence[Visit], joints: np.ndarray, what:
     if outside.any():
         i, k = (int(index) for index in np.argwhere(outside)[0])
         raise UnsafePlan(
-            f"{what}{stops[i].name}: joint {k + 1} at {joints[i, k]:g} deg, "
+            f"{what}{stops[i].name}: {cell.robot.named(k)} at {joints[i, k]:g} {cell.robot.model.units[k]}, "
             f"allowed {low[k]:g} to {high[k]:g}",
             command="check",
         )
-
-
-def _angles(joints: Sequence[float] | np.ndarray) -> str:
-    return ", ".join(f"{q:g}" for q in joints) + " deg"

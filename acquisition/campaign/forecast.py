@@ -93,7 +93,9 @@ def _speed(cell: Cell, campaign: Campaign, visit: Visit) -> float:
 
 def _moves_s(cell: Cell, path: Array, speed_deg_s: Array) -> Array:
     """(n - 1,) s along joint angles (n, N) at the speeds (n - 1,) of the leading joint."""
-    joints = np.abs(np.diff(path, axis=0)).max(axis=1) / speed_deg_s
+    slides = np.array([kind == "slides" for kind in cell.robot.model.kinds])
+    moved = np.abs(np.diff(path, axis=0))
+    joints = np.where(slides, 0.0, moved).max(axis=1) / speed_deg_s
     flange = forward(cell.robot.model, cell.robot.model_angles(path))[:, :3, 3]
     straight = np.linalg.norm(np.diff(flange, axis=0), axis=1) / cell.robot.speed_mm_s
     slowest = np.maximum(joints, straight)

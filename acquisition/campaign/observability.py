@@ -37,6 +37,7 @@ def setup_of(cell: Cell, targets: Sequence[str], groups: Sequence[str] = DEFAULT
             transverse_mm=figures.transverse_mm,
             transverse_ppm=figures.transverse_ppm,
             repeatability=cell.robot.repeatability_deg * DEG,
+            repeatability_mm=cell.robot.repeatability_mm,
         ),
         groups=groups,
         loads=cell.loads,

@@ -3,7 +3,8 @@
 The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the same on
 every joint. The length of the last move is drawn too where a longest is given: moves of one length make a lag behind
 the move look like play. From and to the home of the cell the straight moves are clear (`cell.transit`). Targets
-that declare a normal look at the instrument, at the pose. Angles deg.
+that declare a normal look at the instrument, at the pose. Joints deg, and mm where they slide: an approach goes over as
+many mm as deg.
 """
 
 from __future__ import annotations
@@ -56,8 +57,10 @@ def draw_poses(
     low, high = np.array(cell.robot.limits_deg).T
     reach = abs(offset_deg)
     if np.any(high - low <= 2.0 * reach):
+        tight = int(np.argmin(high - low))
         raise ConfigError(
-            f"joint {int(np.argmin(high - low)) + 1}: the limits leave no room for an approach of {reach:g} deg"
+            f"{cell.robot.named(tight)}: the limits leave no room for an approach of {reach:g} "
+            f"{cell.robot.model.units[tight]}"
         )
     longer = rng.spawn(1)[0]  # of its own: poses and sides are the same whether lengths vary or not
     found: list[Pose] = []

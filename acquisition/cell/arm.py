@@ -5,7 +5,9 @@ While all joints turn in proportion, p(s) of a point bends away from its chord o
     max |p''| w^2 / 8,    |p''| <= sum_j L_j |dq_j| (|dq_j| + 2 sum_{i<j} |dq_i|),
 
 since d2p / dq_i dq_j = z_i x (z_j x (p - o_j)), i <= j, is no longer than the distance of the point from axis j. L_j is
-the largest such distance in any posture, the sum of the lengths of the links between. Joint angles deg, lengths mm.
+the largest such distance in any posture, the sum of the lengths of the links between. A joint j that slides moves all
+behind it by its unit vector z_j, which only those before it turn: |dq_j| 2 sum_{i<j} |dq_i| over the i that turn.
+Joints deg, and mm where they slide, lengths mm.
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm import Capsule, Chain, Placement, Robot, nominal_values, propagate
-from calib.units import DEG
 
 Array = NDArray[np.float64]
 # Radius of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
@@ -46,7 +47,7 @@ class Arm:
 
     def lines(self, joints_deg: Array) -> Array:
         """(n, c, 2, 3) mm: the centre lines of the c capsules at joint angles (n, N) of the controller."""
-        joints = self.robot.model_angles(np.asarray(joints_deg) * DEG, self.coupling)
+        joints = self.robot.model_angles(np.asarray(joints_deg) * self.robot.joint_units, self.coupling)
         frames = propagate(Chain.of(self.robot), nominal_values(self.robot, joints), Placement(), record=())
         out = np.empty((len(self.capsules), 2, 3, len(joints)))
         for i, capsule in enumerate(self.capsules):
@@ -69,7 +70,10 @@ class Arm:
     def _levers(self) -> Array:
         """(c, N) mm: farthest that a point of each centre line gets from each axis, 0 for axes behind it."""
         count, dh = self.robot.joints, self.robot.convention == "dh"
-        lengths = np.hypot(self.robot.a, self.robot.d)
+        slides = np.array([kind == "slides" for kind in self.robot.kinds])
+        ends = np.array([self.robot.lower, self.robot.upper])
+        travel = np.where(slides, np.abs(ends).max(axis=0), 0.0)
+        lengths = np.hypot(self.robot.a, np.abs(self.robot.d) + travel)
         levers = np.zeros((len(self.capsules), count))
         for i, capsule in enumerate(self.capsules):
             k = capsule.link - 1
@@ -82,7 +86,11 @@ class Arm:
 
     def bends(self, start_deg: Array, goal_deg: Array) -> Array:
         """(n, c) mm: bound of |p''| over straight moves in joint space from (n, N) to (n, N), s from 0 to 1."""
-        ends = [self.robot.model_angles(np.asarray(q) * DEG, self.coupling) for q in (start_deg, goal_deg)]
-        turns = np.abs(ends[1] - ends[0])
+        units = self.robot.joint_units
+        ends = [self.robot.model_angles(np.asarray(q) * units, self.coupling) for q in (start_deg, goal_deg)]
+        slides = np.array([kind == "slides" for kind in self.robot.kinds])
+        moved = np.abs(ends[1] - ends[0])
+        turns, slid = np.where(slides, 0.0, moved), np.where(slides, moved, 0.0)
         before = np.cumsum(turns, axis=1) - turns
-        return (turns * (turns + 2.0 * before)) @ self._levers.T
+        carried = np.arange(1, self.robot.joints + 1) <= self.links[:, None]
+        return (turns * (turns + 2.0 * before)) @ self._levers.T + (2.0 * slid * before) @ carried.T

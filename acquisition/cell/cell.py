@@ -1,11 +1,12 @@
 """The cell file `cell.toml` (`truepose-cell/1`): which robot, which instrument, where, and what must not be hit.
 
-Lengths mm, angles deg, speeds mm/s and deg/s. Everything is checked here, by file and key, so that the rest
-of the program can believe a `Cell`.
+Lengths mm, angles deg, speeds mm/s and deg/s; joints deg, and mm where they slide. Everything is checked here, by file
+and key, so that the rest of the program can believe a `Cell`.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,9 +23,8 @@ from acquisition.cell.clearance import Clearance
 from acquisition.cell.obstacles import Obstacle, Table, read_fixtures, read_keep_out
 from acquisition.cell.position_uncertainty import stated
 from acquisition.errors import as_config_error
-from calib.arm import Load, Robot, load_robot
+from calib.arm import Load, Robot, built_in_robots, load_robot, own_robot_table, robot_from
 from calib.text import TomlTable, Vector, parse_toml, read_toml
-from calib.units import DEG
 from drivers import InstrumentDriver, Option, RobotDriver, TextOption, instrument_driver, robot_driver
 from drivers.errors import ConfigError
 
@@ -48,8 +48,10 @@ class NoiseFigures:
 class RobotSection:
     """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`.
 
+    Joints are counted in deg, and in mm where they slide, also where a name ends in `_deg`.
+
     home_deg: a posture over which every pose can be reached, where the cell file has one; options: what only its
-    driver uses.
+    driver uses; file: the parsed robot file of a robot that is not in the library.
     """
 
     model: Robot
@@ -63,7 +65,9 @@ class RobotSection:
     keep_out: tuple[Obstacle, ...]
     home_deg: tuple[float, ...] | None
     repeatability_deg: float
+    repeatability_mm: float
     options: Mapping[str, float | str] = field(default_factory=dict)
+    file: Mapping[str, Any] | None = None
 
     @property
     def declared(self) -> RobotDriver:
@@ -71,8 +75,32 @@ class RobotSection:
         return robot_driver(self.driver)
 
     def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
-        """(n, N) rad: angles of the kinematic model where the controller counts (n, N) deg."""
-        return self.model.model_angles(np.asarray(joints_deg, dtype=np.float64) * DEG, self.coupling)
+        """(n, N) joints of the kinematic model, rad or mm, where the controller counts (n, N) deg or mm."""
+        counted = np.asarray(joints_deg, dtype=np.float64) * self.model.joint_units
+        return self.model.model_angles(counted, self.coupling)
+
+    def counted(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """(n, N) deg or mm: what the controller counts at joints (n, N) of the model, rad or mm."""
+        counted = self.model.controller_angles(np.asarray(joints, dtype=np.float64), self.coupling)
+        return counted / self.model.joint_units
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """(N, 2) limits of the joints as the controller counts them, rad or mm."""
+        return np.array(self.limits_deg) * self.model.joint_units[:, None]
+
+    def named(self, k: int) -> str:
+        """The joint with index k, from 0, in words: 'joint 3', 'axis e1'."""
+        axis = self.model.axes[k]
+        return f"joint {axis[1:]}" if axis.startswith("j") else f"axis {axis}"
+
+    def said(self, joints_deg: Sequence[float] | NDArray[np.float64], decimals: int | None = None) -> str:
+        """Joints in words, as the controller counts them: '90, 0, -45 deg', or each with its unit where some slide."""
+        numbers = [f"{q:g}" if decimals is None else f"{q:.{decimals}f}" for q in joints_deg]
+        if not self.model.slides:
+            return f"{', '.join(numbers)} deg"
+        each = zip(self.model.axes, numbers, self.model.units, strict=True)
+        return ", ".join(f"{axis} {number} {unit}" for axis, number, unit in each)
 
 
 @dataclass(frozen=True)
@@ -192,9 +220,10 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
             raise simulation.refuse(
                 "misplaced_mm", f"names {place}, which is neither nest nor target.", "Correct the name."
             )
+    robot = _robot(top.table("robot"), beside)
     return Cell(
         name=top.text("name"),
-        robot=_robot(top.table("robot"), beside),
+        robot=robot,
         instrument=_instrument(top.table("instrument")),
         nests=nests,
         nests_u_mm=stated(world, "nests_u_mm", nests),
@@ -202,8 +231,20 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
         fixtures=tuple(read_fixtures(top)),
         time_scale=simulation.number("time_scale", 1.0, low=1e-3, high=1e6),
         rehearsed=simulation.text("operator", "person", ("person", "confirms")) == "confirms",
-        source=source or tomli_w.dumps(table),
+        source=_whole(source, table, robot.file),
     )
+
+
+def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None) -> str:
+    """The text of the cell file with the robot file that it names: a record is read where that file is not."""
+    if file is None or "file" in table["robot"]:
+        return source or tomli_w.dumps(table)
+    if source:  # behind the text, which keeps its comments, where TOML allows that: it adds nothing to robot = { ... }
+        whole = f"{source.rstrip()}\n\n{tomli_w.dumps({'robot': {'file': file}})}"
+        with suppress(tomllib.TOMLDecodeError):
+            tomllib.loads(whole)
+            return whole
+    return tomli_w.dumps({**table, "robot": {**table["robot"], "file": file}})
 
 
 @as_config_error()
@@ -221,16 +262,26 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
     table.only(
         (
             *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
-            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg"),
+            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg", "repeatability_mm", "file"),
             *(option.key for option in options),
         )
     )
     model = table.text("model")
     with as_config_error(f"{table.file}, key 'robot.model': "):
-        robot = load_robot(model, beside)
+        file = table.values.get("file") or own_robot_table(model, beside)
+        robot = load_robot(model) if file is None else robot_from(file, Path(model))
+    if robot.name in built_in_robots() and robot.name != model:
+        raise table.refuse(
+            "model",
+            f"is the file of a robot with the name of one of the library, '{robot.name}'.",
+            "Give it another name.",
+        )
     driver = table.text("driver")
     _refuse_undriven(table, robot, driver)
-    own = [(low / DEG, high / DEG) for low, high in zip(robot.lower, robot.upper, strict=True)]
+    own = [
+        tuple(pair)
+        for pair in (np.column_stack([robot.lower, robot.upper]) / robot.joint_units[:, None]).tolist()
+    ]
     rows = table.rows("limits_deg", 2, default=own)
     if len(rows) != robot.joints:
         raise table.refuse(
@@ -257,28 +308,35 @@ def _robot(table: TomlTable, beside: Path | None) -> RobotSection:
         keep_out=tuple(read_keep_out(table)),
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
+        repeatability_mm=table.number("repeatability_mm", 0.003, low=0.0),
         options=_options(table, options),
+        file=file,
     )
 
 
 def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
-    """Refuse a robot with joints that its driver does not drive: mm must never be sent where degrees are meant."""
-    slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
-    do = (
-        "Drive it by its own controller, write joints and readings into a data set (NAME.csv, NAME.toml) and identify "
-        "from that; or give the robot file without that axis where it stands still."
-    )
-    if slides:
-        raise table.refuse(
-            "model",
-            f"'{robot.name}' has joints that slide ({', '.join(slides)}), and no driver moves those.",
-            do,
-        )
+    """Refuse a robot with joints that its driver does not drive: mm must never be sent where degrees are meant.
+
+    A person drives any.
+    """
     try:
         declared = robot_driver(driver)
     except ConfigError:
         return  # whoever needs the driver says so
-    if not declared.by_hand and robot.joints != declared.joints:
+    if declared.by_hand:
+        return
+    slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
+    do = (
+        'Drive it by hand (driver = "manual"); or by its own controller, write joints and readings into a data set '
+        "(NAME.csv, NAME.toml) and identify from that; or give the robot file without that axis where it stands still."
+    )
+    if slides:
+        raise table.refuse(
+            "model",
+            f"'{robot.name}' has joints that slide ({', '.join(slides)}), and the driver '{driver}' moves none.",
+            do,
+        )
+    if robot.joints != declared.joints:
         raise table.refuse(
             "model",
             f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {declared.joints}.",

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from acquisition.cell.arm import Arm
 from acquisition.cell.obstacles import Array, Obstacle, Post
-from calib.units import DEG
 
 NEAREST_MM = 1.0  # what comes nearer touches
 _AT_ONCE = 256  # moves, to bound the memory
@@ -210,7 +209,9 @@ def _lowest(lines: Array, across: Array) -> Array:
 def _stances(arm: Arm) -> Array:
     """(n, N) deg: joints 1 and 2 over the whole range of the robot, the others at nought."""
     robot = arm.robot
-    first, second = (np.linspace(robot.lower[j], robot.upper[j], _STANCES) / DEG for j in (0, 1))
+    first, second = (
+        np.linspace(robot.lower[j], robot.upper[j], _STANCES) / robot.joint_units[j] for j in (0, 1)
+    )
     out = np.zeros((_STANCES**2, robot.joints))
     out[:, 0], out[:, 1] = (grid.ravel() for grid in np.meshgrid(first, second))
     return out

@@ -58,6 +58,11 @@ def open_devices(
         limits_deg=cell.robot.limits_deg,
         wire=wire,
         **({"reach_mm": _reach_mm(cell)} if cell.robot.declared.takes_reach else {}),
+        **(
+            {"axes": cell.robot.model.axes, "units": cell.robot.model.units}
+            if cell.robot.declared.by_hand
+            else {}
+        ),
         **cell.robot.options,
     )
     instrument = open_instrument(

@@ -7,7 +7,6 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array
 from calib.arm import BRANCHES, inverse_kinematics, within_limits
-from calib.units import DEG
 
 
 def configurations(cell: Cell, flange: Array, seed_deg: Array | None = None) -> Array:
@@ -18,12 +17,12 @@ def configurations(cell: Cell, flange: Array, seed_deg: Array | None = None) -> 
     inverse kinematics here.
     """
     robot, coupling = cell.robot.model, cell.robot.coupling
-    low, high = np.array(cell.robot.limits_deg).T * DEG
-    near = np.zeros(robot.joints) if seed_deg is None else np.asarray(seed_deg) * DEG
+    low, high = cell.robot.limits.T
+    near = np.zeros(robot.joints) if seed_deg is None else np.asarray(seed_deg) * robot.joint_units
     # Whole turns are counted where the limits are: in the controller's angles.
     seed = np.broadcast_to(robot.model_angles(near[None], coupling), (len(flange), robot.joints))
     found = inverse_kinematics(robot, flange, seed=seed).joints[:, : len(BRANCHES)]
     joints = np.full((len(flange), len(BRANCHES), robot.joints), np.nan)
     joints[:, : found.shape[1]] = found
     counted = robot.controller_angles(joints, coupling)
-    return within_limits(counted, near, low, high, slides=robot.slides) / DEG
+    return within_limits(counted, near, low, high, slides=robot.slides) / robot.joint_units

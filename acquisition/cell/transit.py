@@ -50,8 +50,8 @@ class Transit:
             if all(found is None for _, found in over):
                 return [self._home, tuple(goal_deg)]
             tried += [f"{where}, {found.during}" for where, found in over if found is not None]
-        shown = ", ".join(f"{q:.1f}" for q in start_deg)
-        raise NoClearWay(f"no way from {shown} deg is clear: {'; '.join(tried)}", command="move")
+        shown = self._cell.robot.said(start_deg, 1)
+        raise NoClearWay(f"no way from {shown} is clear: {'; '.join(tried)}", command="move")
 
 
 def home_of(cell: Cell) -> Joints | None:

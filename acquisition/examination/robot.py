@@ -15,7 +15,6 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.identity import OtherDevice, match_robot
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
-from calib.units import DEG
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
 from drivers.errors import Busy, CannotStop, EmergencyStop, SafetyStop, WrongMode
@@ -106,12 +105,12 @@ def _geometry(cell: Cell, chart: Chart, nominal: DhNumbers) -> None:
 def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
     """The posture must be one that this robot can take: else the robot or its joint matrix is another one."""
     robot = cell.robot.model
-    shown = " ".join(f"{q:.2f}" for q in joints_deg) + " deg"
+    shown = cell.robot.said(joints_deg, 2) if len(joints_deg) == robot.joints else ""
     joints = np.array(joints_deg)
     if len(joints) != robot.joints:
         chart.fault("position", OtherDevice(f"it has {len(joints)} joints, {robot.name} has {robot.joints}"))
         return
-    reach = np.array([robot.lower, robot.upper]) / DEG
+    reach = np.array([robot.lower, robot.upper]) / robot.joint_units
     low, high = np.array(cell.robot.limits_deg).T
     impossible = np.flatnonzero((joints < reach[0]) | (joints > reach[1]))
     outside = np.flatnonzero((joints < low) | (joints > high))
@@ -121,7 +120,8 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
         chart.fault(
             "position",
             OtherDevice(
-                f"joint {i + 1} is at {joints[i]:.2f} deg, {robot.name} reaches {reach[0, i]:g} to {reach[1, i]:g}",
+                f"{cell.robot.named(i)} is at {joints[i]:.2f} {robot.units[i]}, "
+                f"{robot.name} reaches {reach[0, i]:g} to {reach[1, i]:g}",
                 what_to_do="Check model and joint_coupling of the cell file, and the robot's own zero marks.",
             ),
         )
@@ -129,7 +129,7 @@ def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
         i = int(outside[0])
         chart.note(
             "position",
-            f"{shown}; joint {i + 1} is outside the cell's {low[i]:g} to {high[i]:g}",
+            f"{shown}; {cell.robot.named(i)} is outside the cell's {low[i]:g} to {high[i]:g}",
             "Jog the robot within the limits before a campaign: nobody has checked the path there.",
         )
     elif contact is not None:

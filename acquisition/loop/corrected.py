@@ -22,21 +22,21 @@ from calib.compensate import Correction, correct
 from calib.data import Dataset
 from calib.diagnose import Diagnosis
 from calib.model import FLANGE, RobotModel, StatedConditions, series_of
-from calib.units import DEG
 
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
+_LEVER_MM = 500.0  # that turns an angle into a length
 _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 
 
 def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
-    """Corrections of joint targets (n, N), deg, within the cell's limits with room for the approach.
+    """Corrections of joint targets (n, N), deg or mm, within the cell's limits with room for the approach.
 
     Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
     """
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
-    final = diagnosis.final
+    final, units = diagnosis.final, cell.robot.model.joint_units
     room = 10.0**-DECIMALS  # what rounding may add
-    limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * DEG
+    limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * units[:, None]
     done = correct(
         final.model,
         final.estimate,
@@ -76,12 +76,13 @@ def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array)
     final, header = diagnosis.final, dataset.header
     series = next(iter(final.model.targets))
     stated = StatedConditions(series=series, temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
-    joints = header.robot.model_angles(goals_deg * DEG, header.coupling)
+    robot = header.robot
+    joints = robot.model_angles(goals_deg * robot.joint_units, header.coupling)
+    lever = np.where([kind == "slides" for kind in robot.kinds], 1.0, _LEVER_MM)
     at = correct(final.model, final.estimate, joints, stated).joints
     for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
-        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at)
-        # An arm of half a metre turns an angle into a length.
-        if 500.0 * float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
+        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at) * lever
+        if float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
             return True
     return False
 

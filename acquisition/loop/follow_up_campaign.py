@@ -66,7 +66,8 @@ def candidates_in(cell: Cell, found: Identification, seed: int = 0) -> Condition
                 targets += [name] * len(drawn)
     if len(joints) < POSES:
         raise too_few(cell, len(joints), POSES, names)
-    return later_visits(found, np.array(joints) * DEG, np.array(sides), np.array(approach), targets)
+    units = cell.robot.model.joint_units
+    return later_visits(found, np.array(joints) * units, np.array(sides), np.array(approach), targets)
 
 
 def fits(cell: Cell, found: Identification) -> bool:
@@ -100,7 +101,8 @@ def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[st
         if like is None
         else {"settle_s": like.settle_s, "samples": like.samples, "retries": like.retries}
     )
-    joints = np.round(follow_up.joints / DEG, DECIMALS).tolist()
+    units = follow_up.rivals[0].fitted.model.robot.joint_units
+    joints = np.round(follow_up.joints / units, DECIMALS).tolist()
     offsets = np.round(-follow_up.sides * follow_up.approach / DEG, DECIMALS).tolist()
     blocks: dict[tuple[str, float], list[list[float]]] = {}
     for pose, offset, target in zip(joints, offsets, follow_up.targets, strict=True):

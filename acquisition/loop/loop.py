@@ -284,7 +284,7 @@ def verify(
         goals = wanted[begin : begin + size]
         stated = conditions_soon(equipment, dataset, first, last)
         done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
-        joints = np.round(done.joints / DEG, DECIMALS)
+        joints = np.round(done.joints / equipment.cell.robot.model.joint_units, DECIMALS)
         keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
         refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
         goals, joints = goals[keep], joints[keep]
@@ -336,7 +336,8 @@ def new_targets(
     drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
     goals = np.array([pose.joints_deg for pose in drawn])
     done = correction(cell, diagnosis, goals, stated)
-    near_table = done.good & ~clear(cell, np.where(done.good[:, None], done.joints / DEG, goals))
+    corrected = done.joints / cell.robot.model.joint_units
+    near_table = done.good & ~clear(cell, np.where(done.good[:, None], corrected, goals))
     good = done.good & ~near_table
     end = int(np.flatnonzero(good)[:poses][-1]) if good.any() else -1
     reasons = [r for r in done.reasons[: end + 1] if r]

@@ -24,6 +24,7 @@ from acquisition.cell.cell import Cell, read_cell
 from acquisition.cell.devices import Devices, open_devices
 from acquisition.loop.loop import Targets
 from acquisition.run.run import checked_plan
+from calib.arm import Robot
 from calib.text import replace_file
 from drivers.link import WireLog, WireSink
 
@@ -159,12 +160,12 @@ def open_wired(cell: Cell, ports: Mapping[str, int], wire: WireSink) -> Devices:
     return open_devices(cell, robot_url=robot, instrument_url=instrument, wire=wire)
 
 
-def targets_csv(targets: Targets) -> str:
-    """Wanted and corrected joint angles of the verified poses, deg."""
+def targets_csv(targets: Targets, robot: Robot) -> str:
+    """Wanted and corrected joints of the verified poses as the controller counts them, deg or mm."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    joints = range(1, targets.wanted.shape[1] + 1)
-    writer.writerow(["target_id", *(f"wanted{k}_deg" for k in joints), *(f"j{k}_deg" for k in joints)])
+    wanted = [f"wanted{column.removeprefix('j')}" for column in robot.joint_columns]
+    writer.writerow(["target_id", *wanted, *robot.joint_columns])
     for i, (wanted, sent) in enumerate(zip(targets.wanted, targets.corrected, strict=True), start=1):
         writer.writerow([i, *(f"{q:.4f}" for q in (*wanted, *sent))])
     return text.getvalue()

@@ -132,11 +132,12 @@ def _columns(rows: list[Reading], series: list[str], cell: Cell) -> dict[str, li
         "t_s": [_text(row.t_s, 3) for row in rows],
         "visit": ["" if row.arrival is None else str(row.arrival) for row in rows],
     }
-    every = range(1, cell.robot.model.joints + 1)
-    columns |= _spread([f"j{k}_deg" for k in every], [row.joints for row in rows], 6)
-    columns |= _spread([f"j{k}_read_deg" for k in every], [row.reached for row in rows], 5)
-    columns |= _spread([f"approach{k}" for k in every], [row.sides for row in rows], 0)
-    columns |= _spread([f"prev{k}_deg" for k in every], [row.approach for row in rows], 6)
+    robot = cell.robot.model
+    read_back = [f"{axis}_read_{unit}" for axis, unit in zip(robot.axes, robot.units, strict=True)]
+    columns |= _spread(list(robot.joint_columns), [row.joints for row in rows], 6)
+    columns |= _spread(read_back, [row.reached for row in rows], 5)
+    columns |= _spread(list(robot.approach_columns), [row.sides for row in rows], 0)
+    columns |= _spread(list(robot.previous_columns), [row.approach for row in rows], 6)
     columns["tool_target"] = [row.target if row.target in cell.tool.targets else "" for row in rows]
     if any(row.base_target is not None for row in rows):
         columns |= _balls(rows, cell)
@@ -183,7 +184,8 @@ def _text(value: float | None, decimals: int) -> str:
 
 def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
     noise = cell.instrument.noise
-    robot = {"repeatability_deg": cell.robot.repeatability_deg}
+    slides = {"repeatability_mm": cell.robot.repeatability_mm} if cell.robot.model.slides else {}
+    robot = {"repeatability_deg": cell.robot.repeatability_deg, **slides}
     if cell.instrument.declared.measures_lengths:
         # There are no points in such a data set; the key must be there.
         return {"kind": "isotropic", "sigma_mm": noise.length_mm, "length_mm": noise.length_mm, **robot}
@@ -232,6 +234,7 @@ def _header(
     return {
         "format": "truepose-dataset/1",
         "robot": cell.robot.model.name,
+        **({"robot_file": cell.robot.file} if cell.robot.file else {}),
         "instrument": cell.instrument.name,
         **({"simulated": True} if simulated else {}),
         "world": "nominal",

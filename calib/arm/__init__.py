@@ -19,7 +19,17 @@ from calib.arm.kinematics import (
     nominal_values,
     propagate,
 )
-from calib.arm.robot import FARTHEST_MM, MOST_TURN, Load, Robot, built_in_robots, load_robot, refuse_slides
+from calib.arm.robot import (
+    FARTHEST_MM,
+    MOST_TURN,
+    Load,
+    Robot,
+    built_in_robots,
+    load_robot,
+    own_robot_table,
+    refuse_slides,
+    robot_from,
+)
 from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, of_base_points, with_sides
 
 __all__ = [
@@ -47,8 +57,10 @@ __all__ = [
     "nearest_turns",
     "nominal_values",
     "of_base_points",
+    "own_robot_table",
     "propagate",
     "refuse_slides",
+    "robot_from",
     "stances",
     "stances_among",
     "with_sides",

@@ -200,16 +200,26 @@ def load_robot(name: str, beside: Path | None = None) -> Robot:
 
     Raises DataError when there is no such robot or its file is not a robot file.
     """
-    path = BUILT_IN / f"{name}.toml"
-    if name not in built_in_robots():
-        path = (beside or Path()) / name
-        if path.suffix != ".toml" or not _is_file(path):
-            raise DataError(
-                f"unknown robot '{name}'.",
-                do=f"{did_you_mean(name, built_in_robots())}Name one of 'truepose robot list', or a robot .toml file.",
-                key="robot",
-            )
-    return _robot_from(read_toml(path)[1], path)
+    path = _path_of(name, beside)
+    return robot_from(read_toml(path)[1], path)
+
+
+def own_robot_table(name: str, beside: Path | None = None) -> dict[str, Any] | None:
+    """The parsed robot file that `name` says, for `robot_from`; None for a built-in robot. Raises DataError."""
+    return None if name in built_in_robots() else read_toml(_path_of(name, beside))[1]
+
+
+def _path_of(name: str, beside: Path | None) -> Path:
+    if name in built_in_robots():
+        return BUILT_IN / f"{name}.toml"
+    path = (beside or Path()) / name
+    if path.suffix != ".toml" or not _is_file(path):
+        raise DataError(
+            f"unknown robot '{name}'.",
+            do=f"{did_you_mean(name, built_in_robots())}Name one of 'truepose robot list', or a robot .toml file.",
+            key="robot",
+        )
+    return path
 
 
 def _is_file(path: Path) -> bool:
@@ -219,7 +229,8 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _robot_from(table: dict[str, Any], path: Path) -> Robot:
+def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
+    """The robot of a parsed robot file; `path`: of the file that holds it, for refusals. Raises DataError."""
     if table.get("format") != FORMAT:
         raise DataError(
             f"format is {table.get('format')!r}.",
@@ -303,7 +314,7 @@ def _joint_matrix(entry: dict[str, Any], kinds: Sequence[JointKind], path: Path,
 
 
 def _twisted(
-    table: dict[str, Any], convention: Convention, alpha: Sequence[float], path: Path
+    table: Mapping[str, Any], convention: Convention, alpha: Sequence[float], path: Path
 ) -> tuple[int, ...]:
     """The links whose beta is the twist of `parallel_axes`, which names axes parallel to the one before them."""
     axes = tuple(int(k) for k in table.get("parallel_axes", ()))

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.arm.robot import Load, Robot, load_robot, parse_loads
+from calib.arm.robot import Load, Robot, built_in_robots, load_robot, parse_loads, robot_from
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.data.noise import Kind, Noise
 from calib.data.occasion import KEYS as OCCASION_KEYS
@@ -27,6 +27,7 @@ _KEYS = {
     *(
         "format",
         "robot",
+        "robot_file",
         "instrument",
         "world",
         "joint_coupling",
@@ -132,7 +133,7 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
     unknown = _unknown(table)  # before anything is missed: a mistyped key is why
     table.text("format", allowed=(FORMAT,))
     try:
-        robot = load_robot(table.text("robot"), path.parent)
+        robot = _robot(table, path)
     except DataError as error:
         if error.file is not None:
             raise
@@ -221,6 +222,22 @@ def _names(table: TomlTable, key: str) -> tuple[str, ...]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise table.refuse(key, f"is {names!r}.", 'Give a list of names, ["d2", "beta3"].')
     return tuple(names)
+
+
+def _robot(table: TomlTable, path: Path) -> Robot:
+    """The robot of the library or of a robot file that `robot` names, else that of the file within the header."""
+    if "robot_file" not in table.values:
+        return load_robot(table.text("robot"), path.parent)
+    robot = robot_from(table.table("robot_file").values, path)
+    if robot.name != table.text("robot"):
+        raise table.refuse(
+            "robot_file", f"is that of '{robot.name}'.", f'Give both the same name: robot = "{robot.name}".'
+        )
+    if robot.name in built_in_robots():
+        raise table.refuse(
+            "robot_file", f"has the name of a robot of the library, '{robot.name}'.", "Give it another name."
+        )
+    return robot
 
 
 def _priors(table: TomlTable) -> dict[str, float]:

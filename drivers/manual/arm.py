@@ -1,7 +1,8 @@
 """A robot that a person drives by its pendant: every pose is a question, and its answer what the pendant shows.
 
-The target is shown to the resolution of the pendant. CONFIRM alone says that the pendant shows just that; where it
-shows something else, that is typed, and counts. Both are held against the request: farther off than `within_deg` the
+Joints that turn are in deg, those that slide in mm, also where a name ends in `_deg`: a pendant shows both to as many
+digits. The target is shown to the resolution of the pendant. CONFIRM alone says that the pendant shows just that; where
+it shows something else, that is typed, and counts. Both are held against the request: farther off than `within_deg` the
 robot is not where it should be, or the angles were mistyped, and the question is asked again with what looks wrong.
 
 Nothing moves by itself, and nothing can be stopped: `can_stop` is False, `stop` ends the waiting and says so.
@@ -27,7 +28,10 @@ _ROUNDING = 1e-9
 
 
 class ManualArm:
-    """One robot. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may stand, None: that."""
+    """One robot. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may stand, None: that.
+
+    axes, units: what each joint is called and counted in, deg or mm; empty: j1, j2, ..., all in deg.
+    """
 
     unverified_on_hardware = True
     can_stop = False
@@ -41,6 +45,8 @@ class ManualArm:
         speed_mm_s: float = 250.0,
         speed_deg_s: float = 20.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
+        axes: Sequence[str] = (),
+        units: Sequence[str] = (),
         resolution_deg: float = RESOLUTION_DEG,
         within_deg: float | None = None,
         serial: str = "",
@@ -49,12 +55,20 @@ class ManualArm:
         if limits_deg is None:
             raise ConfigError("limits_deg is needed: it says how many joints there are", device=name)
         self.name = name
-        self._names = tuple(f"J{i + 1}" for i in range(len(limits_deg)))
+        self._names = tuple(name.upper() for name in axes or [f"j{i + 1}" for i in range(len(limits_deg))])
+        self._units = tuple(units or ["deg"] * len(limits_deg))
+        self._unit = "deg or mm" if len(set(self._units)) > 1 else self._units[0]
         self._resolution_deg = resolution_deg
         self._within_deg = max(resolution_deg, within_deg or 0.0)
         self._decimals = max(0, math.ceil(-math.log10(resolution_deg) - _ROUNDING))
         self._caps = Caps(
-            speed_mm_s, speed_deg_s, limits_deg, joints=len(limits_deg), widest_deg=_WIDEST_DEG, device=name
+            speed_mm_s,
+            speed_deg_s,
+            limits_deg,
+            joints=len(limits_deg),
+            widest_deg=_WIDEST_DEG,
+            device=name,
+            units=self._units,
         )
         self._serial = serial
         self._wire = wire
@@ -90,7 +104,7 @@ class ManualArm:
     def position(self) -> JointReading:
         """The joints as a person last said, or says now. Raises NoOperator, and what asking raises."""
         if self._here is None:
-            entry = Entry(self._names, "deg")
+            entry = Entry(self._names, self._unit)
             rows, raw = self._questions.numbers(
                 f"Type the joint angles that the pendant shows now. {BY_HAND[:1].upper()}{BY_HAND[1:]}.",
                 entry,
@@ -114,7 +128,7 @@ class ManualArm:
         for each in (*over_deg, joints_deg):
             self._caps.check(each)
         target = tuple(self._shown(q) for q in joints_deg)
-        entry = Entry(self._names, "deg", target, needed=False)
+        entry = Entry(self._names, self._unit, target, needed=False)
         way = "".join(f"over {self._listed(each)}, " for each in over_deg)
         self._here = None  # from the question on it may be moving
         rows, raw = self._questions.numbers(
@@ -143,10 +157,10 @@ class ManualArm:
         return f"{round(q / self._resolution_deg) * self._resolution_deg + 0.0:.{self._decimals}f}"
 
     def _listed(self, joints_deg: Sequence[float]) -> str:
-        return (
-            ", ".join(f"{name} {self._shown(q)}" for name, q in zip(self._names, joints_deg, strict=True))
-            + " deg"
-        )
+        numbers = [f"{name} {self._shown(q)}" for name, q in zip(self._names, joints_deg, strict=True)]
+        if len(set(self._units)) > 1:
+            return ", ".join(f"{one} {unit}" for one, unit in zip(numbers, self._units, strict=True))
+        return f"{', '.join(numbers)} {self._units[0]}"
 
     def _outside(self, rows: Sequence[Row]) -> Mistyped | None:
         """One row, within the limits: else the robot was jogged where no path was checked."""
@@ -155,7 +169,7 @@ class ManualArm:
         try:
             self._caps.check(rows[0].values)
         except JointLimit as error:
-            return Mistyped("limit", "", error.message)
+            return Mistyped("limit", "", f"{error.message}: jog it to within its limits first")
         return None
 
     def _wrong(self, rows: Sequence[Row], target: Sequence[str]) -> Mistyped | None:
@@ -169,12 +183,14 @@ class ManualArm:
         worst = max(range(len(asked)), key=lambda i: abs(rows[0].values[i] - asked[i]))
         slip = slip_of(rows[0], asked, _ROUNDING)
         typed = rows[0].texts[worst]
-        far = f"{self._names[worst]} at {typed} deg is {off:g} deg from the {target[worst]} deg asked for"
+        unit = self._units[worst]
+        far = f"{self._names[worst]} at {typed} {unit} is {off:g} {unit} from the {target[worst]} {unit} asked for"
         if slip is not None:
             name = self._names[worst] if slip.index is None else self._names[slip.index]
-            words = f"{far}: {in_words(slip, self._names, 'deg')}"
+            of_slip = self._unit if slip.index is None else self._units[slip.index]
+            words = f"{far}: {in_words(slip, self._names, of_slip)}"
             doubtful = off <= self._within_deg + _ROUNDING
             return (Doubt if doubtful else Mistyped)(slip.reason, name, words)
         if off > self._within_deg + _ROUNDING:
-            return Mistyped("far", self._names[worst], f"{far}; {self._within_deg:g} deg are allowed")
+            return Mistyped("far", self._names[worst], f"{far}; {self._within_deg:g} {unit} are allowed")
         return self._outside(rows)

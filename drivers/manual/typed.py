@@ -17,7 +17,10 @@ _NUMBER = re.compile(r"[+-]?\d{1,9}(?:[.,]\d{1,12})?")
 _SEPARATORS = re.compile(r"[\s;|]+|,(?=\s)")
 _NAMED = re.compile(r"(?P<name>[A-Za-z]\w{0,15})[:=](?P<rest>.*)")
 _MM = {"mm": 1.0, "m": 1000.0, "in": 25.4}
-UNITS: dict[str, dict[str, float]] = {unit: {unit: 1.0} for unit in _MM} | {"deg": {"deg": 1.0, "°": 1.0}}
+UNITS: dict[str, tuple[str, ...]] = {unit: (unit,) for unit in _MM} | {
+    "deg": ("deg", "°"),
+    "deg or mm": ("deg", "°", "mm"),
+}
 """What may stand behind numbers in each unit."""
 MM_OF = _MM
 """Millimetres in one of each unit of length."""

@@ -17,6 +17,7 @@ from typing import NoReturn
 from mocks.shared.arm_device import ArmDevice, Outcome
 from mocks.shared.clock import CellClock
 from mocks.shared.sockets import drop
+from mocks.world.robots import Robot
 
 MODES = {"auto": 1, "manual": 2, "manual_full": 3}
 LOG_EVERY_S = 0.1
@@ -35,9 +36,10 @@ def fletcher(text: str) -> int:
 class AbbController:
     """Two RAPID tasks: `serve_main` (5000) and `serve_background` (5001)."""
 
-    def __init__(self, arm: ArmDevice, clock: CellClock, *, stock: bool = False) -> None:
+    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, stock: bool = False) -> None:
         self.arm = arm
         self.clock = clock
+        self.robot = robot
         self.stock = stock
         self.lose_first_reply = False
         self.speed = [100.0, 50.0]  # mm/s, deg/s: what open_abb starts with
@@ -113,12 +115,16 @@ class AbbController:
         """LOGGER pushes records without end marks: `# 0` position (not simulated: zeros), `# 1` joints."""
         stamp = "11-21-2026 12:00:00"
         while True:
-            joints = " ".join(f"{q:.2f}" for q in self.arm.joints_deg())
+            joints = " ".join(f"{q:.2f}" for q in self.joints_deg())
             t = self.clock.now()
             writer.write(f"# 0 {stamp} {t:.2f} 0.0 0.0 0.0 1.000 0.000 0.000 0.000 ".encode())
             writer.write(f"# 1 {stamp} {t:.2f} {joints} ".encode())
             await writer.drain()
             await asyncio.sleep(LOG_EVERY_S)
+
+    def joints_deg(self) -> tuple[float, ...]:
+        """Where the arm is now, as the controller counts."""
+        return self.robot.counting.counted(self.arm.joints_deg())
 
     # -- requests -----------------------------------------------------------------------------------------
 
@@ -165,11 +171,11 @@ class AbbController:
         if code == 3:  # the cell has no forward kinematics of the controller: origin, identity
             return True, "0.00 0.00 0.00 1.000 0.000 0.000 0.000"
         if code == 4:
-            return True, " ".join(f"{q:.2f}" for q in self.arm.joints_deg())
+            return True, " ".join(f"{q:.2f}" for q in self.joints_deg())
         if code == 8:
             self.speed = values[:2]
         if code == 98:
-            return True, "120-500000*6.08.0134*IRB 120-3/0.6"
+            return True, f"120-500000*6.08.0134*{self.robot.shown}"
         return True, ""
 
     async def _numbered(self, code: int, values: list[float], *, background: bool, text: str = "") -> str:
@@ -195,7 +201,7 @@ class AbbController:
         elif code == 202:
             if not background and self._settle_s:
                 await self.clock.wait(self._settle_s, asyncio.Event())
-            data = " ".join(f"{q:.5f}" for q in self.arm.joints_deg()) + " "
+            data = " ".join(f"{q:.5f}" for q in self.joints_deg()) + " "
         elif code == 203:
             data = "0.0000 0.0000 0.0000 "
         elif code == 204:
@@ -245,7 +251,11 @@ class AbbController:
     async def _move(self, target: list[float]) -> Outcome:
         arm = self.arm
         self._stop_asked = self._watchdog_acted = False
-        arm.start(target, rate_deg_s=max(self.speed[1], 0.1), tool_mm_s=max(self.speed[0], 0.1))
+        arm.start(
+            self.robot.counting.to_model(target),
+            rate_deg_s=max(self.speed[1], 0.1),
+            tool_mm_s=max(self.speed[0], 0.1),
+        )
         guard = asyncio.create_task(self._guard()) if self._watchdog_s else None
         try:
             while True:

@@ -19,6 +19,7 @@ import numpy as np
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import CellClock
 from mocks.shared.sockets import Endpoint, Servers
+from mocks.world.robots import Counting
 
 EVERY_S = 0.1  # the state server waits so long between two states
 QUICKEST_S = 0.002  # on the wall, however fast the cell's clock runs
@@ -66,9 +67,10 @@ def point(data: bytes) -> Point | None:
 class SimpleMessageServers:
     """The two servers and the motion task of one controller."""
 
-    def __init__(self, arm: ArmDevice, clock: CellClock) -> None:
+    def __init__(self, arm: ArmDevice, clock: CellClock, counting: Counting) -> None:
         self.arm = arm
         self.clock = clock
+        self.counting = counting
         self.received: list[Point] = []
         self.throttle_s = 0.05  # until the motion task looks for a trajectory again
         self._one_motion = asyncio.Lock()
@@ -113,7 +115,7 @@ class SimpleMessageServers:
                 await asyncio.sleep(max(EVERY_S / self.clock.time_scale, QUICKEST_S))
 
     def _joints(self) -> bytes:
-        joints = (math.radians(q) for q in self.arm.joints_deg())
+        joints = (math.radians(q) for q in self.counting.counted(self.arm.joints_deg()))
         return message(10, 1, 0, i32(0) + f32(*joints, *[NO_AXIS] * 4))
 
     def _status(self) -> bytes:
@@ -151,7 +153,8 @@ class SimpleMessageServers:
         arm = self.arm
         await self.clock.wait(self.throttle_s, asyncio.Event())
         for i, each in enumerate(points):
-            far = max(abs(a - b) for a, b in zip(each.joints_deg, arm.joints_deg(), strict=True))
+            here = self.counting.counted(arm.joints_deg())
+            far = max(abs(a - b) for a, b in zip(each.joints_deg, here, strict=True))
             if (i == 0 and far < SKIP_DEG) or far == 0.0:
                 continue
             if not arm.can_move:
@@ -160,7 +163,8 @@ class SimpleMessageServers:
                 arm.supervise()
                 return
             rate = min(FASTEST_DEG_S, far / max(each.duration_s, 1e-3))
-            arm.start(each.joints_deg, rate_deg_s=rate, tool_mm_s=math.inf)
+            goal = self.counting.to_model(each.joints_deg)
+            arm.start(goal, rate_deg_s=rate, tool_mm_s=math.inf)
             while arm.moving:
                 arm.changed.clear()
                 await self.clock.wait(arm.left_s, arm.changed)

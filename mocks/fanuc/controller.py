@@ -1,7 +1,7 @@
 """Simulated Fanuc controller apart from its wires: angles as it counts them, its speeds, its alarms, its moves.
 
 The arm of the cell turns by the angles of the kinematic model; a Fanuc counts joint 3 from the horizontal and
-joints 4 to 6 the other way round: model = (J1, J2, -(J2 + J3), -J4, -J5, -J6). Its limits hold for its own angles.
+joints 4 to 6 the other way round (`Robot.counting`). Its limits hold for its own angles.
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from mocks.shared.clock import CellClock
 from mocks.world.kinematics import frames, nominal_geometry
 from mocks.world.robots import Robot
 
-LIMITS_DEG = ((-170, 170), (-60, 140), (-142, 230), (-190, 190), (-120, 120), (-360, 360))
 MAX_DEG_S = (350.0, 350.0, 400.0, 450.0, 450.0, 720.0)
 CNT_LEAD_S = 0.15  # a CNT move is over for the program while the arm still runs out
 NO_CAP_MM_S = 1e9  # a joint move has no cap on the speed of the tool
-MODEL = "LR Mate 200iC"
 
 
 class End(Enum):
@@ -33,13 +31,12 @@ class End(Enum):
 
 
 class FanucController:
-    """One controller over the cell's arm. `coupled` False: another maker's arm, angles pass as they are."""
+    """One controller over the cell's arm."""
 
-    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, coupled: bool) -> None:
+    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot) -> None:
         self.arm = arm
         self.clock = clock
         self.robot = robot
-        self.coupled = coupled
         self.alarm = (0, 0)  # facility and number of the active one
         self.last_word = time.monotonic()  # of the client; the watchdog guards the link, so: on the wall
         self.beat_s = 0.0
@@ -50,21 +47,18 @@ class FanucController:
 
     def to_model(self, q: Sequence[float]) -> tuple[float, ...]:
         """Angles of the model, deg, where the controller counts q."""
-        return (q[0], q[1], -(q[1] + q[2]), -q[3], -q[4], -q[5]) if self.coupled else tuple(q)
+        return self.robot.counting.to_model(q)
 
     def joints_deg(self) -> tuple[float, ...]:
         """Where the arm is now, as the controller counts."""
-        m = self.arm.joints_deg()
-        if not self.coupled:
-            return m
-        return (m[0], m[1], -m[2] - m[1] + 0.0, -m[3] + 0.0, -m[4] + 0.0, -m[5] + 0.0)  # no -0.0
+        return self.robot.counting.counted(self.arm.joints_deg())
 
     def pose(self) -> tuple[float, ...]:
         """x, y, z (mm) and w, p, r (deg) of the nominal flange; the origin lies at the height of joint 2.
 
         Turn = Rz(r) Ry(p) Rx(w).
         """
-        angles = [math.radians(q) for q in self.arm.joints_deg()]
+        angles = self.robot.internal(self.arm.joints_deg())
         flange = frames(self.robot.convention, nominal_geometry(self.robot), angles)[-1]
         x, y, z = (float(value) for value in flange[:3, 3])
         w = math.atan2(flange[2, 1], flange[2, 2])
@@ -73,8 +67,7 @@ class FanucController:
         return x, y, z - self.robot.links[0].d_mm, *(math.degrees(angle) for angle in (w, p, r))
 
     def within_limits(self, target: Sequence[float]) -> bool:
-        limits = LIMITS_DEG if self.coupled else self.arm.limits_deg
-        return all(low <= q <= high for q, (low, high) in zip(target, limits, strict=True))
+        return self.arm.within_limits(target)
 
     # -- state --------------------------------------------------------------------------------------------
 

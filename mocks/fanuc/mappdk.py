@@ -14,7 +14,7 @@ import asyncio
 import re
 import time
 
-from mocks.fanuc.controller import MODEL, End, FanucController
+from mocks.fanuc.controller import End, FanucController
 
 _SLOTS = 9  # joint values in an answer; missing axes are `none`
 _VALUE_CHARS = 14
@@ -142,7 +142,7 @@ class MappdkServer:
             return "1:wrong-command"
         arm, head = self.controller.arm, f"0:c={words[1]}"
         if words[0] == "calname":
-            return sealed(f"{head},v=2,{MODEL},V7.70P")
+            return sealed(f"{head},v=2,{self.controller.robot.shown},V7.70P")
         if words[0] == "calstat":
             flags = (arm.mode == "auto", arm.motors_on, arm.emergency_stop, arm.moving)
             bits = ",".join(f"{name}={int(flag)}" for name, flag in zip("apem", flags, strict=True))

@@ -12,10 +12,10 @@ from mocks.world.robots import Robot
 
 
 class Fanuc:
-    """One controller; `coupled` where the arm of the cell is a Fanuc."""
+    """One controller."""
 
-    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, stock: bool, coupled: bool) -> None:
-        self.controller = FanucController(arm, clock, robot, coupled=coupled)
+    def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, stock: bool) -> None:
+        self.controller = FanucController(arm, clock, robot)
         self.mappdk = MappdkServer(self.controller, stock=stock)
         self.modbus = {
             "fanuc-modbus-hmi": ("modbus-hmi", ModbusServer(HmiImage(self.controller))),

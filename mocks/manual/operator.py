@@ -2,8 +2,8 @@
 
 JSON lines over TCP: {"text": ..., "picture": ..., "entry": {...}} is answered by {"answer": "confirm", "typed": ...}.
 What to do is taken from the words, as a person does: the postures named there are driven to one after another, `J1
-12.50, J2 ... deg`; the name behind "Measure" is the target. The pendant shows what `resolution_deg` of the cell file
-lets it, and where `within_deg` allows it the hand is off by up to half of that.
+12.50 deg, E1 ... mm`; the name behind "Measure" is the target. The pendant shows what `resolution_deg` of
+the cell file lets it, mm where a joint slides, and where `within_deg` allows it the hand is off by up to half of that.
 """
 
 from __future__ import annotations
@@ -21,29 +21,24 @@ from mocks.cell_file import CellFile
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import CellClock
 from mocks.shared.tracker_device import TrackerDevice
+from mocks.world.robots import Robot
 
 HAND_STREAM = 43
 HAND_DEG_S, HAND_MM_S = 10.0, 100.0  # of jogging
 READING_S = 5.0  # from looking at the display to the last digit
 _MM = {"mm": 1.0, "m": 1000.0, "in": 25.4}
-_POSTURE = re.compile(r"J1 -?\d[^:;]*? deg")
-_ANGLE = re.compile(r"J\d+ (-?\d+(?:\.\d+)?)")
+_NUMBER = r"(-?\d+(?:\.\d+)?)(?: deg| mm)?"
 
 
 class SimulatedPerson:
-    """One person for robot and instrument. `to_model`: from what the pendant counts; `pendant`: what it says, deg."""
+    """One person for robot and instrument; the pendant counts joints as the controller of `robot` does."""
 
     def __init__(
-        self,
-        cell: CellFile,
-        arm: ArmDevice,
-        tracker: TrackerDevice,
-        clock: CellClock,
-        to_model: Callable[[Sequence[float]], tuple[float, ...]],
-        pendant: Callable[[], Sequence[float]],
+        self, cell: CellFile, arm: ArmDevice, tracker: TrackerDevice, clock: CellClock, robot: Robot
     ) -> None:
         self._cell, self._arm, self._tracker, self._clock = cell, arm, tracker, clock
-        self._to_model, self._pendant = to_model, pendant
+        self._counting = robot.counting
+        self._posture = re.compile(", ".join(f"{name.upper()} {_NUMBER}" for name in robot.names))
         self._rng = np.random.default_rng([cell.seed, HAND_STREAM])
         self._last = ""
         self.slip: Callable[[str], str] | None = None  # what the next entry is mistyped to
@@ -73,7 +68,7 @@ class SimulatedPerson:
             return await self._read(text, entry["unit"])
         if what == "pendant":
             return self._shown()
-        postures = [[float(q) for q in _ANGLE.findall(each)] for each in _POSTURE.findall(text)]
+        postures = [[float(q) for q in each.groups()] for each in self._posture.finditer(text)]
         for number, posture in enumerate(postures, start=1):
             await self._drive(posture, off=number == len(postures))
         return "" if self._cell.within_deg is None else self._shown()
@@ -82,7 +77,7 @@ class SimulatedPerson:
         if off and self._cell.within_deg is not None:
             half = 0.5 * self._cell.within_deg
             posture = [self._rounded(q + float(self._rng.uniform(-half, half))) for q in posture]
-        self._arm.start(self._to_model(posture), HAND_DEG_S, HAND_MM_S)
+        self._arm.start(self._counting.to_model(posture), HAND_DEG_S, HAND_MM_S)
         await self._clock.wait(self._arm.left_s, asyncio.Event())
 
     def _rounded(self, q: float) -> float:
@@ -91,7 +86,8 @@ class SimulatedPerson:
     def _shown(self) -> str:
         """What the pendant shows."""
         decimals = max(0, math.ceil(-math.log10(self._cell.resolution_deg)))
-        return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in self._pendant())
+        shown = self._counting.counted(self._arm.joints_deg())
+        return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in shown)
 
     async def _read(self, text: str, unit: str) -> str:
         """What the instrument shows of the target."""

@@ -34,7 +34,7 @@ class Move:
     goal_deg: tuple[float, ...]
     start_s: float
     end_s: float
-    trail_deg: tuple[float, ...] = (0.0,) * 6  # by which the servos were behind when it began
+    trail_deg: tuple[float, ...]  # by which the servos were behind when it began
 
     def joints_deg(self, at_s: float) -> tuple[float, ...]:
         if at_s >= self.end_s:
@@ -63,22 +63,30 @@ class Move:
 
 @dataclass
 class ArmDevice:
-    """State of arm and controller panel. Times in simulated seconds, angles in degrees."""
+    """State of arm and controller panel. Times in simulated seconds, angles in degrees, mm of joints that slide.
+
+    `limits_deg` hold for the joints as the controller counts; all else is of the model's joints.
+    """
 
     now: Callable[[], float]
     limits_deg: Sequence[tuple[float, float]]
+    sliding: Sequence[bool] = ()  # none where empty
     mode: str = "auto"  # or "manual", "manual_full"
     motors_on: bool = True
     emergency_stop: bool = False
     hung: bool = False  # motion task stopped by supervision
-    previous_deg: tuple[float, ...] = (0.0,) * 6
-    sides: tuple[int, ...] = (1,) * 6
+    previous_deg: tuple[float, ...] = ()
+    sides: tuple[int, ...] = ()
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     sent_to: list[tuple[float, ...]] = field(default_factory=list)  # targets of all moves that began
-    trail_deg: Callable[[], tuple[float, ...]] = lambda: (0.0,) * 6  # by which servos are behind
+    servos_behind_deg: Callable[[], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
-        self._moves = Past(self.now, Move((0.0,) * 6, (0.0,) * 6, 0.0, 0.0))
+        joints = len(self.limits_deg)
+        nought = (0.0,) * joints
+        self.previous_deg, self.sides = nought, (1,) * joints
+        self.sliding = self.sliding or (False,) * joints
+        self._moves = Past(self.now, Move(nought, nought, 0.0, 0.0, nought))
 
     @property
     def move(self) -> Move:
@@ -96,7 +104,11 @@ class ArmDevice:
 
     def actual_deg(self) -> tuple[float, ...]:
         """Where the arm really is, behind its servos."""
-        return tuple(q - trail for q, trail in zip(self.joints_deg(), self.trail_deg(), strict=True))
+        return tuple(q - behind for q, behind in zip(self.joints_deg(), self.trail_deg(), strict=True))
+
+    def trail_deg(self) -> tuple[float, ...]:
+        """By which the servos are behind."""
+        return (0.0,) * len(self.limits_deg) if self.servos_behind_deg is None else self.servos_behind_deg()
 
     @property
     def moving(self) -> bool:
@@ -116,8 +128,10 @@ class ArmDevice:
     def start(self, target: Sequence[float], rate_deg_s: float, tool_mm_s: float) -> None:
         """Begin a move to `target`."""
         here = self.joints_deg()
-        far = [abs(b - a) for a, b in zip(here, target, strict=True)]
-        tool_mm = REACH_MM * max(far[:3]) * 0.0174533
+        moved = [abs(b - a) for a, b in zip(here, target, strict=True)]
+        far = [0.0 if slides else q for q, slides in zip(moved, self.sliding, strict=True)]
+        slid_mm = max(q if slides else 0.0 for q, slides in zip(moved, self.sliding, strict=True))
+        tool_mm = max(REACH_MM * max(far[:3]) * 0.0174533, slid_mm)
         self.previous_deg = here
         self.sides = tuple(
             (1 if b > a else -1) if abs(b - a) > _STILL_DEG else side
@@ -137,7 +151,7 @@ class ArmDevice:
     def put(self, joints_deg: Sequence[float]) -> None:
         """The arm stands there from now on, and nothing moved it."""
         here = tuple(joints_deg)
-        self._moves.change(Move(here, here, self.now(), self.now()))
+        self._moves.change(Move(here, here, self.now(), self.now(), (0.0,) * len(here)))
 
     def press_emergency_stop(self) -> None:
         self.emergency_stop, self.motors_on, self.hung = True, False, True

@@ -6,7 +6,6 @@ Adding it to the angles of the state gives the place and turn of the flange as i
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -26,9 +25,9 @@ _LIMBS = 5  # frames 0..4: the wrist is where the tool begins
 def state_at_rest(world: World, arm: ArmDevice, clock: CellClock) -> ArmState:
     """The state of the arm now, with the robot's repeatability in its last move."""
     now = clock.now()
-    error = np.degrees(world.arrival_error(arm.moves))
+    error = world.robot.outside(world.arrival_error(arm.moves).tolist())
     return ArmState(
-        joints_deg=tuple(q + float(e) for q, e in zip(arm.joints_deg(), error, strict=True)),
+        joints_deg=tuple(q + e for q, e in zip(arm.joints_deg(), error, strict=True)),
         previous_deg=arm.previous_deg,
         sides=arm.sides,
         t_s=now,
@@ -46,9 +45,8 @@ def target_frame(world: World, state: ArmState, name: str) -> Matrix:
 
 def limbs(world: World, arm: ArmDevice) -> list[Vector]:
     """Ends of the limbs of the nominal arm now, world frame, each (3,) mm."""
-    chain = frames(
-        world.robot.convention, nominal_geometry(world.robot), [math.radians(q) for q in arm.joints_deg()]
-    )
+    robot = world.robot
+    chain = frames(robot.convention, nominal_geometry(robot), robot.internal(arm.joints_deg()))
     return [np.zeros(3), *(frame[:3, 3] for frame in chain[:_LIMBS])]
 
 

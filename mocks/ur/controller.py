@@ -35,7 +35,7 @@ from mocks.world.kinematics import Geometry, nominal_geometry
 
 PERIOD_S = 0.008
 SECONDARY_S = 0.1
-MODELS = {"ur5": (1, "UR5"), "ur10": (2, "UR10")}
+TYPES = {"ur5": 1, "ur10": 2, "ur3": 3, "ur16": 4, "ur20": 7, "ur30": 8}  # those of the e-Series are the same
 SERIAL = "20155301234"
 NORMAL, PROTECTIVE_STOP, ROBOT_EMERGENCY_STOP = 1, 3, 7
 POWER_OFF, IDLE, RUNNING = 3, 5, 7
@@ -51,7 +51,10 @@ class UrController:
         self.clock = clock
         self.world = world
         self.servo = Servo(arm)
-        self.software: tuple[int, int, int, int] = (3, 15, 8, 106339)
+        name = world.robot.name
+        self._series = name.removesuffix("e")
+        of_today = name.endswith("e") or name in ("ur20", "ur30")
+        self.software: tuple[int, int, int, int] = (5, 11, 1, 108318) if of_today else (3, 15, 8, 106339)
         self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
         self._registers: Past[dict[int, int]] = Past(arm.now, {})
         self._doubles: Past[dict[int, float]] = Past(arm.now, {})
@@ -259,7 +262,7 @@ class UrController:
     def _dashboard(self, command: str) -> str:
         answers = {
             "get serial number": SERIAL,
-            "get robot model": MODELS.get(self.world.robot.name, (0, "UNKNOWN"))[1],
+            "get robot model": self._series.upper() if self._series in TYPES else "UNKNOWN",
             "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),
             "programState": "PLAYING" if self.runtime_state == PLAYING else "STOPPED",
         }
@@ -295,8 +298,7 @@ class UrController:
     def _description(self) -> bytes:
         """Configuration and kinematics. The factory's numbers are the true ones, without the twist beta."""
         limits = [(math.radians(low), math.radians(high)) for low, high in self.arm.limits_deg]
-        kind = MODELS.get(self.world.robot.name, (0, ""))[0]
-        nominal = configuration(kind, limits, _dh(nominal_geometry(self.world.robot)))
+        nominal = configuration(TYPES.get(self._series, 0), limits, _dh(nominal_geometry(self.world.robot)))
         return nominal + kinematics(_dh(self.world.geometry))
 
 

@@ -21,7 +21,7 @@ class Servo:
 
     def __init__(self, arm: ArmDevice) -> None:
         self.arm = arm
-        arm.trail_deg = lambda: tuple(map(math.degrees, self.trail()))
+        arm.servos_behind_deg = lambda: tuple(map(math.degrees, self.trail()))
 
     def target(self) -> Vector:
         return tuple(map(math.radians, self.arm.joints_deg()))

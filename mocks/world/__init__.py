@@ -4,7 +4,8 @@
 reading. Effects are named by the labels of the data contract. Their groups (catalogue.LAWS):
 
 transmission      periodic, encoder_scale, joint_offset, joint_step, joint_compliance, backlash, backlash_load,
-                  lost_motion, dead_zone, cubic_stiffness, coupling
+                  lost_motion, dead_zone, cubic_stiffness, coupling, slide_backlash,
+                  slide_scale
 structure         parallel_twist, link_torsion, bearing_tilt, pedestal
 frames_and_tool   payload_mass, payload_cog, tool_offset, tool_tilt, target_offset
 instrument        drift_translation, drift_rotation, tracker_scale

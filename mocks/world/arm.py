@@ -33,9 +33,9 @@ class ArmState:
 class Arm:
     """The working copy of one reading. Effects change it in place; then the chain is evaluated.
 
-    Angles rad, lengths mm, moments N.mm in the base frame, torques N.mm. `extra_angle` is added to the joint
-    angles, `lean` and `tilts` are rotation vectors (see kinematics.frames), `shove` moves the whole robot in
-    the world, `tool` moves all targets in the flange frame, `target_shift` single ones.
+    Angles rad, lengths mm, moments N.mm in the base frame, torques N.mm. `extra_angle` is added to the joints (rad,
+    mm of those that slide), `lean` and `tilts` are rotation vectors (see kinematics.frames), `shove` moves the whole
+    robot in the world, `tool` moves all targets in the flange frame, `target_shift` single ones.
     """
 
     state: ArmState
@@ -47,10 +47,10 @@ class Arm:
     nominal_chain: list[Matrix]
     t_mean_c: float
     air_c: Air
+    extra_angle: list[float]
     moments: list[Vector] = field(default_factory=list)
     torques: list[float] = field(default_factory=list)
     overturning: Vector = field(default_factory=lambda: np.zeros(3))
-    extra_angle: list[float] = field(default_factory=lambda: [0.0] * 6)
     lean: Vector | None = None
     tilts: dict[int, Vector] = field(default_factory=dict)
     shove: Matrix | None = None

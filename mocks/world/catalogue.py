@@ -19,7 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mocks.world import frames_and_tool, instrument, outside, structure, thermal, transmission
+from mocks.world import frames_and_tool, instrument, outside, slide, structure, thermal, transmission
 from mocks.world.draw import Material
 from mocks.world.effect import Effect
 from mocks.world.robots import Robot
@@ -39,6 +39,8 @@ LAWS: dict[str, tuple[str, Law]] = {
     "cubic_stiffness": ("transmission", transmission.cubic_stiffness),
     "coupling": ("transmission", transmission.coupling),
     "settling": ("procedure", transmission.settling),
+    "slide_backlash": ("transmission", slide.slide_backlash),
+    "slide_scale": ("transmission", slide.slide_scale),
     "thermal_joint": ("thermal", thermal.thermal_joint),
     "thermal_growth": ("thermal", thermal.thermal_growth),
     "warm_up": ("thermal", thermal.warm_up),
@@ -89,6 +91,8 @@ ARGUMENTS = {"periodic": 2, "coupling": 1, "target_offset": 1, "outside": 1} | d
         "dead_zone",
         "cubic_stiffness",
         "settling",
+        "slide_backlash",
+        "slide_scale",
         "thermal_joint",
         "parallel_twist",
         "link_torsion",
@@ -137,18 +141,22 @@ def demo_labels(robot: Robot) -> dict[str, list[str]]:
     Those that a campaign of random poses shows well: encoder scale only on joints that turn by 300 deg or
     more, backlash on joints 2..6, gear orders 1..5 and near the ratios of strain-wave gears.
     """
-    joints = range(1, len(robot.links) + 1)
-    wide = [k for k in joints if robot.range_deg[k - 1][1] - robot.range_deg[k - 1][0] >= 300.0]
+    turning = [name for name, slides in zip(robot.names, robot.sliding, strict=True) if not slides]
+    sliding = [name for name, slides in zip(robot.names, robot.sliding, strict=True) if slides]
+    width = {name: high - low for name, (low, high) in zip(robot.names, robot.range_deg, strict=True)}
     orders = (*range(1, 6), *STRAIN_WAVE_RATIOS)
     return {
-        "periodic": [f"periodic:j{k}:n{h}" for k in joints for h in orders],
-        "backlash": [f"backlash:j{k}" for k in joints if k >= 2],
-        "encoder_scale": [f"encoder_scale:j{k}" for k in wide],
+        "periodic": [f"periodic:{name}:n{h}" for name in turning for h in orders],
+        "backlash": [f"backlash:{name}" for name in turning if name != "j1"],
+        "encoder_scale": [f"encoder_scale:{name}" for name in turning if width[name] >= 300.0],
         "drift_translation": ["drift_translation"],
         "drift_rotation": ["drift_rotation"],
         "base_shift": ["base_shift"],
         "tool_shift": ["tool_shift"],
         "thermal_growth": ["thermal_growth"],
+        **{
+            law: [f"{law}:{name}" for name in sliding] for law in ("slide_backlash", "slide_scale") if sliding
+        },
     }
 
 

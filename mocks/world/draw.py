@@ -25,8 +25,8 @@ def deviation(rng: np.random.Generator, size: float) -> float:
 def true_geometry(robot: Robot, rng: np.random.Generator) -> Geometry:
     """The DH numbers (rad, mm) of one real arm of this type, its base near the world's origin.
 
-    Modified DH: link 1 is left as it is, the base takes its errors; beta on link 3. Standard DH: all links,
-    beta on links 2 and 3 (three parallel axes). |beta| lies within 0.018 and 0.042 deg.
+    Modified DH: link 1 is left as it is, the base takes its errors. Standard DH: all links. beta on the links that
+    are `twisted`: |beta| lies within 0.018 and 0.042 deg.
     """
     g = nominal_geometry(robot)
     first = 1 if robot.convention == "mdh" else 0
@@ -35,8 +35,8 @@ def true_geometry(robot: Robot, rng: np.random.Generator) -> Geometry:
         g.a[i] += deviation(rng, LENGTH_MM)
         g.theta[i] += math.radians(deviation(rng, THETA_DEG))
         g.d[i] += deviation(rng, LENGTH_MM)
-    for i in (2,) if robot.convention == "mdh" else (1, 2):
-        g.beta[i] = math.radians(deviation(rng, BETA_DEG))
+    for k in robot.twisted:
+        g.beta[k - 1] = math.radians(deviation(rng, BETA_DEG))
     g.base_mm = [deviation(rng, BASE_MM) for _ in range(3)]
     g.base_rad = [math.radians(deviation(rng, BASE_DEG)) for _ in range(3)]
     return g
@@ -48,7 +48,7 @@ def true_compliance(robot: Robot, rng: np.random.Generator) -> list[float]:
 
 
 def random_joints(robot: Robot, rng: np.random.Generator) -> tuple[float, ...]:
-    """Joint angles in deg, uniform in the robot's sensible ranges, rounded to 0.001 deg."""
+    """Joints in deg or mm, uniform in the robot's sensible ranges, rounded to 0.001."""
     return tuple(round(float(rng.uniform(low, high)), 3) for low, high in robot.range_deg)
 
 
@@ -59,7 +59,7 @@ def torque_range(robot: Robot, loads: tuple[Load, ...]) -> tuple[float, ...]:
     geometry = nominal_geometry(robot)
     largest = [0.0] * len(robot.links)
     for _ in range(200):
-        chain = frames(robot.convention, geometry, [math.radians(q) for q in random_joints(robot, rng)])
+        chain = frames(robot.convention, geometry, robot.internal(random_joints(robot, rng)))
         tau = torques(robot.convention, chain, moments(robot.convention, chain, loads))
         largest = [max(old, abs(new)) for old, new in zip(largest, tau, strict=True)]
     return tuple(largest)

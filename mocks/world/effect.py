@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from mocks.world.robots import Robot
+
 Values = Mapping[str, float]
 
 STAGES = ("loads", "arm", "point", "instrument")
@@ -57,7 +59,19 @@ class Effect:
 
 
 def joint_number(text: str) -> int:
-    """6 from "j6"; ValueError for anything that is not a joint from 1 to 6."""
-    if len(text) != 2 or text[0] != "j" or text[1] not in "123456":
-        raise ValueError(f"{text!r} is not a joint j1..j6")
-    return int(text[1])
+    """6 from "j6"; ValueError for anything that is not a joint."""
+    if text[:1] != "j" or not text[1:].isdecimal() or text[1] == "0":
+        raise ValueError(f"{text!r} is not a joint such as j1")
+    return int(text[1:])
+
+
+def number_of(robot: Robot, part: str) -> str:
+    """A part of a label with every joint by its number in the table of links: of an arm on a track j1 is j2, e1 is j1.
+
+    ValueError: the robot has no such joint.
+    """
+    names = part.split("-") if part[:1] in "je" and part[1:2].isdecimal() else ()
+    for name in names:
+        if name not in robot.names:
+            raise ValueError(f"{name!r} is not one of the joints {', '.join(robot.names)} of {robot.name}")
+    return "-".join(f"j{robot.names.index(name) + 1}" for name in names) or part

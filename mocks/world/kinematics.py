@@ -22,7 +22,7 @@ from mocks.world.transforms import Matrix, Vector, rx, ry, rz, shift, turn
 class Geometry:
     """The DH numbers of one arm (rad, mm), `theta` without the joint angle, and its base in the world.
 
-    `base_mm` and `base_rad` are x, y, z and the angles of Rx Ry Rz. Index 0 is link 1.
+    `base_mm` and `base_rad` are x, y, z and the angles of Rx Ry Rz; `slides`: which joints slide. Index 0 is link 1.
     """
 
     alpha: list[float]
@@ -30,6 +30,7 @@ class Geometry:
     theta: list[float]
     d: list[float]
     beta: list[float]
+    slides: tuple[bool, ...]
     base_mm: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     base_rad: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
 
@@ -41,6 +42,7 @@ class Geometry:
             list(self.theta),
             list(self.d),
             list(self.beta),
+            self.slides,
             list(self.base_mm),
             list(self.base_rad),
         )
@@ -54,6 +56,7 @@ def nominal_geometry(robot: Robot) -> Geometry:
         theta=[math.radians(link.theta_deg) for link in robot.links],
         d=[link.d_mm for link in robot.links],
         beta=[0.0] * len(robot.links),
+        slides=robot.sliding,
     )
 
 
@@ -87,23 +90,27 @@ def foot(convention: str, geometry: Geometry, lean: Sequence[float] | Vector | N
 def frames(
     convention: str,
     geometry: Geometry,
-    angles: Sequence[float],
+    joints: Sequence[float],
     lean: Sequence[float] | Vector | None = None,
     tilts: Mapping[int, Sequence[float] | Vector] | None = None,
 ) -> list[Matrix]:
-    """Frames 0..N in the world, each (4, 4), at joint `angles` (N,) rad.
+    """Frames 0..N in the world, each (4, 4), at `joints` (N,) rad, mm of those that slide.
 
     `tilts` maps a joint number K to a rotation vector (rad, in the frame that carries axis K) by which its
     bearing gives way about the origin of that frame: frame K in modified DH, frame K-1 in standard DH.
     """
     tilts = tilts or {}
     chain = [foot(convention, geometry, lean)]
-    for i, angle in enumerate(angles):
+    for i, moved in enumerate(joints):
         joint = i + 1
         if convention == "dh" and joint in tilts:
             chain[-1] = chain[-1] @ turn(tilts[joint])
         d = 0.0 if convention == "mdh" and i == 0 else geometry.d[i]  # d_1 is already in the foot
-        theta = geometry.theta[i] + angle
+        theta = geometry.theta[i]
+        if geometry.slides[i]:
+            d += moved
+        else:
+            theta += moved
         step = link_transform(convention, geometry.alpha[i], geometry.beta[i], geometry.a[i], theta, d)
         chain.append(chain[-1] @ step)
         if convention == "mdh" and joint in tilts:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,12 +13,13 @@ from mocks.world.robots import Robot
 from mocks.world.transforms import place
 
 TABLE_Z_MM = 20.0
+_TRIES = 1000  # some robots have no table below them
 APPROACH_DEG, LONG_APPROACH_DEG = 5.0, 15.0
 
 
 def above_table(robot: Robot, joints_deg: Sequence[float], targets: Mapping[str, Sequence[float]]) -> bool:
     """True if all targets, and the frames from the elbow on, are above the table (nominal robot)."""
-    chain = frames(robot.convention, nominal_geometry(robot), [math.radians(q) for q in joints_deg])
+    chain = frames(robot.convention, nominal_geometry(robot), robot.internal(joints_deg))
     if any(frame[2, 3] <= TABLE_Z_MM for frame in chain[2:]):
         return False
     return all(place(chain[-1], p)[2] > TABLE_Z_MM for p in targets.values())
@@ -28,11 +28,13 @@ def above_table(robot: Robot, joints_deg: Sequence[float], targets: Mapping[str,
 def random_pose(
     robot: Robot, targets: Mapping[str, Sequence[float]], rng: np.random.Generator
 ) -> tuple[float, ...]:
-    """Joint angles in deg within the robot's sensible ranges, all targets above the table."""
-    while True:
-        joints = random_joints(robot, rng)
+    """Joints in deg or mm within the robot's sensible ranges, all targets above the table if that can be."""
+    joints = random_joints(robot, rng)
+    for _ in range(_TRIES):
         if above_table(robot, joints, targets):
-            return joints
+            break
+        joints = random_joints(robot, rng)
+    return joints
 
 
 def random_sides(n_joints: int, rng: np.random.Generator) -> tuple[int, ...]:

@@ -12,17 +12,22 @@ Lengths mm, angles deg, masses kg, compliances rad/(N.mm).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 
 @dataclass(frozen=True)
 class Link:
-    """One row of the DH table: `alpha_deg`, `a_mm`, `theta_deg` (added to the joint angle), `d_mm`."""
+    """One row of the DH table. A joint that turns adds to `theta_deg`, one that slides to `d_mm`."""
 
     alpha_deg: float
     a_mm: float
     theta_deg: float
     d_mm: float
+    slides: bool = False
 
 
 @dataclass(frozen=True)
@@ -34,13 +39,40 @@ class Load:
     cog_mm: tuple[float, float, float]
 
 
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Counting:
+    """How a controller counts joints: model joint = matrix @ counted + offset, deg, and mm of joints that slide."""
+
+    matrix: Matrix = ()
+    offset: tuple[float, ...] = ()
+
+    def to_model(self, counted: Sequence[float]) -> tuple[float, ...]:
+        """Joints of the model where the controller counts these."""
+        if not self.matrix:
+            return tuple(counted)
+        found = np.array(self.matrix) @ np.array(counted) + np.array(self.offset or 0.0)
+        return tuple(float(q) for q in found)
+
+    def counted(self, model: Sequence[float]) -> tuple[float, ...]:
+        """What the controller counts where the joints of the model are these."""
+        if not self.matrix:
+            return tuple(model)
+        found = np.linalg.solve(np.array(self.matrix), np.array(model) - np.array(self.offset or 0.0))
+        return tuple(float(q) + 0.0 for q in found)  # no -0.0
+
+
 @dataclass(frozen=True)
 class Robot:
     """A nominal robot. `convention` is "mdh" (Rx Tx Rz Tz) or "dh" (Rz Tz Tx Rx).
 
-    `limits_deg` are the joint limits, `range_deg` the narrower ranges in which poses are drawn (for the
-    IRB 120 those of the thesis, section 2.5.2). `compliance` lists c_1..c_6 in rad/(N.mm) around which the
-    true compliances are drawn. `carries_tool`: the last of the loads is the tool.
+    `limits_deg` are the joint limits as the controller counts, `range_deg` the narrower ranges of the model's joints
+    in which poses are drawn (for the IRB 120 those of the thesis, section 2.5.2), both in mm for a joint that slides.
+    `compliance` lists c_1..c_N in rad/(N.mm) around which the true compliances are drawn. `carries_tool`: the last of
+    the loads is the tool. `twisted`: links whose axis is meant to be parallel to the next and is not. `axes`: what a
+    label calls every joint, where it is not j1, j2, ... `shown`: what its controller calls it.
     """
 
     name: str
@@ -51,6 +83,28 @@ class Robot:
     range_deg: tuple[tuple[float, float], ...]
     compliance: tuple[float, ...]
     carries_tool: bool
+    twisted: tuple[int, ...]
+    counting: Counting = Counting()
+    axes: tuple[str, ...] = ()
+    shown: str = ""
+
+    def internal(self, joints: Sequence[float]) -> list[float]:
+        """Joints (N,) deg or mm -> rad or mm."""
+        return [q if link.slides else math.radians(q) for q, link in zip(joints, self.links, strict=True)]
+
+    def outside(self, joints: Sequence[float]) -> list[float]:
+        """Joints (N,) rad or mm -> deg or mm."""
+        return [q if link.slides else math.degrees(q) for q, link in zip(joints, self.links, strict=True)]
+
+    @property
+    def sliding(self) -> tuple[bool, ...]:
+        """(N,) which joints slide."""
+        return tuple(link.slides for link in self.links)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(N,) what a label calls every joint."""
+        return self.axes or tuple(f"j{k}" for k in range(1, len(self.links) + 1))
 
 
 # Identified c_2..c_6 of the thesis's IRB 120 (Table 2.6), rad/(N.mm); gravity never loads joint 1.
@@ -72,6 +126,7 @@ UR_RANGE = ((-180.0, 180.0), (-150.0, -30.0), (-120.0, 120.0)) + ((-180.0, 180.0
 
 IRB120 = Robot(
     name="abb-irb120",
+    shown="IRB 120-3/0.6",
     convention="mdh",
     links=(
         Link(0.0, 0.0, 0.0, 290.0),
@@ -97,10 +152,22 @@ IRB120 = Robot(
     range_deg=THESIS_RANGE,
     compliance=THESIS_COMPLIANCE,
     carries_tool=True,
+    twisted=(3,),
+)
+
+# A Fanuc counts joint 3 from the horizontal and joints 4 to 6 the other way round.
+FANUC_COUNTS = (
+    (1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, -1.0, -1.0, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, -1.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0, -1.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, -1.0),
 )
 
 LRMATE200IC = Robot(
     name="fanuc-lrmate200ic",
+    shown="LR Mate 200iC",
     convention="mdh",
     links=(
         Link(0.0, 0.0, 0.0, 330.0),
@@ -115,11 +182,11 @@ LRMATE200IC = Robot(
         Load(4, 10.0, (0.0, 0.0, -160.0)),
         Load(6, 2.6, (50.0, 25.0, 100.0)),
     ),
-    # Joint 3 is the angle of the model (between the arms), not the controller's angle to the horizontal.
+    # As the controller counts them: joint 3 to the horizontal
     limits_deg=(
         (-170.0, 170.0),
         (-60.0, 140.0),
-        (-194.0, 194.0),
+        (-142.0, 230.0),
         (-190.0, 190.0),
         (-120.0, 120.0),
         (-360.0, 360.0),
@@ -127,6 +194,8 @@ LRMATE200IC = Robot(
     range_deg=THESIS_RANGE,
     compliance=THESIS_COMPLIANCE,
     carries_tool=True,
+    twisted=(3,),
+    counting=Counting(FANUC_COUNTS),
 )
 
 UR5 = Robot(
@@ -152,6 +221,7 @@ UR5 = Robot(
     range_deg=UR_RANGE,
     compliance=THESIS_COMPLIANCE,
     carries_tool=False,
+    twisted=(2, 3),
 )
 
 UR10 = Robot(
@@ -177,6 +247,7 @@ UR10 = Robot(
     range_deg=UR_RANGE,
     compliance=UR10_COMPLIANCE,
     carries_tool=False,
+    twisted=(2, 3),
 )
 
 ROBOTS = {robot.name: robot for robot in (IRB120, LRMATE200IC, UR5, UR10)}

@@ -1,8 +1,8 @@
 """The simulated physical truth of one cell: a real arm, its hidden effects, and the tracker that sees it.
 
-World -> base -> links 1..6 -> flange -> target. Joint angle = commanded angle + c tau + what the hidden
-effects add (+ repeatability in a measured reading). tau is taken on the nominal geometry at the commanded
-angles (Nubiola's thesis, Annex I), with the true loads. Lengths mm, angles deg in states and rad inside.
+World -> base -> links 1..N -> flange -> target. Joint = commanded joint + c tau + what the hidden effects add
+(+ repeatability in a measured reading). tau is taken on the nominal geometry at the commanded joints (Nubiola's
+thesis, Annex I), with the true loads. Lengths mm, angles deg in states and rad inside.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mocks.world.air import MEAN_C, draw_air
 from mocks.world.arm import Arm, ArmState, Sight
 from mocks.world.catalogue import build, group_of
 from mocks.world.draw import Material, Session, true_compliance, true_geometry
-from mocks.world.effect import Effect
+from mocks.world.effect import Effect, number_of
 from mocks.world.gravity import moments, overturning_moment, torques
 from mocks.world.kinematics import axis_frame, frames, nominal_geometry
 from mocks.world.noise import TrackerNoise
@@ -29,7 +29,7 @@ from mocks.world.transforms import Matrix, Vector, place
 Point = tuple[float, float, float]
 
 STATION_MM = (2400.0, -900.0, 350.0)
-REPEATABILITY_DEG = 0.0008
+REPEATABILITY_DEG, REPEATABILITY_MM = 0.0008, 0.003
 
 # Independent random streams of one seed, so that asking for another effect does not change the robot.
 ROBOT_STREAM, AIR_STREAM, EFFECT_STREAM, NOISE_STREAM, POSE_STREAM, LABEL_STREAM, ARRIVAL_STREAM = range(7)
@@ -43,19 +43,17 @@ def stream(seed: int, number: int) -> np.random.Generator:
 def declared_loads(robot: Robot, mass_kg: float | None, cog_mm: Point | None) -> list[Load]:
     """The robot's loads with its tool replaced: `mass_kg` and `cog_mm` (flange frame) of the tool.
 
-    The tool is the load that the thesis's robots carry on link 6; the URs carry none, there it is added.
+    The tool is the load that the thesis's robots carry on their last link; others carry none, there it is added.
     """
     loads = list(robot.loads)
     if mass_kg is None and cog_mm is None:
         return loads
-    tool = loads[-1]
     if robot.carries_tool:
-        loads.pop()
-    elif mass_kg is None or cog_mm is None:
+        tool = loads.pop()
+        mass_kg, cog_mm = tool.mass_kg if mass_kg is None else mass_kg, cog_mm or tool.cog_mm
+    if mass_kg is None or cog_mm is None:
         raise ValueError("this robot carries no tool: give both tool_mass_kg and tool_cog_mm")
-    mass = tool.mass_kg if mass_kg is None else mass_kg
-    loads.append(Load(6, mass, tool.cog_mm if cog_mm is None else cog_mm))
-    return loads
+    return [*loads, Load(len(robot.links), mass_kg, cog_mm)]
 
 
 class World:
@@ -68,7 +66,7 @@ class World:
 
     def __init__(
         self,
-        robot: str = "abb-irb120",
+        robot: str | Robot = "abb-irb120",
         seed: int = 1,
         effects: Sequence[str | Effect] | None = None,
         *,
@@ -81,9 +79,10 @@ class World:
         tool_cog_mm: Point | None = None,
         noise: TrackerNoise | None = None,
         repeatability_deg: float = REPEATABILITY_DEG,
+        repeatability_mm: float = REPEATABILITY_MM,
         session: Session | None = None,
     ) -> None:
-        self.robot = robot_named(robot)
+        self.robot = robot_named(robot) if isinstance(robot, str) else robot
         self.seed = seed
         self.session = session or Session()
         self.station = np.array(station_mm, dtype=float)
@@ -91,6 +90,7 @@ class World:
         self.misplaced = {name: np.array(off, dtype=float) for name, off in (misplaced_mm or {}).items()}
         self.noise = noise or TrackerNoise()
         self.repeatability_deg = repeatability_deg
+        self._scatter = np.where(self.robot.sliding, repeatability_mm, math.radians(repeatability_deg))
         self.loads = declared_loads(self.robot, tool_mass_kg, tool_cog_mm)
         rng = stream(seed, ROBOT_STREAM)
         self.geometry = true_geometry(self.robot, rng)
@@ -112,6 +112,7 @@ class World:
     def draw_effect(self, label: str, departure: str | None = None) -> Effect:
         """The effect `label` of unit size, signs and shape drawn from the seed; it is not added."""
         name, *arguments = label.split(":")
+        arguments = [number_of(self.robot, part) for part in arguments]
         if name == "target_offset" and arguments and arguments[0] not in self.targets:
             raise ValueError(f"{label!r}: the targets are {sorted(self.targets)}")
         material = Material(
@@ -124,7 +125,7 @@ class World:
     ) -> tuple[list[Matrix], list[Vector], list[float], Vector]:
         """Frames 0..N of the nominal robot; moments, torques and overturning moment of the declared loads."""
         kind = self.robot.convention
-        chain = frames(kind, self._nominal_geometry, [math.radians(q) for q in joints_deg])
+        chain = frames(kind, self._nominal_geometry, self.robot.internal(joints_deg))
         joint_moments = moments(kind, chain, self.loads)
         tau = torques(kind, chain, joint_moments)
         return chain, joint_moments, tau, overturning_moment(chain, self.loads)
@@ -135,8 +136,9 @@ class World:
         arm = Arm(
             state=state,
             robot=self.robot,
-            angles=[math.radians(q) for q in state.joints_deg],
-            previous=[math.radians(q) for q in state.previous_deg],
+            angles=self.robot.internal(state.joints_deg),
+            previous=self.robot.internal(state.previous_deg),
+            extra_angle=[0.0] * len(self.robot.links),
             geometry=self.geometry.copy(),
             loads=list(self.loads),
             nominal_chain=chain,
@@ -217,12 +219,12 @@ class World:
         return as_point(self._point(state, target, chosen, ("point", "instrument")))
 
     def arrival_error(self, reading: int) -> Vector:
-        """The robot's repeatability in this reading, (N,) rad: where the joints came to rest.
+        """The robot's repeatability in this reading, (N,) rad or mm: where the joints came to rest.
 
         A function of seed and reading, so that a point measured twice without moving shows it once.
         """
         rng = np.random.default_rng([self.seed, ARRIVAL_STREAM, reading])
-        return math.radians(self.repeatability_deg) * rng.normal(size=len(self.robot.links))
+        return self._scatter * rng.normal(size=len(self.robot.links))
 
     def measured_point(self, state: ArmState, target: str) -> Point:
         """What the tracker shows, mm: repeatability, the instrument's effects, and noise.
@@ -239,8 +241,10 @@ class World:
         chain = self._chain(arm)
         point = place(chain[-1], self._target(arm, target))
         total = self.noise.variance_sum(point, self.station)
-        sigma = math.radians(self.repeatability_deg)
-        for joint in range(1, len(self.robot.links) + 1):
+        for joint, (sigma, slides) in enumerate(zip(self._scatter, self.robot.sliding, strict=True), start=1):
+            if slides:
+                total += sigma**2
+                continue
             frame = axis_frame(self.robot.convention, chain, joint)
             lever = point - frame[:3, 3]
             z = frame[:3, 2]

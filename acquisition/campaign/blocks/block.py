@@ -2,7 +2,7 @@
 
 A recipe turns a block into visits of the robot for one cell. A pose is reached over its approach point q - side x
 length (Nubiola, thesis 2.5), the length that of its block or drawn with the pose, or over a point that the recipe
-names. Angles deg, rounded to what every controller takes; the rounded values are the record.
+names. Joints deg, and mm where they slide, rounded to what every controller takes; the rounded values are the record.
 """
 
 from __future__ import annotations

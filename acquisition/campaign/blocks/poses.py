@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from drivers.errors import ConfigError
 
 Select = Literal["random", "file", "list", "observability"]
 DRAWN = ("random", "observability")
+_JOINT = re.compile(r"[je]\d+_(deg|mm)")
 KEYS = ("count", "select", "file", "joints_deg")
 OWN_KEYS = (*KEYS, "approach_sides")
 
@@ -131,12 +133,16 @@ def _listed(table: TomlTable) -> tuple[Joints, ...]:
 
 @as_config_error()
 def read_poses(path: Path) -> tuple[Joints, ...]:
-    """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ... Raises ConfigError naming the line."""
+    """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ..., or those of its own robot (`e1_mm`) in the order of its
+    joints. Raises ConfigError naming the line."""
     lines = rows_of(read_text(path), path)
     names = [name.strip() for name in lines[0][1]] if lines else []
     columns = []
     while f"j{len(columns) + 1}_deg" in names:
         columns.append(names.index(f"j{len(columns) + 1}_deg"))
+    joints = [i for i, name in enumerate(names) if _JOINT.fullmatch(name)]
+    if len(joints) > len(columns):
+        columns = joints
     if not columns:
         raise ConfigError(f"{path}, line 1: has no columns j1_deg, j2_deg, ...")
     poses = []

@@ -48,8 +48,7 @@ class Sweep:
     lengths = False
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        if self.joint > site.cell.robot.model.joints:
-            raise _no_joint(site, self.joint)
+        _refuse_joint(site, self.joint)
         low, high = self.range_deg or self._widest(site)
         turn = _Turn(self.joint, _steps(low, high, self.step_deg), self.both_ways)
         sides = site.sides()
@@ -81,8 +80,8 @@ class CirclePoint:
     def visits_at(self, site: Site) -> list[BlockVisit]:
         count = site.cell.robot.model.joints
         joints = self.joints or (1, 2, count - 1, count)
-        if max(joints) > count:
-            raise _no_joint(site, max(joints))
+        for joint in joints:
+            _refuse_joint(site, joint)
         steps = _steps(-0.5 * self.width_deg, 0.5 * self.width_deg, self.step_deg)
         turns = [_Turn(joint, steps, False, about=True) for joint in joints]
         sides = site.sides()
@@ -169,10 +168,15 @@ def _at_all(poses: Array, test: Callable[[Array], NDArray[np.bool_]]) -> NDArray
     return np.all(test(poses.reshape(-1, joints)).reshape(n, k), axis=1)
 
 
-def _no_joint(site: Site, joint: int) -> ConfigError:
-    return ConfigError(
-        f"block {site.number + 1} turns joint {joint}, the robot has {site.cell.robot.model.joints}"
-    )
+def _refuse_joint(site: Site, joint: int) -> None:
+    """Raises ConfigError for a joint that the robot has not, or that does not turn."""
+    robot = site.cell.robot.model
+    if not 1 <= joint <= robot.joints:
+        raise ConfigError(f"block {site.number + 1} turns joint {joint}, the robot has {robot.joints}")
+    if joint in robot.slides:
+        raise ConfigError(
+            f"block {site.number + 1} turns joint {joint} ({robot.axes[joint - 1]}), which slides"
+        )
 
 
 def read_sweep(table: TomlTable, folder: Path | None) -> Sweep:

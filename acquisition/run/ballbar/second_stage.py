@@ -35,7 +35,6 @@ from calib.errors import DataError
 from calib.fit import Identification, identify
 from calib.model import Design, StatedConditions
 from calib.saved import save_model
-from calib.units import DEG
 from drivers.errors import OutOfRange
 
 _LAST_ERROR = "SELECT error_code FROM attempt WHERE pose = ? AND status = 'failed' ORDER BY id DESC LIMIT 1"
@@ -122,10 +121,10 @@ class SecondStage:
             fitted.estimate,
             robot.model_angles(goals),
             StatedConditions(series=series, loads=self._cell.loads),
-            limits=np.array(robot.limits_deg) * DEG,
+            limits=robot.limits,
             coupling=robot.coupling,
         )
-        joints = robot.model.controller_angles(correction.joints, robot.coupling) / DEG
+        joints = robot.counted(correction.joints)
         approach = joints + np.array([np.subtract(v.approach_deg, v.joints_deg) for v in visits])
         known = np.all(np.isfinite(joints), axis=1)
         clear = may_visit(self._placed(), np.nan_to_num(joints), np.nan_to_num(approach))

@@ -23,7 +23,6 @@ from acquisition.record.touches import is_touch
 from acquisition.run.prompts.picture import WORDS_ALONE, Ask, Picture
 from acquisition.run.rig.rig import Rig
 from calib.errors import DataError
-from calib.units import DEG
 from drivers.errors import AcquisitionError, Refused
 from drivers.interfaces import Answer, JointReading, LengthReading
 
@@ -102,8 +101,9 @@ class Touches:
         return np.zeros(len(self._cell.robot.limits_deg)) if home is None else np.array(home)
 
     def _of_model(self, joints_deg: Array) -> list[float]:
-        """Joint angles as a simulator counts them, deg."""
-        return (self._cell.robot.model_angles(joints_deg[None])[0] / DEG).tolist()
+        """Joints of the model, as a simulator counts them, deg or mm."""
+        robot = self._cell.robot
+        return (robot.model_angles(joints_deg[None])[0] / robot.model.joint_units).tolist()
 
     def _refuse_elsewhere(self, ball: str, cup: str, reached: JointReading) -> None:
         """Raises TouchedElsewhere where the nominal robot has another ball, or another cup, nearer than `WITHIN_MM`, or

@@ -26,7 +26,7 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
     document = document_of(result)
     if result.diagnosis.final.converged:
         save_model(folder / MODEL, result.diagnosis.final, result.diagnosis)
-    replace_file(folder / TARGETS, targets_csv(result.targets))
+    replace_file(folder / TARGETS, targets_csv(result.targets, result.diagnosis.dataset.header.robot))
     replace_file(
         folder / REPORT,
         diagnosis_report(
