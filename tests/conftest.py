@@ -27,6 +27,9 @@ from hypothesis.internal.constants_ast import Constants
 MEMORY, ROOM = Path("/dev/shm"), 2e9  # bytes; a whole run of the suite leaves 0.2e9
 if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))  # pytest's own name for where `tmp_path` is
+os.environ.setdefault(
+    "PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir()
+)  # not in the folder of `pytest_configure`
 
 settings.register_profile(
     "truepose",
@@ -53,8 +56,10 @@ providers._get_local_constants = Constants
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A process beside others has a folder of its own for locks: their simulated robots may bear one serial number."""
-    if hasattr(config, "workerinput"):
-        folder = tempfile.mkdtemp(prefix="truepose-tests-", dir=os.environ.get("PYTEST_DEBUG_TEMPROOT"))
-        tempfile.tempdir = os.environ["TMPDIR"] = folder  # programs that tests start inherit it
-        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    """Each process has a folder of its own for locks: others' simulated robots may bear the same serial number.
+
+    Others of this run, and those of a second run that somebody else has begun on the same machine.
+    """
+    folder = tempfile.mkdtemp(prefix="truepose-tests-", dir=os.environ["PYTEST_DEBUG_TEMPROOT"])
+    tempfile.tempdir = os.environ["TMPDIR"] = folder  # programs that tests start inherit it
+    config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))

@@ -154,18 +154,19 @@ def _path(urdf: Urdf, base: str, tip: str) -> list[UrdfJoint]:
 def _end(urdf: Urdf, base: str) -> str:
     """The link at the end of the only branch of joints that move. Raises DataError where there are several ends."""
     parents = {joint.parent for joint in urdf.joints.values()}
-    ends: dict[str, tuple[str, ...]] = {}
-    for link in urdf.joints:
-        if link in parents:
-            continue
-        moving, at = [], link
-        while at in urdf.joints and at != base:
-            moving += [urdf.joints[at].name] if urdf.joints[at].kind in MOVING else []
-            at = urdf.joints[at].parent
-        if moving and at == base:
-            ends[link] = tuple(moving)
+    moved = {
+        base: False
+    }  # link -> whether a joint that moves lies between the base and it; others are not carried
+    carried = _carried(urdf)
+    ahead = [base]
+    while ahead:
+        link = ahead.pop()
+        for joint in carried.get(link, ()):
+            moved[joint.child] = moved[link] or joint.kind in MOVING
+            ahead.append(joint.child)
+    ends = [link for link in urdf.joints if link not in parents and link != base and moved.get(link)]
     if len(ends) == 1:
-        return next(iter(ends))
+        return ends[0]
     if not ends:
         raise DataError(
             "no joint that moves is carried by the base.", do="Choose --base.", file=urdf.path, key="--tip"
@@ -176,6 +177,14 @@ def _end(urdf: Urdf, base: str) -> str:
         file=urdf.path,
         key="--tip",
     )
+
+
+def _carried(urdf: Urdf) -> dict[str, list[UrdfJoint]]:
+    """Link -> the joints on it."""
+    out: dict[str, list[UrdfJoint]] = {}
+    for joint in urdf.joints.values():
+        out.setdefault(joint.parent, []).append(joint)
+    return out
 
 
 def _some(names: list[str]) -> str:

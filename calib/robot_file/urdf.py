@@ -8,6 +8,7 @@ are parallel but for a rounding have no common normal near the robot. Source: th
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -26,6 +27,9 @@ _FARTHEST_M = 100.0
 _MOST_TURN = 25.0  # rad: four turns; a limit beyond is one in degrees
 _EIGHTH = math.pi / 4.0
 _MOST_DIGITS = 15
+_LONGEST = 200  # characters of a name
+_LONGEST_AXIS = 1e6
+_LEAST_KG = 1e-6  # what is lighter is left out
 
 
 @dataclass(frozen=True)
@@ -72,20 +76,23 @@ def read_urdf(path: Path) -> Urdf:
     _refuse_macros(root, path)
     if root.tag != "robot":
         raise DataError(
-            f"is <{root.tag}>, not a URDF.", do="A URDF has <robot> as its outermost element.", file=path
+            f"is <{root.tag[:40]}>, not a URDF.", do="A URDF has <robot> as its outermost element.", file=path
         )
     rounded: dict[str, float] = {}
     links = [_name(each, path) for each in root.findall("link")]
     joints: dict[str, UrdfJoint] = {}
     names = [_name(each, path) for each in root.findall("joint")]
     for what, given in (("link", links), ("joint", names)):
-        if twice := {name for name in given if given.count(name) > 1}:
+        if twice := [name for name, count in Counter(given).items() if count > 1]:
             raise _refused(path, f"{what} {min(twice)}", "is there twice.", "Give each one name.")
+    declared = frozenset(links)
     for element in root.findall("joint"):
         joint = _joint(element, path, rounded)
         for end in (joint.parent, joint.child):
-            if end not in links:
-                raise _refused(path, f"joint {joint.name}", f"names the link '{end}'.", "Declare that link.")
+            if end not in declared:
+                raise _refused(
+                    path, f"joint {joint.name}", f"names the link '{end[:_LONGEST]}'.", "Declare that link."
+                )
         if joint.child in joints:
             other = joints[joint.child].name
             raise _refused(
@@ -102,6 +109,7 @@ def read_urdf(path: Path) -> Urdf:
             do="One link carries all others: connect the rest, or leave it out.",
             file=path,
         )
+    _refuse_rings(joints, path)
     masses = {}
     for element in root.findall("link"):
         if (found := _mass(element, path, rounded)) is not None:
@@ -110,11 +118,29 @@ def read_urdf(path: Path) -> Urdf:
     return Urdf(root.get("name") or path.stem, path, tops[0], joints, masses, said)
 
 
+def _refuse_rings(joints: dict[str, UrdfJoint], path: Path) -> None:
+    """Raise DataError where links carry one another: each has one joint, and none of them leads to the root."""
+    grounded: set[str] = set()
+    for link in joints:
+        way: dict[str, None] = {}
+        while link in joints and link not in grounded:
+            if link in way:
+                raise _refused(
+                    path,
+                    f"joint {joints[link].name}",
+                    f"carries the link '{link}', which carries it in turn.",
+                    "Let one link carry all others, directly or over others.",
+                )
+            way[link] = None
+            link = joints[link].parent
+        grounded.update(way)
+
+
 def _refuse_macros(root: Element, path: Path) -> None:
     for element in root.iter():
         if ":" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
             raise DataError(
-                f"holds macros (<{element.tag}>): it is a xacro file.",
+                f"holds macros (<{element.tag[:40]}>): it is a xacro file.",
                 do="Make the URDF of it first: xacro FILE.xacro > FILE.urdf.",
                 file=path,
             )
@@ -128,6 +154,10 @@ def _name(element: Element, path: Path) -> str:
     name = element.get("name")
     if not name:
         raise DataError(f"a <{element.tag}> has no name.", do="Give it one.", file=path)
+    if len(name) > _LONGEST:
+        raise DataError(
+            f"a <{element.tag}> has a name of {len(name)} characters.", do="Shorten it.", file=path
+        )
     return name
 
 
@@ -136,7 +166,7 @@ def _joint(element: Element, path: Path, rounded: dict[str, float]) -> UrdfJoint
     key = f"joint {name}"
     kind = element.get("type", "")
     if kind not in _KINDS:
-        raise _refused(path, key, f"has the type '{kind}'.", f"Use {', '.join(_KINDS)}.")
+        raise _refused(path, key, f"has the type '{kind[:40]}'.", f"Use {', '.join(_KINDS)}.")
     ends = {}
     for end in ("parent", "child"):
         found = element.find(end)
@@ -146,8 +176,8 @@ def _joint(element: Element, path: Path, rounded: dict[str, float]) -> UrdfJoint
     axis = np.array([1.0, 0.0, 0.0])
     if (found := element.find("axis")) is not None:
         axis = np.array(_numbers(found, "xyz", (1.0, 0.0, 0.0), path, key))
-    length = float(np.linalg.norm(axis))
-    if kind in MOVING and not 1e-6 < length < 1e6:
+    length = float(np.linalg.norm(np.clip(axis, -_LONGEST_AXIS, _LONGEST_AXIS)))
+    if kind in MOVING and not 1e-6 < length < _LONGEST_AXIS:
         raise _refused(path, key, "has an axis without a direction.", "Give three numbers, not all zero.")
     mimic = None
     if (found := element.find("mimic")) is not None:
@@ -208,11 +238,14 @@ def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -
     xyz = np.array(_numbers(found, "xyz", (0.0, 0.0, 0.0), path, key))
     if np.abs(xyz).max() > _FARTHEST_M:
         raise _refused(path, key, f"is {np.abs(xyz).max():g} m away: written in mm?", "A URDF has metres.")
+    angles = _numbers(found, "rpy", (0.0, 0.0, 0.0), path, key)
+    if max(map(abs, angles)) > _MOST_TURN:
+        raise _refused(path, key, f"is turned by {max(map(abs, angles)):g} rad.", "A URDF has radians.")
     rpy = [
         _exact(word, angle, rounded)
         for word, angle in zip(
             found.get("rpy", "0 0 0").split(),
-            _numbers(found, "rpy", (0.0, 0.0, 0.0), path, key),
+            angles,
             strict=True,
         )
     ]
@@ -225,8 +258,6 @@ def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -
 
 def _exact(word: str, angle: float, rounded: dict[str, float]) -> float:
     """The multiple of 45 deg of which `word` has the first digits; else the angle as it is."""
-    if abs(angle) > _MOST_TURN:
-        return angle
     multiple = round(angle / _EIGHTH)
     meant = multiple * _EIGHTH
     digits = len(word.lower().partition("e")[0].partition(".")[2])
@@ -248,7 +279,7 @@ def _mass(element: Element, path: Path, rounded: dict[str, float]) -> tuple[floa
     value = _number(mass, "value", 0.0, path, key)
     if value < 0.0:
         raise _refused(path, key, f"has the mass {value:g} kg.", "Give it in kg, zero or above.")
-    return (value, _origin(inertial, path, key, rounded)[:3, 3]) if value > 0.0 else None
+    return (value, _origin(inertial, path, key, rounded)[:3, 3]) if value >= _LEAST_KG else None
 
 
 def _number(element: Element, attribute: str, default: float, path: Path, key: str) -> float:

@@ -21,19 +21,24 @@ def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int
     out = []
     try:
         for row in reader:
-            if len(row) > MOST_COLUMNS:
-                raise DataError(
-                    f"has {len(row)} columns; at most {MOST_COLUMNS} are taken.",
-                    do="Leave out columns that nobody reads.",
-                    file=file,
-                    line=reader.line_num,
-                )
+            refuse_wide(len(row), file, reader.line_num)
             out.append((reader.line_num, row))
     except csv.Error as error:
         raise DataError(
             f"cannot be read ({error}).", do="Correct that line.", file=file, line=reader.line_num
         ) from error
     return out
+
+
+def refuse_wide(columns: int, file: Path | str, line: int) -> None:
+    """Raise DataError when a row has more columns than are taken."""
+    if columns > MOST_COLUMNS:
+        raise DataError(
+            f"has {columns} columns; at most {MOST_COLUMNS} are taken.",
+            do="Leave out columns that nobody reads.",
+            file=file,
+            line=line,
+        )
 
 
 def refuse_twice(names: Sequence[str], file: Path | str) -> None:

@@ -19,12 +19,14 @@ from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.saved import SavedModel
-from calib.text.files import replace_file
+from calib.text import read_text, replace_file
+from calib.text.json_text import parse_json
 from calib.watch.judge import Verdict
 from calib.watch.seen import Seen
 
 FORMAT = "truepose-watch-history/1"
-_KEYS = ("data_sha256", "baseline_sha256", "poses_sha256", "verdict", "residual")
+_TEXTS = ("data_sha256", "baseline_sha256", "poses_sha256", "verdict")
+_LARGEST = 1e12  # of a residual, which counts in standard deviations
 
 
 @dataclass(frozen=True)
@@ -61,19 +63,29 @@ def read_history(path: Path) -> History:
     if not path.exists():
         return History(())
     lines = []
-    for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, text in enumerate(read_text(path).split("\n"), start=1):
         if not text.strip():
             continue
         try:
-            line = json.loads(text)
-            whole = line["format"] == FORMAT and all(key in line for key in _KEYS)
-            whole = whole and bool(np.all(np.isfinite(np.array(line["residual"], dtype=np.float64))))
-        except (ValueError, TypeError, KeyError) as error:
+            line = parse_json(text, path)
+        except DataError as error:
             raise _broken(path, number) from error
-        if not whole:
+        if not _whole(line):
             raise _broken(path, number)
         lines.append(line)
     return History(tuple(lines))
+
+
+def _whole(line: Any) -> bool:
+    """Whether a line is that of a watch: texts by their keys, and finite residuals (q,)."""
+    if not isinstance(line, dict) or line.get("format") != FORMAT:
+        return False
+    residual = line.get("residual")
+    return (
+        all(isinstance(line.get(key), str) for key in _TEXTS)
+        and isinstance(residual, list)
+        and all(type(x) in (int, float) and abs(x) < _LARGEST for x in residual)
+    )
 
 
 def _broken(path: Path, number: int) -> DataError:
@@ -86,7 +98,7 @@ def _broken(path: Path, number: int) -> DataError:
 
 
 def append(path: Path, seen: Seen, dataset: Dataset, baseline: str, verdict: Verdict) -> None:
-    """Append a watch. Raises OSError."""
+    """Append a watch. Raises OSError, DataError for a file that cannot be read."""
     occasion = dataset.header.occasion
     line = {
         "format": FORMAT,
@@ -98,7 +110,8 @@ def append(path: Path, seen: Seen, dataset: Dataset, baseline: str, verdict: Ver
         "causes": [cause.label for cause, _ in verdict.causes],
         "residual": [float(f"{x:.6g}") for x in seen.residual],
     }
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    text = read_text(path) if path.exists() else ""
+    text += "\n" if text and not text.endswith("\n") else ""  # a line that was cut off is not lengthened
     replace_file(path, text + json.dumps(line, allow_nan=False) + "\n")
 
 

@@ -13,9 +13,11 @@ stands without an offset. Source: descriptions of the language, and public progr
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -48,6 +50,10 @@ _FIELD = re.compile(
 )
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
 _OPTION = {"TOOL": "--tool", "BASE": "--frame"}
+
+
+_Frames = Callable[[], tuple[Array, Array]]
+"""Finds (4, 4) tool and base of a target. Raises ValueError, saying why there are none."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,7 @@ class KukaProgram:
         self._statements = [(m.start(), _code(m.group())) for m in _LINE.finditer(text)]
         self._fdat = dict(self._read_fdat())
         self._used = self._read_uses()
+        self._met: dict[str, tuple[Array, Array] | str] = {}
         found = list(self._read())
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
@@ -150,13 +157,15 @@ class KukaProgram:
                 body = _AGGREGATE.match(code, declared.end())
                 name = declared["name"]
                 if body is not None and _is_target(body[1]):
-                    yield self._target(Target(name, line), body[1], at + body.start(1), self._of(name))
+                    of = partial(self._declared, name.upper())
+                    yield self._target(Target(name, line), body[1], at + body.start(1), of)
             elif motion is not None:
                 for body in _AGGREGATE.finditer(code, motion.start("rest")):
                     target = Target(f"line {line}", line)
                     if motion["rel"]:
                         target = replace(target, refused="is a distance, not a place")
-                    yield self._target(target, body[1], at + body.start(1), [valid])
+                    of = partial(self._tool_and_base, [valid])
+                    yield self._target(target, body[1], at + body.start(1), of)
 
     def _of(self, name: str) -> list[_Valid]:
         """Tool and base of a declared point: its FDAT's, else those of the motions to it, else of the command line."""
@@ -165,7 +174,19 @@ class KukaProgram:
             return [fdat]
         return self._used.get(name.upper()) or [_Valid(self._unnamed("TOOL"), self._unnamed("BASE"))]
 
-    def _target(self, target: Target, body: str, at: int, of: list[_Valid]) -> tuple[Target, _Place]:
+    def _declared(self, name: str) -> tuple[Array, Array]:
+        """Tool and base of a declared point, found once however often it is declared. Raises ValueError."""
+        if name not in self._met:
+            try:
+                self._met[name] = self._tool_and_base(self._of(name))
+            except ValueError as error:
+                self._met[name] = str(error)
+        met = self._met[name]
+        if isinstance(met, str):
+            raise ValueError(met)
+        return met
+
+    def _target(self, target: Target, body: str, at: int, of: _Frames) -> tuple[Target, _Place]:
         place = _Place(at, _numbers(body, at))
         if target.refused:
             return target, place
@@ -174,9 +195,7 @@ class KukaProgram:
         except ValueError as error:
             return replace(target, refused=str(error)), place
 
-    def _understood(
-        self, target: Target, place: _Place, body: str, of: list[_Valid]
-    ) -> tuple[Target, _Place]:
+    def _understood(self, target: Target, place: _Place, body: str, of: _Frames) -> tuple[Target, _Place]:
         """Raises ValueError, saying why, for what has no joints that can be found."""
         numbers = place.numbers
         wanted = _AXES if "A1" in numbers or not set(_POSE) & set(numbers) else _POSE
@@ -193,7 +212,7 @@ class KukaProgram:
         target = replace(target, notes=self._known.note_external(used=used))
         x, y, z, a, b, c = values
         pose = frames.of_wpr((x, y, z), (c, b, a))
-        tool, base = self._tool_and_base(of)
+        tool, base = of()
         frame = self._world @ base
         status, turn = (numbers.get(key) for key in ("S", "T"))
         target = replace(target, flange=frame @ pose @ inverse_poses(tool), tool=tool)
@@ -280,7 +299,7 @@ def _numbers(body: str, at: int) -> dict[str, _Number]:
     out, begin = {}, 0
     for part in body.split(","):
         match = _FIELD.fullmatch(part.rstrip())
-        if match is not None and match["value"] is not None:
+        if match is not None and match["value"] is not None and math.isfinite(float(match["value"])):
             start = at + begin + match.start("value")
             out[match["name"].upper()] = _Number(start, start + len(match["value"]), float(match["value"]))
         begin += len(part) + 1

@@ -26,7 +26,7 @@ from service.programs.text import Edit, Lines, decimal
 
 PLACES = 6
 _TAG = re.compile(r"<(?P<name>/?+[A-Za-z]\w*+)(?P<rest>[^<>]*+)>")
-_ATTRIBUTE = re.compile(r"(?P<name>[A-Za-z][\w:]*+)\s*+=\s*+\"(?P<value>[^\"<>]*+)\"")
+_ATTRIBUTE = re.compile(r"(?<![\w:])(?P<name>[A-Za-z][\w:]*+)\s*+=\s*+\"(?P<value>[^\"<>]*+)\"")
 _NUMBER = re.compile(r"\s*+[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d{1,3}+)?\s*+")
 _AXES = ("j1", "j2", "j3", "j4", "j5", "j6")
 _POINT = ("pointrx",)

@@ -24,7 +24,7 @@ from drivers.errors import (
 )
 from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
 from tests.acquisition.stage import Stage
-from tests.drivers.waiting import in_thread
+from tests.drivers.waiting import PATIENCE_S, in_thread
 
 MOVE, CONNECT = 9, 10  # calls of a stage: to the pose; after a lost link, to the robot again
 
@@ -78,7 +78,7 @@ def test_the_instrument_does_not_wait_for_the_robot_to_be_given_up(stage: Stage)
 
     class LastArm(FakeArm):
         def stop(self) -> None:
-            assert stopped.wait(20.0), "the robot first, and nothing beside it"
+            assert stopped.wait(PATIENCE_S), "the robot first, and nothing beside it"
             raise LinkTimeout("no answer", device=self.name)
 
     class Meter(FakeMeter):
@@ -132,12 +132,12 @@ def test_no_link_is_closed_while_a_stop_uses_it(stage: Stage) -> None:
 
     def stop() -> None:
         stops.append(in_thread(lambda: stage.run.stop(by="anna")))
-        stopping.wait(20.0)
+        stopping.wait(PATIENCE_S)
 
     stage.bench.faults[MOVE] = stop
     devices = Devices(Arm(stage.bench), FakeMeter(stage.bench), stage.operator)
     assert stage.run.execute(devices, stage.clock).state.value == "stopped"
-    assert stops[0].result(20.0) == []
+    assert stops[0].result(PATIENCE_S) == []
     assert closed.is_set()
 
 
@@ -158,18 +158,18 @@ def test_a_stop_does_not_wait_for_the_record_and_the_run_does_not_end_before_it(
     def write() -> None:
         with stage.run._store.changing():
             writing.set()
-            written.wait(20.0)
+            written.wait(2.0 * PATIENCE_S)
 
     def stop() -> None:
         held = in_thread(write)
-        assert writing.wait(20.0)
+        assert writing.wait(PATIENCE_S)
         stopping = in_thread(lambda: stage.run.stop(by="anna"))
         try:
-            assert stopping.result(10.0) == []
+            assert stopping.result(PATIENCE_S) == []
             assert stage.bench.log[-1] == "move"
         finally:
             written.set()
-        held.result(20.0)
+        held.result(PATIENCE_S)
 
     stage.bench.faults[MOVE] = stop
     outcome = stage.execute(lambda event: events.append((event.kind, event.data.get("state"))))
@@ -191,7 +191,7 @@ def test_an_order_that_could_not_be_noted_is_noted_with_the_end(
     def stop() -> None:
         monkeypatch.setattr(store, "command", full)
         stage.run.stop(by="anna")
-        assert tried.wait(20.0)
+        assert tried.wait(PATIENCE_S)
 
     stage.bench.faults[MOVE] = stop
     assert stage.execute().state.value == "stopped"
@@ -203,7 +203,7 @@ def test_the_end_of_a_run_waits_for_what_is_being_noted(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_go, noting = threading.Event(), Noting(stage.run._store)
-    monkeypatch.setattr(stage.run._store, "command", lambda *order: let_go.wait(20.0))
+    monkeypatch.setattr(stage.run._store, "command", lambda *order: let_go.wait(PATIENCE_S))
     noting.begin("anna", None)
     ending = in_thread(noting.finish)
     try:
@@ -211,4 +211,4 @@ def test_the_end_of_a_run_waits_for_what_is_being_noted(
             ending.result(0.2)
     finally:
         let_go.set()
-    ending.result(20.0)
+    ending.result(PATIENCE_S)

@@ -296,7 +296,7 @@ def test_wait_beyond_a_version(tmp_path: Path) -> None:
     assert store.wait_beyond(version, 0.0) == version
     writer = threading.Thread(target=lambda: store.add_event("news"))
     writer.start()
-    assert store.wait_beyond(version, 10.0) == version + 1
+    assert store.wait_beyond(version, PATIENCE_S) == version + 1
     writer.join()
     assert json.dumps(status_of(store).as_dict())
     store.close()

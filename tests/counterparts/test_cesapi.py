@@ -11,6 +11,7 @@ from drivers import EmsconTracker
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.counterparts.environments import CESAPI
+from tests.drivers.waiting import PATIENCE_S
 
 HERE = Path(__file__).parent
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
@@ -26,7 +27,7 @@ def test_its_client_measures_with_the_simulator() -> None:
         truth = [[float(v) for v in device.to_tracker(device.true_world(name))] for name in NAMES]
         places = [str(v + 3.0) for place in truth for v in place]
         peer = [str(CESAPI.python), str(HERE / "cesapi_client_peer.py"), str(cell.port("emscon")), *places]
-        said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=60).stdout
+        said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
         reflector = cell.cell.emscon.reflector
     answers = [json.loads(line) for line in said.splitlines()]
     assert answers[:10] == [
@@ -64,7 +65,7 @@ def test_our_driver_is_understood_by_its_packets() -> None:
         readings = [tracker.measure("T1", samples=80, near_mm=(k, 2.5, -3.25)) for k in range(3)]
         tracker.disconnect()
         heard = [json.loads(line) for line in server.stdout]
-        assert server.wait(20) == 0
+        assert server.wait(PATIENCE_S) == 0
     assert identity.serial == "390999"
     assert (status.state, status.t_air_c, status.pressure_hpa, status.humidity_percent) == (
         "READY",

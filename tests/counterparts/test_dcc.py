@@ -18,6 +18,7 @@ import pytest
 from service.cli import main
 from service.report.certificate import UNITS
 from tests.counterparts.environments import DCC
+from tests.drivers.waiting import PATIENCE_S
 from tests.service.certificates import write_measured
 
 ENUMERATED = {"dcc:issuer", "dcc:performanceLocation", "dcc:type"}
@@ -59,7 +60,7 @@ def test_every_unit_is_one_of_the_si(tmp_path: Path) -> None:
 
 def read(file: Path) -> dict[str, Any]:
     peer = [str(DCC.python), str(Path(__file__).parent / "dcc_peer.py"), str(file)]
-    done = subprocess.run(peer, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(peer, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     if done.returncode:
         pytest.fail(done.stderr)
     return json.loads(done.stdout)

@@ -12,6 +12,7 @@ import pytest
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.counterparts.environments import FANUCPY
+from tests.drivers.waiting import PATIENCE_S
 
 FAST = CellFile(robot="fanuc-lrmate200ic", time_scale=10_000.0, effects=("none",))
 
@@ -20,7 +21,7 @@ FAST = CellFile(robot="fanuc-lrmate200ic", time_scale=10_000.0, effects=("none",
 def test_fanucpy_moves_the_simulator() -> None:
     with CellThread(FAST, stock=True, devices=("fanuc",)) as cell:
         peer = [str(FANUCPY.python), str(Path(__file__).parent / "fanucpy_peer.py"), str(cell.port("fanuc"))]
-        said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=60).stdout
+        said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
     answers = [json.loads(line) for line in said.splitlines()]
     assert len(answers) == 10
     for i, (joints, pose) in enumerate(answers):

@@ -18,7 +18,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 from drivers import FanucArm, FanucDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 
 FAST = CellFile(robot="fanuc-lrmate200ic", time_scale=10_000.0, effects=("none",))
 POSE = (10.5, -20.25, 30.0, -40.0, 50.0, 123.456)
@@ -34,7 +34,9 @@ def cell() -> Iterator[CellThread]:
 
 @contextmanager
 def client_of(cell: CellThread, profile: str) -> Iterator[ModbusTcpClient]:
-    with ModbusTcpClient("127.0.0.1", port=cell.port(f"fanuc-modbus-{profile}"), timeout=5) as client:
+    with ModbusTcpClient(
+        "127.0.0.1", port=cell.port(f"fanuc-modbus-{profile}"), timeout=PATIENCE_S
+    ) as client:
         yield client
 
 
@@ -110,7 +112,7 @@ class PymodbusServer:
 
     def __enter__(self) -> PymodbusServer:
         self._thread.start()
-        assert self._ready.wait(10)
+        assert self._ready.wait(PATIENCE_S)
         return self
 
     def __exit__(self, *unused: object) -> None:
@@ -152,7 +154,11 @@ def test_mbpoll_reads_the_joints(cell: CellThread) -> None:
         "-1",
     ]
     said = subprocess.run(
-        [*command, "-t", "4:float", "127.0.0.1"], capture_output=True, text=True, check=True, timeout=20
+        [*command, "-t", "4:float", "127.0.0.1"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE_S,
     ).stdout
     read = [float(line.split()[-1]) for line in said.splitlines() if line.startswith("[")]
     assert read == pytest.approx(POSE, abs=1e-3)

@@ -12,6 +12,7 @@ import pytest
 
 from drivers import UrArm
 from tests.counterparts.environments import UR_RTDE
+from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 PORT = 30004  # the only one that it knows
@@ -48,5 +49,5 @@ def _watch_moves() -> None:
             assert np.degrees(target) == pytest.approx(goal, abs=1e-6)
             assert (robot_mode, safety_mode) == (7, 1)
         peer.stdin.close()
-        assert peer.wait(20) == 0
+        assert peer.wait(PATIENCE_S) == 0
     arm.disconnect()

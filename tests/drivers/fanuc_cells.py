@@ -15,9 +15,6 @@ FAST = replace(SLOW, time_scale=10_000.0)
 QUICK = FanucDeadlines(
     connect_s=30.0, reply_s=30.0, stop_s=30.0, settle_s=30.0, move_margin_s=60.0, gap_s=0.001
 )
-HASTY = FanucDeadlines(
-    connect_s=0.3, settle_s=0.3, gap_s=0.001, still_s=0.3, move_factor=0.01, move_margin_s=0.3
-)
 WIRES = {
     "mappdk": ("fanuc", ""),
     "mappdk-cal": ("fanuc", ""),

@@ -110,7 +110,7 @@ def test_controller_refuses_its_own_limit_and_nothing_moves(fast: CellThread) ->
 
 def test_old_server_that_loses_the_first_answer(stock: CellThread) -> None:
     stock.do("lose_first_reply", on=True)
-    arm = AbbArm(stock.url("abb"), deadlines=HASTY)
+    arm = AbbArm(stock.url("abb"))
     arm.connect()
     arm.disconnect()
 

@@ -34,7 +34,8 @@ from tests.drivers.waiting import PATIENCE_S, under_way
 
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 ROBOT, DEVICES = "abb-irb120", ("abb-simple",)
-HASTY = AbbSimpleDeadlines(reply_s=0.4, settle_s=0.3, still_s=0.2, takeover_s=0.2)
+PATIENT = AbbSimpleDeadlines(connect_s=30.0, reply_s=30.0, stop_s=30.0, settle_s=30.0)
+HASTY = AbbSimpleDeadlines(reply_s=0.4, takeover_s=0.2)  # for connections that are to fail
 
 
 def connected(cell: CellThread, **options: Any) -> AbbSimpleArm:
@@ -152,6 +153,7 @@ def test_second_client_is_told_and_nothing_it_sent_moves_the_robot(fast: CellThr
         second.connect()
     assert "no other program" in caught.value.what_to_do
     first.disconnect()
+    second.deadlines = PATIENT
     second.connect()
     assert {point.sequence for point in servers(fast).received} == {STOP}
     second.disconnect()
@@ -166,7 +168,7 @@ def test_another_client_on_the_motion_port_alone(fast: CellThread) -> None:
 
 
 def test_another_program_moves_the_robot(slow: CellThread) -> None:
-    arm = connected(slow, deadlines=HASTY)
+    arm = connected(slow, deadlines=replace(PATIENT, settle_s=0.3))
     arm.arm()
     assert slow.cell is not None
     slow.cell.arm.start(FAR, rate_deg_s=10.0, tool_mm_s=math.inf)
@@ -180,7 +182,7 @@ def test_another_program_moves_the_robot(slow: CellThread) -> None:
 
 
 def test_a_move_that_takes_too_long_is_stopped(slow: CellThread) -> None:
-    arm = connected(slow, speed_deg_s=5.0, deadlines=replace(HASTY, move_factor=0.0, move_margin_s=0.3))
+    arm = connected(slow, speed_deg_s=5.0, deadlines=replace(PATIENT, move_factor=0.0, move_margin_s=0.3))
     arm.arm()
     with pytest.raises(NotReached, match="move_s"):
         arm.move_to(FAR)

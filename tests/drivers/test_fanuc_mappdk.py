@@ -13,7 +13,7 @@ from drivers import (
     WireLog,
 )
 from tests.drivers.fanuc_cells import FAR, SLOW, arm_of, cell_of
-from tests.drivers.waiting import under_way
+from tests.drivers.waiting import PATIENCE_S, under_way
 
 
 def test_answer_to_a_move_before_the_robot_stands_is_not_the_reading() -> None:
@@ -43,5 +43,5 @@ def test_robot_that_stands_on_its_way_is_a_protective_stop_long_before_the_deadl
         move = under_way(arm, FAR, cell)
         cell.do("supervise")
         with pytest.raises(ProtectiveStop, match="still_s"):
-            move.result(timeout=3)
+            move.result(PATIENCE_S)
         arm.disconnect()

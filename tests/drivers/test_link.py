@@ -25,10 +25,10 @@ class Pair:
         with socket.create_server(("127.0.0.1", 0)) as server:
             port = server.getsockname()[1]
             self.link = TcpLink(Address("127.0.0.1", port), "dev", wire=WireLog(self.wire, clock=lambda: 1.5))
-            self.link.open(connect_s=5)
+            self.link.open(connect_s=PATIENCE_S)
             self.device, _ = server.accept()
 
-    def read(self, seconds: float = 5.0, limit: int = 512) -> bytes:
+    def read(self, seconds: float = PATIENCE_S, limit: int = 512) -> bytes:
         return self.link.read_until(b"\n", command="X", deadline="reply_s", seconds=seconds, limit=limit)
 
 
@@ -40,9 +40,9 @@ def pair() -> Iterator[Pair]:
     pair.device.close()
 
 
-def ask(pair: Pair, seconds: float = 5.0) -> bytes:
+def ask(pair: Pair, seconds: float = PATIENCE_S) -> bytes:
     with pair.link.question("X"):
-        pair.link.send(b"q\n", command="X", send_s=1)
+        pair.link.send(b"q\n", command="X", send_s=PATIENCE_S)
         return pair.read(seconds)
 
 
@@ -129,7 +129,7 @@ def test_any_exception_in_a_question_closes(pair: Pair) -> None:
 
 
 def test_close_from_another_thread_wakes_the_reader(pair: Pair) -> None:
-    answer = in_thread(lambda: ask(pair, seconds=30))
+    answer = in_thread(lambda: ask(pair, seconds=2.0 * PATIENCE_S))
     pair.device.recv(10)
     pair.link.close()
     with pytest.raises(LinkLost):
@@ -141,7 +141,11 @@ def test_answer_without_terminator_ends_by_its_form(pair: Pair) -> None:
 
     def read() -> bytes:
         return pair.link.read_reply(
-            form, command="4", deadline="reply_s", seconds=5, possible=lambda got: b"4 1 ".startswith(got[:4])
+            form,
+            command="4",
+            deadline="reply_s",
+            seconds=PATIENCE_S,
+            possible=lambda got: b"4 1 ".startswith(got[:4]),
         )[0]
 
     answer = in_thread(read)

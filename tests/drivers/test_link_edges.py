@@ -16,7 +16,7 @@ import pytest
 from drivers import ConfigError, LinkLost, LinkTimeout, ProtocolError
 from drivers.link import Address, TcpLink, WireLog, beside, parse_url
 from tests.drivers.test_link import Pair, pair
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 
 __all__ = ["pair"]  # the fixture
 WORD = re.compile(rb"[a-z]+")
@@ -104,8 +104,8 @@ def test_what_is_set_on_a_connection(pair: Pair) -> None:
 def test_opening_again_closes_what_was_open_and_both_are_logged(pair: Pair) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         pair.link.address = Address("127.0.0.1", server.getsockname()[1])
-        pair.link.open(connect_s=5.0)
-        pair.device.settimeout(5.0)
+        pair.link.open(connect_s=PATIENCE_S)
+        pair.device.settimeout(PATIENCE_S)
         assert pair.device.recv(1) == b""
     pair.link.close()
     pair.link.close()

@@ -62,7 +62,7 @@ def test_terminal_refuses_without_a_terminal() -> None:
 def test_remote_answer_reaches_the_one_who_asks() -> None:
     operator = RemoteOperator()
     asked = in_thread(lambda: operator.ask(SEAT))
-    assert operator.wait_pending(5) == SEAT
+    assert operator.wait_pending(PATIENCE_S) == SEAT
     with pytest.raises(UnknownPrompt):
         operator.answer("p0", Answer.CONFIRM)
     with pytest.raises(UnknownPrompt, match="redo"):
@@ -79,7 +79,7 @@ def test_remote_answer_reaches_the_one_who_asks() -> None:
 def test_remote_closed_is_not_a_confirmation() -> None:
     operator = RemoteOperator()
     asked = in_thread(lambda: operator.ask(SEAT))
-    assert operator.wait_pending(5)
+    assert operator.wait_pending(PATIENCE_S)
     operator.close()
     with pytest.raises(NoOperator):
         asked.result(PATIENCE_S)

@@ -235,8 +235,10 @@ def test_numbers_go_on_over_a_reconnect(shared: CellThread) -> None:
 def test_unplugged_in_the_middle() -> None:
     ours, theirs = os.openpty()
     link = SerialLink(os.ttyname(theirs), "bar")
-    link.open(connect_s=1.0)
-    reading = in_thread(lambda: link.read_until(b"\n", command="READ", deadline="reply_s", seconds=5.0))
+    link.open(connect_s=PATIENCE_S)
+    reading = in_thread(
+        lambda: link.read_until(b"\n", command="READ", deadline="reply_s", seconds=2.0 * PATIENCE_S)
+    )
     os.write(ours, b"1 OK d=0.1")
     until(lambda: link._buffer)
     os.close(ours)
@@ -249,10 +251,12 @@ def test_unplugged_in_the_middle() -> None:
 def test_closed_from_another_thread_and_deadline() -> None:
     ours, theirs = os.openpty()
     link = SerialLink(os.ttyname(theirs), "bar")
-    link.open(connect_s=1.0)
+    link.open(connect_s=PATIENCE_S)
     with pytest.raises(LinkTimeout, match=r"reply_s = 0\.1"):
         link.read_until(b"\n", command="READ", deadline="reply_s", seconds=0.1)
-    reading = in_thread(lambda: link.read_until(b"\n", command="READ", deadline="reply_s", seconds=5.0))
+    reading = in_thread(
+        lambda: link.read_until(b"\n", command="READ", deadline="reply_s", seconds=2.0 * PATIENCE_S)
+    )
     until(link._reading.locked)
     link.close()
     with pytest.raises(LinkLost):

@@ -26,6 +26,7 @@ from drivers import (
     ProtocolError,
     SafetyStop,
     UrArm,
+    UrDeadlines,
     WrongMode,
     open_robot,
 )
@@ -33,7 +34,7 @@ from mocks.cell import CellThread
 from mocks.ur.servo import COUNT_RAD
 from tests.drivers.expected import ExpectedDevice
 from tests.drivers.nobody import nobody_listens
-from tests.drivers.ur_bench import FAR, HASTY, PATIENT, connected, creeping
+from tests.drivers.ur_bench import BRIEF, FAR, PATIENT, connected, creeping
 from tests.drivers.waiting import PATIENCE_S, in_thread, under_way
 
 ROBOT, DEVICES = "ur5", ("ur",)
@@ -65,7 +66,7 @@ def test_nothing_moves_on_connect(fast: CellThread, feed: str) -> None:
 
 
 def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str) -> None:
-    arm = connected(fast, feed, deadlines=replace(PATIENT, start_s=0.3))
+    arm = connected(fast, feed, deadlines=BRIEF)
     arm.arm()
     for goal in (FAR, FAR, (-5.0, -90.0, 5.0, 0.0, 0.0, 0.0)):  # the second is where it stands already
         reached = np.radians(arm.move_to(goal).joints_deg)
@@ -152,25 +153,28 @@ def test_arm_refuses_a_controller_that_cannot_move(
 
 
 def test_local_control_ignores_programs_and_that_is_noticed(fast: CellThread, feed: str) -> None:
-    arm = connected(fast, feed, deadlines=HASTY)
+    arm = connected(fast, feed, deadlines=replace(PATIENT, start_s=0.3))
     arm.arm()
     fast.do("mode", mode="manual")
     with pytest.raises(WrongMode, match="start_s") as caught:
         arm.move_to(FAR)
     assert "remote" in caught.value.what_to_do
     fast.do("mode", mode="auto")
+    arm.deadlines = BRIEF
     arm.arm()
     arm.move_to((1.0, 0, 0, 0, 0, 0))
     arm.disconnect()
 
 
 def test_two_controlling_clients_are_refused_and_watching_is_not(fast: CellThread) -> None:
-    first = connected(fast)
+    first = connected(fast, deadlines=BRIEF)
     first.arm()
-    second = connected(fast, deadlines=HASTY)
+    second = connected(fast, deadlines=BRIEF)
     assert second.position().joints_deg == pytest.approx((0.0,) * 6)
+    second.deadlines = replace(BRIEF, reply_s=0.4)
     with pytest.raises(Busy, match="another program"):
         second.arm()
+    second.deadlines = BRIEF
     first.move_to((1.0, 0, 0, 0, 0, 0))
     first.disconnect()
     second.arm()
@@ -209,7 +213,7 @@ def test_a_program_that_replaces_ours_is_not_its_end(slow: CellThread, feed: str
 
 
 def test_low_speed_slider_ends_within_the_deadline(slow: CellThread) -> None:
-    arm = connected(slow, deadlines=HASTY)
+    arm = connected(slow, deadlines=replace(PATIENT, move_factor=0.0, move_margin_s=0.3))
     slow.do("ur_speed_slider", fraction=0.05)
     arm.arm()
     with pytest.raises(NotReached, match="slider"):
@@ -313,7 +317,7 @@ def test_the_software_tells_the_series_of_the_arm(
 
 @pytest.mark.parametrize("port", ["ur-dashboard", "ur-secondary", "ur-realtime", "backdoor"])
 def test_wrong_device_on_the_port(fast: CellThread, port: str) -> None:
-    arm = UrArm(f"tcp://127.0.0.1:{fast.port(port)}", deadlines=HASTY)
+    arm = UrArm(f"tcp://127.0.0.1:{fast.port(port)}", deadlines=UrDeadlines(reply_s=0.4))
     with pytest.raises(LinkError):
         arm.connect()
 
@@ -335,7 +339,7 @@ def test_controller_of_another_protocol(pairs: list[tuple[bytes, bytes]], messag
 
 def test_nobody_at_the_address() -> None:
     with nobody_listens() as port, pytest.raises(LinkLost):
-        UrArm(f"tcp://127.0.0.1:{port}", deadlines=HASTY).connect()
+        UrArm(f"tcp://127.0.0.1:{port}").connect()
 
 
 @pytest.mark.parametrize(("asked", "driven"), [(2.0, 2.0), (90.0, 20.0)])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from drivers import UrArm, UrDeadlines
 from mocks.cell import CellThread
 
 FAR = (90.0, -60.0, 30.0, 40.0, 50.0, 60.0)
-HASTY = UrDeadlines(reply_s=0.4, start_s=0.3, stop_s=0.5, settle_s=0.1, move_factor=0.0, move_margin_s=0.3)
 PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
+# A program that is over between two states was not seen to begin, and is waited for in full.
+BRIEF = replace(PATIENT, start_s=1.0)
 
 
 def connected(cell: CellThread, options: str = "", **keywords: Any) -> UrArm:

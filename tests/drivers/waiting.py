@@ -10,8 +10,9 @@ from typing import Any
 
 from mocks.cell import CellThread
 
-# Seconds for what surely comes; a process that the machine starves may take long, and nothing waits in vain
-PATIENCE_S = 60.0
+# Seconds for what surely comes; a process that the machine starves may take long, and nothing waits in vain. Below the
+# limit of pytest for one test, so that whoever waited says for what.
+PATIENCE_S = 240.0
 
 
 def until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> None:

@@ -21,7 +21,7 @@ BY_HAND = 3
 KILLS = int(os.environ.get("TRUEPOSE_KILLS", "20"))
 
 
-@pytest.mark.timeout(120 + 6 * KILLS)
+@pytest.mark.timeout(600 + 6 * KILLS)
 @pytest.mark.parametrize("driver", ["abb", "manual"])
 def test_kill_at_random_moments(tmp_path: Path, driver: str) -> None:
     kills = KILLS if driver == "abb" else min(KILLS, BY_HAND)

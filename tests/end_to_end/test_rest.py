@@ -180,7 +180,7 @@ def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) 
 def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators_along(
     tmp_path: Path,
 ) -> None:
-    """Fifty long polls are open; a stop is answered at once."""
+    """Fifty long polls are open, more than there are threads; a stop does not take its turn behind them."""
     cell = cell_file(tmp_path, time_scale=1.0)
     campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=600.0).read_text("utf-8"))
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
@@ -188,17 +188,17 @@ def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators
         limits = httpx2.Limits(max_connections=60)
         with (
             ThreadPoolExecutor(50) as pool,
-            httpx2.Client(headers=service.client.headers, timeout=40.0, limits=limits) as client,
+            httpx2.Client(headers=service.client.headers, timeout=PATIENCE_S, limits=limits) as client,
         ):
             url = f"{service.url}/api/v1/runs/{run}"
             version = client.get(url).json()["version"]
             waits = [
                 pool.submit(client.get, url, params={"wait": 30, "after": version + 1}) for _ in range(50)
             ]
-            stopped = service.client.post(f"/runs/{run}/stop")
-            assert stopped.elapsed.total_seconds() < 20.0  # it does not wait for those who wait 30 s
+            assert service.client.post(f"/runs/{run}/stop").status_code == 202
             assert service.until(f"/runs/{run}", "stopped")["state_code"] == 7
-            assert all(wait.result().json()["state"] in ("running", "stopped") for wait in waits)
+            # Had it waited for their 30 s to be over, they would have come back with nothing new.
+            assert all(wait.result().json()["version"] > version + 1 for wait in waits)
         simulators = descendants_of(service.process.pid)
         assert simulators
         service.process.kill()

@@ -16,19 +16,19 @@ from pathlib import Path
 import httpx2
 import pytest
 
-from tests.drivers.waiting import until
+from tests.changing_files import looked_at
+from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.test_http_support import Served, problem, served
 
 
 def open_to_others(folder: Path) -> list[str]:
     """What in a folder, itself included, others than its owner can read or enter."""
-    found = []
-    for path in (folder, *folder.rglob("*")):
-        mode = path.stat().st_mode
-        if stat.S_IMODE(mode) != (0o700 if stat.S_ISDIR(mode) else 0o600):
-            found.append(f"{stat.filemode(mode)} {path.relative_to(folder)}")
-    return found
+    return [
+        f"{stat.filemode(mode)} {path.relative_to(folder)}"
+        for path, mode in looked_at(folder, lambda path: path.stat().st_mode).items()
+        if stat.S_IMODE(mode) != (0o700 if stat.S_ISDIR(mode) else 0o600)
+    ]
 
 
 @pytest.fixture
@@ -52,17 +52,17 @@ def test_a_run_obeys_who_has_the_secret_and_a_viewer_stops_it(tmp_path: Path) ->
     with served(record, "--cell", str(cell), "--simulate") as service:
         client = service.client  # sends no secret by itself
         anna = {
-            "Lease-Id": client.post("/cell/lease", json={"holder": "anna", "seconds": 120}).json()["lease_id"]
+            "Lease-Id": client.post("/cell/lease", json={"holder": "anna", "seconds": 300}).json()["lease_id"]
         }
         assert problem(client.post("/runs", json=order), 409)["code"] == 8102
         run = client.post("/runs", json=order, headers=anna).json()["id"]
         path = f"/runs/{run}"
-        until(lambda: client.get(path).json()["done"] >= 1, 30.0)
+        until(lambda: client.get(path).json()["done"] >= 1)
         assert (record / path[1:] / "record.sqlite3-wal").is_file()
         if os.name == "posix":
             assert open_to_others(record) == []
 
-        body = {"holder": "bert", "reason": "anna has gone home"}
+        body = {"holder": "bert", "reason": "anna has gone home", "seconds": 300}
         bert = {"Lease-Id": client.post("/cell/lease/takeover", json=body).json()["lease_id"]}
         why = "bert has taken the motion lease over from anna: anna has gone home"
         assert reason_of(service, run) == why
@@ -78,7 +78,9 @@ def test_a_run_obeys_who_has_the_secret_and_a_viewer_stops_it(tmp_path: Path) ->
         service.until(path, "running")
 
         token = service.hello["viewer_token"]
-        with httpx2.Client(base_url=client.base_url, headers={"Authorization": f"Bearer {token}"}) as viewer:
+        with httpx2.Client(
+            base_url=client.base_url, headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S
+        ) as viewer:
             assert problem(viewer.post(f"{path}/restation"), 403)["code"] == 8113
             assert viewer.post(f"{path}/pause").status_code == 202
             service.until(path, "paused")

@@ -77,7 +77,7 @@ def test_a_loop_from_the_first_pose_to_the_report(
     assert problem(client.post(f"{path}/resume"), 409)["code"] == 8101
     service.lease("bert")
     assert client.post(f"{path}/resume").status_code == 202
-    done = service.until(path, "succeeded", "failed", "stopped", seconds=90.0)
+    done = service.until(path, "succeeded", "failed", "stopped")
     assert done["state"] == "succeeded", done
     problem(client.post(f"{path}/resume"), 409)
     problem(client.post(f"{path}/pause"), 409)
@@ -112,7 +112,7 @@ def test_a_holder_who_falls_silent_and_a_stop(
     service.lease("bert")
     assert client.post(f"{path}/resume").status_code == 202
     until(lambda: (get(service, path)["run"] or {}).get("state") == "running")
-    body = {"holder": "carl", "reason": "bert is wanted elsewhere"}
+    body = {"holder": "carl", "reason": "bert is wanted elsewhere", "seconds": 300.0}
     carl = {"Lease-Id": client.post("/cell/lease/takeover", json=body).json()["lease_id"]}
     taken = "carl has taken the motion lease over from bert: bert is wanted elsewhere"
     assert service.until(path, "paused")["reason"] == taken

@@ -128,7 +128,7 @@ class Page:
         target = self.do("Target.createTarget", url=url)["targetId"]
         page = Page(f"{self._address.rpartition('/')[0]}/{target}")
         try:
-            until(lambda: page.value("location.href + document.readyState") == f"{url}complete", 20.0)
+            until(lambda: page.value("location.href + document.readyState") == f"{url}complete")
             yield page
         finally:
             page.close()
@@ -146,14 +146,14 @@ def browser(url: str, folder: Path) -> Iterator[Page]:
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             file = folder / "DevToolsActivePort"
-            until(lambda: file.is_file() and "\n" in file.read_text("utf-8"), 40.0)
+            until(lambda: file.is_file() and "\n" in file.read_text("utf-8"))
             port = file.read_text("utf-8").splitlines()[0]
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=20.0) as listed:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=PATIENCE_S) as listed:
                 (tab,) = [each for each in json.load(listed) if each["type"] == "page"]
             page = Page(tab["webSocketDebuggerUrl"])
             try:
                 page.do("Page.navigate", url=url)
-                until(lambda: page.value("location.href + document.readyState") == f"{url}complete", 20.0)
+                until(lambda: page.value("location.href + document.readyState") == f"{url}complete")
                 yield page
             finally:
                 page.close()

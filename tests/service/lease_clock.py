@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 
+from tests.drivers.waiting import PATIENCE_S
+
 
 class LeaseClock:
     """Seconds. Who waits is woken by `pass_by`, and looks at the time."""
@@ -34,7 +36,7 @@ class LeaseClock:
     def pass_by(self, seconds: float) -> None:
         """So many seconds pass, once somebody waits for them."""
         with self._changed:
-            assert self._changed.wait_for(lambda: self._waiting, 60.0), "nobody waits"
+            assert self._changed.wait_for(lambda: self._waiting, PATIENCE_S), "nobody waits"
             self._now += seconds
             for wake in self._waiting:
                 wake.set()

@@ -17,6 +17,7 @@ import pytest
 from acquisition import checked_plan, read_campaign, read_cell
 from calib.data.read import read_dataset
 from service.cli import main
+from tests.drivers.waiting import PATIENCE_S
 from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import edit_rows, read_rows, write_data, write_narrow_data
 
@@ -44,7 +45,7 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
         capture_output=True,
         text=True,
         cwd=cwd,
-        timeout=100,
+        timeout=PATIENCE_S,
         check=False,
     )
 

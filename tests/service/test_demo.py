@@ -34,7 +34,7 @@ def test_the_whole_loop(tmp_path: Path) -> None:
     with start(
         "--seed", "2", "--effect", "backlash:j5", "--out", str(out), "--json", str(tmp_path / "d.json")
     ) as demo:
-        shown, progress = demo.communicate(timeout=110)
+        shown, progress = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 0, progress
     document = json.loads((tmp_path / "d.json").read_text("utf-8"))
     assert document["hidden"] == ["backlash:j5"]
@@ -62,7 +62,7 @@ def test_an_ambiguous_start_is_followed_up(tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ("--narrow", "--effect", "periodic:j5:n2", "--seed", "1", "--out", str(out))
     with start(*words) as demo:
-        shown, progress = demo.communicate(timeout=110)
+        shown, progress = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 0, progress
     document = json.loads((out / "diagnosis.json").read_text("utf-8"))
     assert document["verdict"] == "attributed"

@@ -19,7 +19,7 @@ from service.http.runs.forecasts import Forecasts
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
-from tests.drivers.waiting import until
+from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.slow_arm import SlowArm
 
 
@@ -33,7 +33,7 @@ class HeldWorkers(Workers):
 
     def call(self, function: Callable[..., Any], *args: Any) -> Any:
         self.called.append(function)
-        assert self.let_go.wait(60.0)
+        assert self.let_go.wait(PATIENCE_S)
         if self.refusal:
             raise Problem(503, "Too much is being computed.", "Ask again.")
         return function(*args)
@@ -58,7 +58,7 @@ def test_a_run_moves_before_its_forecast_is_there(
     with closing(Book(tmp_path, lambda _: devices, workers, simulated=True)) as book:
         name = book.start(bench.cell, plan, "a run", Lease("anna", 300.0))
         try:
-            assert arm.moving.wait(60.0)
+            assert arm.moving.wait(PATIENCE_S)
             assert workers.called == [forecast_of]
             assert book.document(name)["seconds_left"] is None
             workers.let_go.set()
@@ -67,7 +67,7 @@ def test_a_run_moves_before_its_forecast_is_there(
             assert book.document(name)["state"] == "running"
         finally:
             book.stop(name, by="anna")
-        assert book.join(60.0)
+        assert book.join(PATIENCE_S)
 
 
 def test_it_is_made_by_another_process(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_it_is_made_by_another_process(tmp_path: Path) -> None:
     try:
         with Run.create(tmp_path, cell, campaign, simulated=True) as run:
             assert workers.call(os.getpid) != os.getpid()
-            made = Forecasts(workers)(run.folder).result(60.0)
+            made = Forecasts(workers)(run.folder).result(PATIENCE_S)
     finally:
         workers.close()
     here = Forecast.of(cell, campaign, checked_plan(cell, campaign))

@@ -30,24 +30,24 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 def test_health_needs_no_token_and_everything_else_does(service: Served) -> None:
-    with httpx2.Client(base_url=service.url) as bare:
-        assert bare.get("/api/v1/health").json()["status"] == "ok"
-        paths = bare.get("/openapi.json").json()["paths"]
-        assert len(paths) > 15
-        for path, item in paths.items():
-            for method in item:
-                if not path.endswith("/health"):
-                    answer = bare.request(method.upper(), path.replace("{", "").replace("}", ""))
-                    assert problem(answer, 401)["code"] == 8001
-                    assert answer.headers["www-authenticate"] == "Bearer"
-        problem(bare.get("/api/v1/nowhere"), 401)
+    bare = service.anybody
+    assert bare.get("/api/v1/health").json()["status"] == "ok"
+    paths = bare.get("/openapi.json").json()["paths"]
+    assert len(paths) > 15
+    for path, item in paths.items():
+        for method in item:
+            if not path.endswith("/health"):
+                answer = bare.request(method.upper(), path.replace("{", "").replace("}", ""))
+                assert problem(answer, 401)["code"] == 8001
+                assert answer.headers["www-authenticate"] == "Bearer"
+    problem(bare.get("/api/v1/nowhere"), 401)
 
 
 @pytest.mark.parametrize(
     "header", ["Bearer wrong", f"Basic {TOKEN}", f"Bearer {TOKEN[:-1]}", f"Bearer {TOKEN}x", TOKEN, "Bearer"]
 )
 def test_a_wrong_token_is_refused(service: Served, header: str) -> None:
-    problem(httpx2.get(f"{service.url}/api/v1/cell", headers={"Authorization": header}), 401)
+    problem(service.anybody.get("/api/v1/cell", headers={"Authorization": header}), 401)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_too_much_is_413(service: Served, path: str, kind: str, most: int, words
 
 
 def test_openapi_suits_client_generators(service: Served) -> None:
-    document = httpx2.get(f"{service.url}/openapi.json").json()
+    document = service.anybody.get("/openapi.json").json()
     operations = [op for item in document["paths"].values() for op in item.values()]
     names = [op["operationId"] for op in operations]
     assert len(set(names)) == len(names)
@@ -280,4 +280,4 @@ def test_openapi_suits_client_generators(service: Served) -> None:
 
 
 def test_no_page_loads_anything_from_elsewhere(service: Served) -> None:
-    problem(httpx2.get(f"{service.url}/redoc", headers=service.client.headers), 404)
+    problem(service.anybody.get("/redoc", headers=service.client.headers), 404)

@@ -36,7 +36,7 @@ def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> N
     with closing(Keys(tmp_path)) as keys:
         asked = [in_thread(lambda: keys.once("k", "print", work)) for _ in range(5)]
         go.set()
-        answers = [each.result(10.0) for each in asked]
+        answers = [each.result(PATIENCE_S) for each in asked]
     assert len(done) == 1
     assert {bytes(answer.body) for answer in answers} == {b'{"id":"one"}'}
     assert {answer.headers["location"] for answer in answers} == {"/one"}
@@ -89,19 +89,19 @@ def test_lines_that_come_while_the_disk_is_busy_share_a_sync(
     def slow(handle: int) -> None:
         synced.append(handle)
         busy.set()
-        go.wait(20.0)
+        go.wait(PATIENCE_S)
         fsync(handle)
 
     with closing(Keys(tmp_path)) as keys:
         monkeypatch.setattr(os, "fsync", slow)
         first = in_thread(lambda: keys.once("first", "a", lambda: reply(201, {})))
-        busy.wait(20.0)
+        busy.wait(PATIENCE_S)
         others = [
             in_thread(lambda n=n: keys.once(f"k{n}", "a", lambda: reply(201, {"id": n}))) for n in range(20)
         ]
         until(lambda: keys._written == 21)
         go.set()
-        assert [each.result(20.0).status_code for each in (first, *others)] == [201] * 21
+        assert [each.result(PATIENCE_S).status_code for each in (first, *others)] == [201] * 21
         assert len(synced) < 42  # each line by itself
         written = len((tmp_path / JOURNAL).read_bytes().splitlines())
     assert written == 42

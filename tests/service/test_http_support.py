@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,11 +26,12 @@ MEDIA_TYPE = "application/problem+json"
 
 @dataclass
 class Served:
-    """A running service."""
+    """A running service. `client` has the operator's token and begins with the prefix of the API, `anybody` neither."""
 
     process: subprocess.Popen[str]
     url: str
     client: httpx2.Client
+    anybody: httpx2.Client
     hello: dict[str, str]
 
     def until(self, path: str, *states: str, seconds: float = PATIENCE_S) -> dict[str, Any]:
@@ -48,7 +51,7 @@ class Served:
         self.lease()
         return self.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
 
-    def lease(self, holder: str = "anna", seconds: float = 120.0) -> dict[str, Any]:
+    def lease(self, holder: str = "anna", seconds: float = 300.0) -> dict[str, Any]:
         """Take the lease, or prolong it where it is this holder's; the client sends its secret from now on."""
         held = self.client.get("/cell").json()["lease"]
         if held is None or held["holder"] != holder:
@@ -58,6 +61,17 @@ class Served:
         if answer.json()["lease_id"]:
             self.client.headers["Lease-Id"] = answer.json()["lease_id"]
         return answer.json()
+
+
+def lasting_port() -> int:
+    """A port that is free, below those that the system gives to whoever asks for any one.
+
+    A service that has ended can come back on it: no other test has been given it meanwhile.
+    """
+    while True:
+        with socket.socket() as free, suppress(OSError):
+            free.bind(("127.0.0.1", random.randrange(20_000, 32_000)))
+            return free.getsockname()[1]
 
 
 @contextmanager
@@ -70,12 +84,12 @@ def served(record: Path, *options: str) -> Iterator[Served]:
             assert process.stdout is not None
             hello = json.loads(process.stdout.readline())
             assert hello["token"] == TOKEN
-            with httpx2.Client(
-                base_url=f"{hello['url']}/api/v1",
-                headers={"Authorization": f"Bearer {TOKEN}"},
-                timeout=httpx2.Timeout(PATIENCE_S),
-            ) as client:
-                yield Served(process, hello["url"], client, hello)
+            token = {"Authorization": f"Bearer {TOKEN}"}
+            with (
+                httpx2.Client(base_url=f"{hello['url']}/api/v1", headers=token, timeout=PATIENCE_S) as client,
+                httpx2.Client(base_url=hello["url"], timeout=PATIENCE_S) as anybody,
+            ):
+                yield Served(process, hello["url"], client, anybody, hello)
         finally:
             process.terminate()
 

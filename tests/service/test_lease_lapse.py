@@ -82,7 +82,7 @@ def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
             )
         )
         thread.start()
-        prompt = operator.wait_pending(20.0)
+        prompt = operator.wait_pending(PATIENCE_S)
         assert prompt is not None
         clock.pass_by(SECONDS + 1.0)
         thread.join(PATIENCE_S)

@@ -53,7 +53,7 @@ def test_numbers_are_typed_beside_the_answer(tmp_path: Path) -> None:
                 await scene(client)
 
     async def scene(client: httpx2.AsyncClient) -> None:
-        lease = await client.post("/cell/lease", json={"holder": "anna", "seconds": 60.0})
+        lease = await client.post("/cell/lease", json={"holder": "anna", "seconds": 300.0})
         client.headers["Lease-Id"] = lease.json()["lease_id"]
         made = await client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False})
         assert made.status_code == 202, made.text

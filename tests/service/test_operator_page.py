@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx2
 import pytest
 
 from mocks.cell import CellThread
@@ -38,22 +37,22 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 def test_it_needs_no_token_and_says_what_it_may_do(service: Served) -> None:
-    answer = httpx2.get(f"{service.url}/")
+    answer = service.anybody.get("/")
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/html")
     policy = answer.headers["content-security-policy"]
     (nonce,) = re.findall(r"^default-src 'none'; script-src 'nonce-([\w-]{24})'; style-src 'sha256-", policy)
     assert f'nonce="{nonce}"' in answer.text
-    assert nonce not in httpx2.get(f"{service.url}/").text  # drawn anew for every answer
+    assert nonce not in service.anybody.get("/").text  # drawn anew for every answer
     assert not re.search(r"unsafe|\*|strict-dynamic", policy)
     assert TOKEN not in answer.text
-    assert httpx2.get(f"{service.url}/", headers={"Host": "evil.example"}).status_code == 403
-    assert httpx2.post(f"{service.url}/").status_code == 405
-    module = httpx2.get(f"{service.url}/page/app.js")
+    assert service.anybody.get("/", headers={"Host": "evil.example"}).status_code == 403
+    assert service.anybody.post("/").status_code == 405
+    module = service.anybody.get("/page/app.js")
     assert module.headers["content-type"].startswith("text/javascript")
     assert module.headers["cache-control"] == "no-store"
     for name in ("page.html", "..%2fpage.html", "nothing.js"):
-        assert httpx2.get(f"{service.url}/page/{name}").status_code == 404, name
+        assert service.anybody.get(f"/page/{name}").status_code == 404, name
 
 
 def test_it_loads_nothing_and_writes_no_markup_from_data() -> None:
@@ -73,10 +72,10 @@ ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'f
 
 
 def enter(page: Page) -> None:
-    until(lambda: page.value("document.activeElement.id") == "token", 20.0)
+    until(lambda: page.value("document.activeElement.id") == "token")
     page.type(TOKEN)
     page.press("Enter")
-    until(lambda: page.value("!document.querySelector('#desk').hidden"), 20.0)
+    until(lambda: page.value("!document.querySelector('#desk').hidden"))
 
 
 @contextmanager
@@ -105,52 +104,52 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
     run = run_of(service, tmp_path)
     with browser(f"{service.url}/", tmp_path / "browser") as page:
         enter(page)
-        until(lambda: page.value("Boolean(document.querySelector('#question'))"), 20.0)
+        until(lambda: page.value("Boolean(document.querySelector('#question'))"))
         for name in ("N1", "N2", "N3"):
-            until(lambda name=name: name in page.text("#question"), 20.0)
+            until(lambda name=name: name in page.text("#question"))
             page.press("Enter")  # by mistake: the focus is on the question, not on a button
             assert page.text("#question") == f"Seat the SMR in {name} and press confirm."
             assert page.value("document.activeElement.id") == "asking"
             page.press("Tab")
             assert page.value("document.activeElement.id") == "confirm"
-            until(lambda: page.value(ARMED), 20.0)
+            until(lambda: page.value(ARMED))
             page.press("Enter", held=True)  # it still lies on the key from before
             assert page.value(ARMED)
             page.press("Enter")
-        until(lambda: "T1" in page.text("#question"), 20.0)
-        until(lambda: page.value(ARMED), 20.0)
+        until(lambda: "T1" in page.text("#question"))
+        until(lambda: page.value(ARMED))
         page.value("document.querySelector('#reason').focus()")
         page.type("the nest is bent")
         outlives_another_language(page)
         page.value("document.querySelector('[data-answer=skip]').click()")
-        until(lambda: "1 skipped" in page.text("#done"), 20.0)
+        until(lambda: "1 skipped" in page.text("#done"))
         answers = [e["data"] for e in events(service, run) if e["kind"] == "answer"]
         assert [each["answer"] for each in answers][:4] == ["confirm", "confirm", "confirm", "skip"]
         assert answers[3]["reason"] == "the nest is bent"
         answered = "skip by http (anna holds the lease): the nest is bent"
-        until(lambda: answered in page.text("#events"), 20.0)
+        until(lambda: answered in page.text("#events"))
 
         page.value("document.querySelector('#pause').click()")
-        until(lambda: page.text("#state") == "‖ paused", 20.0)
+        until(lambda: page.text("#state") == "‖ paused")
         assert page.value("document.querySelector('#resume').disabled")  # somebody else has the lease
         assert page.value("document.querySelector('#take').disabled")
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
         page.press("Enter")  # takes it only where nobody holds it
         page.value("document.querySelector('#over').click()")
-        until(lambda: page.text("#trouble") == "Say why you take it over.", 20.0)
+        until(lambda: page.text("#trouble") == "Say why you take it over.")
         assert page.value("document.activeElement.id") == "because"
         page.type("anna has gone home")
         page.value("document.querySelector('#over').click()")
-        until(lambda: page.text("#holder") == "You hold it as bert.", 20.0)
+        until(lambda: page.text("#holder") == "You hold it as bert.")
         told = problem(service.client.post("/cell/lease", json={"holder": "anna"}, headers=lease), 409)
         assert "bert, who has taken it over from anna (anna has gone home)" in told["detail"]
         goes_on_when_loaded_again(service, page)
-        until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
+        until(lambda: not page.value("document.querySelector('#resume').disabled"))
         page.value("document.querySelector('#resume').click()")
-        until(lambda: page.text("#state") == "? waiting for operator", 20.0)
+        until(lambda: page.text("#state") == "? waiting for operator")
         page.press("Escape")
-        until(lambda: page.text("#state") == "■ stopped", 20.0)
+        until(lambda: page.text("#state") == "■ stopped")
         assert page.text("#trouble") == ""
         assert page.value("Object.keys(sessionStorage).sort().join()") == "truepose-lease,truepose-token"
         assert page.value("Object.keys(localStorage).join()") == "truepose-language"
@@ -160,7 +159,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         assert not violations, violations
         body = {"holder": "carl", "reason": "end of the test"}
         carl = service.client.post("/cell/lease/takeover", json=body).json()
-        until(lambda: "held by carl, who has taken it over" in page.text("#trouble"), 20.0)  # bert is told
+        until(lambda: "held by carl, who has taken it over" in page.text("#trouble"))  # bert is told
         assert page.text("#holder") == "carl holds it."
         assert page.value("sessionStorage.length") == 1
         service.client.delete("/cell/lease", headers={"Lease-Id": carl["lease_id"]})
@@ -170,8 +169,8 @@ def goes_on_when_loaded_again(service: Served, page: Page) -> None:
     """The page keeps the secret of its lease, and goes on prolonging it."""
     page.value("window.isOld = true")
     page.do("Page.reload")
-    until(lambda: page.value("!window.isOld && document.readyState === 'complete'"), 20.0)
-    until(lambda: page.text("#holder") == "You hold it as bert.", 20.0)
+    until(lambda: page.value("!window.isOld && document.readyState === 'complete'"))
+    until(lambda: page.text("#holder") == "You hold it as bert.")
 
     def expires() -> str:
         held = service.client.get("/cell").json()["lease"]
@@ -179,7 +178,7 @@ def goes_on_when_loaded_again(service: Served, page: Page) -> None:
         return held["expires_utc"]
 
     before = expires()
-    until(lambda: expires() > before, 20.0)
+    until(lambda: expires() > before)
     assert page.text("#trouble") == ""
 
 
@@ -214,16 +213,15 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             page.type("bert")
             page.press("Enter")
             until(
-                lambda: page.text("#holder") == "You hold it as bert." and page.text("#state") == "‖ paused",
-                20.0,
+                lambda: page.text("#holder") == "You hold it as bert." and page.text("#state") == "‖ paused"
             )
-            until(lambda: not page.value("document.querySelector('#resume').disabled"), 20.0)
+            until(lambda: not page.value("document.querySelector('#resume').disabled"))
             assert page.value("document.querySelector('#individual').hidden")  # nobody knows yet
             page.value("document.querySelector('#resume').click()")
-            until(lambda: not page.value("document.querySelector('#individual').hidden"), 20.0)
+            until(lambda: not page.value("document.querySelector('#individual').hidden"))
             assert "another instrument answers" in page.text("#why")
             page.value("document.querySelector('#accept').click()")
-            until(lambda: page.text("#trouble") == "Say why it was exchanged.", 20.0)
+            until(lambda: page.text("#trouble") == "Say why it was exchanged.")
             assert page.value("document.activeElement.id") == "exchanged"
             page.type("calibrated elsewhere")
             page.value("document.querySelector('#accept').click()")
@@ -239,19 +237,19 @@ def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
     service: Served, tmp_path: Path
 ) -> None:
     with browser(f"{service.url}/", tmp_path / "browser") as page:
-        until(lambda: page.value("document.activeElement.id") == "token", 20.0)
+        until(lambda: page.value("document.activeElement.id") == "token")
         page.type("wrong" * 5)
         page.press("Enter")
-        until(lambda: page.text("#trouble") == "The token is not that of this service.", 20.0)
+        until(lambda: page.text("#trouble") == "The token is not that of this service.")
         assert page.value("document.querySelector('#desk').hidden")
         assert page.value("sessionStorage.length") == 0
         page.value("document.querySelector('#token').focus()")
         page.type(service.hello["viewer_token"])
         page.press("Enter")
-        until(lambda: page.value("!document.querySelector('#viewer').hidden"), 20.0)
+        until(lambda: page.value("!document.querySelector('#viewer').hidden"))
         page.value("location.hash = '#/cell'")
-        until(lambda: page.value("Boolean(document.querySelector('#holder'))"), 20.0)
-        until(lambda: page.text("#holder").startswith("Nobody holds it"), 20.0)
+        until(lambda: page.value("Boolean(document.querySelector('#holder'))"))
+        until(lambda: page.text("#holder").startswith("Nobody holds it"))
         for control in ("take", "name", "give"):
             assert page.value(f"document.querySelector('#{control}').disabled")
         assert not page.value("document.querySelector('#stop').disabled")

@@ -12,7 +12,6 @@ import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 
@@ -20,7 +19,7 @@ from service.http.routes.pages.page import FOLDER, MODULES
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page
-from tests.service.test_http_support import Served, served
+from tests.service.test_http_support import Served, lasting_port, served
 from tests.service.test_operator_page import ARMED, enter, in_a_browser
 from tests.service.workplace import audit, enter_on, open_view, reachable, tab_to
 
@@ -163,8 +162,9 @@ def speaks_german(page: Page) -> None:
 @in_a_browser
 def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp_path: Path) -> None:
     record = tmp_path / "record"
+    at = ("--cell", str(cell), "--simulate", "--port", str(lasting_port()))
     with (
-        served(record, "--cell", str(cell), "--simulate") as service,
+        served(record, *at) as service,
         window.another(f"{service.url}/") as page,
     ):
         enter(page)
@@ -200,8 +200,7 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
         service.process.wait()
         until(lambda: page.text("#alarm") == "NOT stopped: no connection. Use the emergency stop")
         assert reachable(page, "#stop")
-        port = str(urlsplit(service.url).port)
-        with served(record, "--cell", str(cell), "--simulate", "--port", port) as again:
+        with served(record, *at) as again:
             until(lambda: page.value("document.querySelector('#silence').hidden"))
             until(lambda: page.text("#state") == "‖ paused")
             assert page.value("document.querySelector('#asking').hidden")

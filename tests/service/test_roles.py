@@ -22,6 +22,7 @@ from service.cli import main
 from service.http.access.roles import Role, Tokens, viewer_may
 from service.private import make_secret, owner_only
 from service.token_file import lasting_tokens, tokens_until_the_end
+from tests.changing_files import looked_at
 from tests.drivers.waiting import PATIENCE_S
 from tests.service.test_http import CAMPAIGN, CELL
 from tests.service.test_http_support import TOKEN, Served, problem, served
@@ -47,7 +48,7 @@ def viewer(service: Served) -> Iterator[httpx2.Client]:
 
 
 def operations(service: Served) -> list[tuple[str, str, dict[str, Any]]]:
-    paths = httpx2.get(f"{service.url}/openapi.json").json()["paths"]
+    paths = service.anybody.get("/openapi.json").json()["paths"]
     return [(method.upper(), path, told) for path, item in paths.items() for method, told in item.items()]
 
 
@@ -181,11 +182,10 @@ def test_serve_prints_where_its_tokens_are(tmp_path: Path) -> None:
             assert file == tmp_path / "record" / "tokens"
             assert file.read_text("utf-8") == f"{TOKEN}\n{running.hello['viewer_token']}\n"
             assert running.client.post("/campaigns", json={"campaign": CAMPAIGN}).status_code == 201
-            files = [path for path in file.parent.rglob("*") if path.is_file()]
-            assert {mode_of(path) for path in files} == {0o600}
-            assert {mode_of(p) for p in (file.parent, *file.parent.rglob("*")) if p.is_dir()} == {0o700}
+            modes = looked_at(file.parent, lambda path: (path.is_dir(), mode_of(path)))
+            assert set(modes.values()) == {(False, 0o600), (True, 0o700)}
             running.process.terminate()
-            assert running.process.wait(25.0) == 0
+            assert running.process.wait(PATIENCE_S) == 0
         assert not file.exists()
     finally:
         os.umask(before)

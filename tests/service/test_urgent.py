@@ -111,7 +111,7 @@ def in_held_service(
 
 async def a_run(held: Held) -> str:
     """Begun, up to its first question."""
-    lease = await held.client.post("/cell/lease", json={"holder": "anna"})
+    lease = await held.client.post("/cell/lease", json={"holder": "anna", "seconds": 300.0})
     assert lease.status_code == 200
     held.client.headers["Lease-Id"] = lease.json()["lease_id"]
     answer = await held.client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False})

@@ -81,7 +81,7 @@ def test_a_run_is_measured_while_it_runs_and_the_log_has_every_request(tmp_path:
     with served(tmp_path / "record", *options) as service:
         service.lease()
         run = service.client.post("/runs", json={"campaign": CAMPAIGN, "dry_run": False}).json()["id"]
-        service.client.get(f"/runs/{run}", params={"wait": 20, "after": 20})
+        service.until(f"/runs/{run}", "running")
         found = measured(
             httpx2.get(f"{service.url}/metrics", headers=service.client.headers, timeout=PATIENCE_S).text
         )

@@ -72,8 +72,8 @@ def outlives_another_language(page: Page) -> None:
     """A reason that is half typed, and numbers; the next question gets neither."""
     for language in ("de", "en"):
         page.value(f"document.querySelector('#language [lang={language}]').click()")
-        until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent", 20.0)
-    until(lambda: page.value(ARMED), 20.0)
+        until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent")
+    until(lambda: page.value(ARMED))
     assert page.value(_TYPED) == ["1.5 2.5", ""]
 
 

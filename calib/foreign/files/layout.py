@@ -27,9 +27,11 @@ _SUMMARY = re.compile(
     re.IGNORECASE,
 )
 _PREAMBLE_UNIT = re.compile(
-    r"\b(?:units?|einheit(?:en)?)\b\W*(?:length|angle|länge|winkel)?\W*([\w°µμ]+)", re.IGNORECASE
+    r"\b(?:units?|einheit(?:en)?)\b[^\w°]*+(?:(?:length|angle|länge|winkel)[^\w°]*+)?([\w°µμ]+)",
+    re.IGNORECASE,
 )
 _LOST = frozenset(NOT_MEASURED) - {"x"}  # which names a column
+_SHOWN = 10  # tables
 _FEW = 2  # rows above the names that look like readings and are none
 
 
@@ -260,7 +262,8 @@ def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) ->
         try:
             found = layout_of(sheet, lines)
         except TwoTables as two:
-            shown = ", ".join(f"{first} to {last}" for first, last in two.lines)
+            shown = ", ".join(f"{first} to {last}" for first, last in two.lines[:_SHOWN])
+            shown += ", ..." if len(two.lines) > _SHOWN else ""
             raise DataError(
                 f"holds {len(two.lines)} tables, in lines {shown}.",
                 do=f"Say which: lines = [{two.lines[0][0]}, {two.lines[0][1]}] in the map, or --lines "

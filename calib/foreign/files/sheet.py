@@ -14,13 +14,14 @@ from pathlib import Path
 
 from calib.errors import DataError
 from calib.foreign.files.number import is_number
-from calib.text.csv_text import LONGEST_LINE, rows_of
+from calib.text.csv_text import LONGEST_LINE, refuse_wide, rows_of
 from calib.text.text_file import decoded, read_bytes
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}
 _COMMENT = re.compile(r"\s*(?://+|#+|%+)\s*(?=[^\s;,|])")
 _BLANKS = re.compile(r'"[^"]*"|\S+')
 _WIDE = re.compile(r"\t+| {2,}")
+MOST_BYTES = 64 * 1024 * 1024
 _LOOKED_AT = 400  # lines that tell how cells are set apart
 FEWEST_NUMBERS = 3
 """Numbers in a row that make it one of a table."""
@@ -75,7 +76,7 @@ def text_sheet(path: Path, separator: str | None = None) -> Sheet:
         separator = next((name for name, mark in SEPARATORS.items() if mark == match[1]), separator)
     tried = [separator] if separator else list(SEPARATORS)
     few = "\n".join(lines[:_LOOKED_AT])
-    best = max(tried, key=lambda name: _tableness(_rows(few, path, name))) if len(tried) > 1 else tried[0]
+    best = max(tried, key=lambda name: _tableness_by(few, path, name)) if len(tried) > 1 else tried[0]
     return Sheet(path, "", tuple(_rows("\n".join(lines), path, best)), best, said)
 
 
@@ -86,7 +87,11 @@ def _rows(text: str, path: Path, separator: str) -> list[Row]:
     bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
     rows: list[tuple[int, list[str]]]
     if separator == "blanks":
-        rows = [(i, [cell.strip('"') for cell in _BLANKS.findall(line)]) for i, line in enumerate(bare, 1)]
+        rows = []
+        for i, line in enumerate(bare, 1):
+            found = _BLANKS.findall(line)
+            refuse_wide(len(found), path, i)
+            rows.append((i, [cell.strip('"') for cell in found]))
     else:
         rows = rows_of("\n".join(bare), path, SEPARATORS[separator])
     out = []
@@ -102,6 +107,14 @@ def wide_blanks(path: Path, line: int) -> list[str]:
     text = _text(path)[0].split("\n")[line - 1]
     mark = _COMMENT.match(text)
     return [cell for cell in _WIDE.split(text[mark.end() if mark else 0 :].strip()) if cell]
+
+
+def _tableness_by(text: str, path: Path, separator: str) -> tuple[int, int]:
+    """How much of a table lines are whose cells are apart by this; nothing where that makes too many columns."""
+    try:
+        return _tableness(_rows(text, path, separator))
+    except DataError:
+        return 0, 0
 
 
 def _tableness(rows: list[Row]) -> tuple[int, int]:
@@ -120,7 +133,7 @@ def _tableness(rows: list[Row]) -> tuple[int, int]:
 
 def _text(path: Path) -> tuple[str, tuple[str, ...]]:
     """The text of a file in the encoding that it is in, and what was made of it."""
-    data = read_bytes(path)
+    data = read_bytes(path, MOST_BYTES)
     for mark, name in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if data.startswith(mark):
             return _decode(data, name, path), ("is UTF-16",)

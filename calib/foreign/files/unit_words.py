@@ -24,6 +24,8 @@ _WORDS = {
 }
 _UNIT = {word: unit for unit, words in _WORDS.items() for word in words}
 _NO_UNIT = ("", "-", "--", "1", "text", "[-]", "(-)", "string", "n/a")
+LONGEST = 200
+"""Characters of a name that is looked at: what is longer names nothing."""
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,15}?)\s*[\])}>]")
 _BEHIND = re.compile(r"(?:\s+in\s+|[_/,\s]\s*)([A-Za-zµμ°º\"]{1,12})$")
 
@@ -36,6 +38,8 @@ def unit_of(text: str) -> str:
 
 def split(name: str) -> tuple[str, str]:
     """The name of a column without its unit, and the unit: `X Pos. [mm]` -> `X Pos.`, mm."""
+    if len(name) > LONGEST:
+        return name, ""
     for match in _BRACKETS.finditer(name):
         if unit := unit_of(match[1]):
             return (name[: match.start()] + " " + name[match.end() :]).strip(), unit

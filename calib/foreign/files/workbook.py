@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import datetime
 import warnings
-import zipfile
 from pathlib import Path
 from typing import Any
 
 from calib.errors import DataError
+from calib.foreign.files.packed import MOST_CELLS, UNREADABLE, refuse_bomb
 from calib.foreign.files.sheet import Row, Sheet
 from calib.text.csv_text import MOST_COLUMNS
 from calib.text.text_file import read_bytes
 
 _MOST_BYTES = 64 * 1024 * 1024
-_MOST_UNPACKED = 512 * 1024 * 1024
 _MOST_ROWS = 300_000
+_LONGEST = 32_767  # characters of a cell, as Excel has it
+_ERRORS = (KeyError, IndexError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError)
 
 
 def workbook_sheets(path: Path) -> list[Sheet]:
@@ -45,10 +46,17 @@ def workbook_sheets(path: Path) -> list[Sheet]:
 
 def _load(path: Path, *, values: bool) -> Any:
     import openpyxl  # of no use to whoever has no workbook, and slow to import
+    from openpyxl.utils import exceptions
 
+    odd = (
+        exceptions.CellCoordinatesException,
+        exceptions.SheetTitleException,
+        exceptions.NamedRangeException,
+    )
+    odd += (exceptions.IllegalCharacterError, exceptions.InvalidFileException)
     try:
         return openpyxl.load_workbook(path, data_only=values)
-    except (KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, SyntaxError) as error:
+    except (*_ERRORS, *UNREADABLE, *odd) as error:
         raise DataError(
             f"cannot be read as a workbook ({type(error).__name__}).",
             do="Open it in Excel or LibreOffice and save it as .xlsx, or export the sheet as CSV.",
@@ -60,27 +68,26 @@ def _refuse_unread(path: Path) -> None:
     if path.suffix.lower() == ".xls":
         raise DataError("is a workbook of before 2007.", do="Save it as .xlsx.", file=path)
     read_bytes(path, _MOST_BYTES)
-    try:
-        with zipfile.ZipFile(path) as packed:
-            size = sum(part.file_size for part in packed.infolist())
-    except zipfile.BadZipFile as error:
-        raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
-    if size > _MOST_UNPACKED:
-        raise DataError(
-            f"is {size / 2**20:.0f} MB unpacked.",
-            do="Export the sheet as CSV, or leave other sheets out.",
-            file=path,
-        )
+    refuse_bomb(path)
 
 
 def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
-    if values.max_row > _MOST_ROWS or values.max_column > MOST_COLUMNS:
+    size = values.max_row, values.max_column
+    if size[0] > _MOST_ROWS or size[1] > MOST_COLUMNS or size[0] * size[1] > MOST_CELLS:
         raise DataError(
-            f"sheet '{values.title}' has {values.max_row} rows and {values.max_column} columns.",
+            f"sheet '{values.title}' has {size[0]} rows and {size[1]} columns.",
             do="Delete what lies outside the table (also emptied rows), or export it as CSV.",
             file=path,
         )
     grid = [[_text(cell) for cell in row] for row in values.iter_rows(values_only=True)]
+    long = next((i for i, row in enumerate(grid, 1) if any(len(cell) > _LONGEST for cell in row)), None)
+    if long is not None:
+        raise DataError(
+            f"a cell of sheet '{values.title}' has more than {_LONGEST} characters.",
+            do="Shorten it, or export the table as CSV.",
+            file=path,
+            line=long,
+        )
     spoilt: dict[tuple[int, int], str] = {}
     computed = dates = 0
     for cells, row in zip(formulas.iter_rows(), grid, strict=True):

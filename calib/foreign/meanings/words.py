@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.foreign.files.unit_words import split
+from calib.foreign.files.unit_words import LONGEST, split
 
 Kind = Literal[
     "joint", "external", "point", "angle", "quaternion", "id", "target", "time", "temperature", "status", "set",
@@ -266,6 +266,8 @@ class Meaning:
 
 def meaning_of(name: str) -> Meaning:
     """What the name of a column means."""
+    if len(name) > LONGEST:
+        return Meaning("other")
     bare, unit = split(re.sub(r"#\d+$", "", name))
     tokens = [token.lower() for token in _SPLIT.findall(bare)]
     tokens = [part for token in tokens for part in _unglued(token)]

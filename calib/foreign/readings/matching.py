@@ -20,7 +20,9 @@ from calib.foreign.files.layout import Layout
 from calib.foreign.map.map_file import Map
 from calib.foreign.readings.readings import Readings
 
-_TARGET = re.compile(r"(.+?)[\s_.:/-]+((?:T|SMR|M|R|Target|Marker|Ball)[\s_-]?\d{1,2})", re.IGNORECASE)
+_TARGET = re.compile(r"[\s_.:/-]((?:T|SMR|M|R|Target|Marker|Ball)[\s_-]?\d{1,2})$", re.IGNORECASE)
+_LONGEST_TARGET = len("_Target_12")
+_APART = " \u00a0\t\n\r\f\v_.:/-"  # what may stand between the name of a pose and that of its target
 _SHOWN = 6
 
 
@@ -45,9 +47,10 @@ def with_target(name: str, poses: set[str]) -> tuple[str, str]:
     plain = pose_name(name)
     if plain in poses:
         return plain, ""
-    match = _TARGET.fullmatch(name.rsplit("::", 1)[-1].strip().rstrip("*"))
-    if match and match[1].casefold() in poses:
-        return match[1].casefold(), re.sub(r"[\s_-]", "", match[2]).upper()
+    whole = name.rsplit("::", 1)[-1].strip().rstrip("*")
+    match = _TARGET.search(whole, max(0, len(whole) - _LONGEST_TARGET))
+    if match and (pose := whole[: match.start()].rstrip(_APART).casefold()) in poses:
+        return pose, re.sub(r"[\s_-]", "", match[1]).upper()
     return plain, ""
 
 

@@ -1,0 +1,115 @@
+"""What a workbook unpacks to, counted part by part before anything is built of it.
+
+A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a merged range
+over all of it, a formula that every cell shares. Whoever builds cells first notices too late. Expat reads every part of
+the archive that is XML, keeps nothing of it, and refuses document types: no entity is ever declared.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from contextlib import suppress
+from pathlib import Path
+from xml.parsers import expat
+
+from calib.errors import DataError
+
+MOST_UNPACKED = 256 * 1024 * 1024
+MOST_CELLS = 1_000_000
+"""Of a sheet, as a rectangle: 20,000 readings of 50 columns."""
+_MOST_OTHERS = 500_000  # elements that are no cells: styles, texts, names
+_MOST_MERGED = 1_000_000  # cells within merged ranges and links
+_MOST_SHARED = 20_000_000  # characters of formulas written out
+_DEEPEST = 100
+_ROWS, _COLUMNS = 1 << 20, 1 << 14  # of a sheet, as Excel has them
+_CELL = frozenset({"c", "v", "f", "row"})
+UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)
+"""What reading a damaged, encrypted or oddly packed archive ends in."""
+_PIECE = 1 << 20
+
+
+def refuse_bomb(path: Path) -> None:
+    """Raise DataError (file) for what is no archive, or one that would become too large."""
+    try:
+        with zipfile.ZipFile(path) as packed:
+            size = sum(part.file_size for part in packed.infolist())
+            if size > MOST_UNPACKED:
+                raise _too_large(path, f"is {size / 2**20:.0f} MB unpacked")
+            for part in packed.infolist():
+                with packed.open(part) as stream:
+                    count = _Count(path)
+                    while piece := stream.read(_PIECE):
+                        if not count.goes_on(piece):
+                            break
+    except UNREADABLE as error:
+        raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
+
+
+def _too_large(path: Path, what: str) -> DataError:
+    return DataError(f"{what}.", do="Export the sheet as CSV, or leave what is not the table out.", file=path)
+
+
+class _Count:
+    """One part as it is read. Raises DataError as soon as it holds too much."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parser = expat.ParserCreate()
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text
+        self._parser.StartDoctypeDeclHandler = self._refuse_document_type
+        self._depth = self._cells = self._others = self._area = 0
+        self._formula = self._longest = self._sharing = 0
+
+    def goes_on(self, piece: bytes) -> bool:
+        """Take more of the part; False where it is no XML (any more), which nobody reads beyond that place."""
+        try:
+            self._parser.Parse(piece)
+        except expat.ExpatError:
+            return False
+        return True
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        name = tag.rpartition(":")[2]
+        self._depth += 1
+        self._cells += name in _CELL
+        self._others += name not in _CELL
+        if self._depth > _DEEPEST or self._others > _MOST_OTHERS or self._cells > len(_CELL) * MOST_CELLS:
+            raise _too_large(self._path, f"holds more than {MOST_CELLS} cells or {_MOST_OTHERS} other parts")
+        if name == "f":
+            self._formula = 0
+            self._sharing += attributes.get("t") == "shared"
+        if name in ("mergeCell", "hyperlink"):
+            self._area += _area(attributes.get("ref", ""))
+            if self._area > _MOST_MERGED:
+                raise _too_large(self._path, f"merges or links more than {_MOST_MERGED} cells")
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        if tag.rpartition(":")[2] == "f":
+            self._longest = max(self._longest, self._formula)
+            if self._longest * self._sharing > _MOST_SHARED:
+                raise _too_large(self._path, "shares a long formula among many cells")
+
+    def _text(self, text: str) -> None:
+        self._formula += len(text)
+
+    def _refuse_document_type(self, *_: object) -> None:
+        raise DataError(
+            "declares a document type in one of its parts.",
+            do="Open it in Excel or LibreOffice and save it as .xlsx.",
+            file=self._path,
+        )
+
+
+def _area(ref: str) -> int:
+    """Cells of a range such as A1:C9; 0 for what is none, which the reader of the workbook refuses."""
+    from openpyxl.utils.cell import range_boundaries  # slow to import
+
+    with suppress(ValueError, TypeError):
+        left, top, right, bottom = range_boundaries(ref)
+        width = (right or _COLUMNS) - (left or 1) + 1
+        return max(0, width) * max(0, (bottom or _ROWS) - (top or 1) + 1)
+    return 0
