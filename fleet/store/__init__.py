@@ -1,0 +1,26 @@
+"""The store of what is known of many robots, in an SQLite file or a PostgreSQL."""
+
+from fleet.store.dataset import dataset_content, dataset_texts
+from fleet.store.document import KINDS, Added, Document, Entry, Kind, Known, Point, RobotKey, utc_now
+from fleet.store.schema import migrate
+from fleet.store.store import Store
+from fleet.store.work import Job, Result, Work
+
+__all__ = [
+    "KINDS",
+    "Added",
+    "Document",
+    "Entry",
+    "Job",
+    "Kind",
+    "Known",
+    "Point",
+    "Result",
+    "RobotKey",
+    "Store",
+    "Work",
+    "dataset_content",
+    "dataset_texts",
+    "migrate",
+    "utc_now",
+]
