@@ -87,9 +87,9 @@ class Cluster:
         self.execute(f'CREATE DATABASE {name} TEMPLATE "{template}"')
         return self.address(name)
 
-    def execute(self, statement: str, database: str = "postgres") -> None:
-        """One statement, as the owner of the cluster, outside transactions."""
-        with psycopg.connect(self.address(database), autocommit=True) as connection:
+    def execute(self, statement: str, url: str | None = None) -> None:
+        """One statement in a database (its address), as the owner of the cluster, outside transactions."""
+        with psycopg.connect(url or self.address("postgres"), autocommit=True) as connection:
             connection.execute(statement.encode())
 
     def _find(self) -> Path:
