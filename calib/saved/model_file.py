@@ -50,6 +50,7 @@ from calib.saved.model_checks import (
 from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
+from calib.text.program import program
 from calib.text.toml_table import FARTHEST_MM, Vector
 from calib.units import FACTORS, to_display
 
@@ -134,6 +135,7 @@ def model_document(
     judged = None if diagnosis is None else diagnosis.error_after
     document: dict[str, Any] = {
         "format": FORMAT,
+        "program": program(),
         "robot": model.robot.name,
         "robot_table": asdict(model.robot),
         "robot_sha256": robot_hash(model.robot),
@@ -160,6 +162,8 @@ def model_document(
         "noise_scale": identification.noise_scale,
         "device": [dict(each) for each in identification.header.devices],
     }
+    if (measured := identification.header.occasion) is not None:
+        document["measured"] = {"began": measured.began, "ended": measured.ended}
     if regression is not None:
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)

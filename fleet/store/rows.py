@@ -23,6 +23,9 @@ FORMATS: dict[Kind, str] = {
 }
 """What a document of a kind must be; the other kinds may be any JSON with a format."""
 K = 2.0  # coverage factor of U
+ERROR = "error_rms"
+"""The name under which the position error is kept among the parameters: of a model on readings that it had not seen, of
+a watch at its check poses; RMS, mm."""
 _TEXT = 2000  # letters kept of a sentence
 
 
@@ -63,11 +66,11 @@ def rows_of(document: Document) -> Rows:
 def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
     program = _text(table.get("program", ""))
     if kind == "model":
-        return Rows(program, tuple(_parameter(each) for each in table["parameters"]))
+        return Rows(program, (*(_parameter(each) for each in table["parameters"]), *_held_out(table)))
     if kind == "watch":
         said = {name: _text(table[name]) for name in ("verdict", "in_words", "advice")}
         causes = enumerate(table["causes"], start=1)
-        return Rows(program, (), said, tuple(_cause(rank, each) for rank, each in causes))
+        return Rows(program, _missed(table), said, tuple(_cause(rank, each) for rank, each in causes))
     if kind == "diagnosis":
         said = {"verdict": _text(table["verdict"]), "in_words": "", "advice": ""}
         effects = enumerate(table["effects"], start=1)
@@ -82,6 +85,27 @@ def _parameter(entry: Mapping[str, Any]) -> dict[str, Any]:
         raise ValueError(f"{entry['name']} has no value")
     u = None if std is None else K * std
     return {"name": _text(entry["name"]), "value": value, "u": u, "unit": _text(entry["unit"])}
+
+
+def _held_out(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """The error on held-out readings, where there were any and no watch has changed the model since. U is that of an
+    RMS of n errors of three coordinates each."""
+    judged = table.get("held_out")
+    if judged is None or table.get("updates"):
+        return ()
+    rms, n = _number(judged["error_mm"]["rms"]), judged["error_mm"]["n"]
+    return () if rms is None else (_error(rms, K * rms / math.sqrt(6.0 * n)),)
+
+
+def _missed(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """The error at the check poses; watches of older versions have none."""
+    found = table.get("error_mm")
+    rms, u = (None, None) if found is None else (_number(found["rms"]), _number(found["u"]))
+    return () if rms is None else (_error(rms, u),)
+
+
+def _error(rms: float, u: float | None) -> dict[str, Any]:
+    return {"name": ERROR, "value": rms, "u": u, "unit": "mm"}
 
 
 def _cause(rank: int, entry: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,10 +14,11 @@ import numpy as np
 
 from acquisition.loop import FollowedUp, campaign_table
 from calib.array import Array
-from calib.data import Dataset
+from calib.data import Dataset, Header
 from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
+from calib.text import program
 from calib.units import DEG, to_display
 from service.results import positions
 from service.results.parameters import high_leverage, rows_of, strong_correlations
@@ -82,6 +83,7 @@ def of_diagnosis(
         other["patch"] = _patch(patched)
     return {
         "format": DIAGNOSIS_FORMAT,
+        "program": program(),
         "simulated": diagnosis.dataset.header.simulated,
         "verdict": diagnosis.verdict,
         "effects": [_effect(found) for found in diagnosis.effects],
@@ -189,7 +191,16 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "readings": len(dataset),
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),
-        **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
+        **origin_of(dataset.header),
+    }
+
+
+def origin_of(header: Header) -> dict[str, Any]:
+    """The devices of some readings, and when they were made, as far as their header says."""
+    measured = header.occasion
+    return {
+        **({"devices": [dict(each) for each in header.devices]} if header.devices else {}),
+        **({} if measured is None else {"measured": {"began": measured.began, "ended": measured.ended}}),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,12 @@ from calib.data import Dataset, header_of
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
+from calib.text import program
 from calib.units import DEG
-from calib.watch import Plan, Seen, Verdict
+from calib.watch import Missed, Plan, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
+from service.results import documents
 
 FORMAT, PLAN_FORMAT = "truepose-watch/1", "truepose-watch-plan/1"
 CODES = {
@@ -206,6 +208,7 @@ class Watched:
     model: Path
     asked: JudgeQuestion
     verdict: Verdict
+    error: Missed
     notes: tuple[str, ...]
     updated: bool
 
@@ -239,7 +242,7 @@ class Watched:
         updated = False
         if asked.update is not None and verdict.kind != "unchanged":
             notes, updated = _update(saved, seen, dataset, model, asked.update, verdict, notes)
-        return Watched(dataset, model, asked, verdict, notes, updated)
+        return Watched(dataset, model, asked, verdict, watch.missed(seen, dataset), notes, updated)
 
     @property
     def exit_code(self) -> int:
@@ -252,6 +255,7 @@ class Watched:
         return finite(
             {
                 "format": FORMAT,
+                "program": program(),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,
@@ -280,7 +284,10 @@ class Watched:
                     for cause, weight in verdict.causes
                 ],
                 "p_left": verdict.left,
+                "error_mm": asdict(self.error),
                 "model": self.model.name,
+                "robot": self.dataset.header.robot.name,
+                **documents.origin_of(self.dataset.header),
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
                 "updated_model": None if not self.updated else str(self.asked.update),
