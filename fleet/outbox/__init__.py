@@ -1,0 +1,7 @@
+"""The outbox of a cell: documents wait in a file until the fleet's server has them."""
+
+from fleet.outbox.link import Answer, Link
+from fleet.outbox.queue import FILE, LARGEST, Entry, Outbox
+from fleet.outbox.sender import Round, Sender
+
+__all__ = ["FILE", "LARGEST", "Answer", "Entry", "Link", "Outbox", "Round", "Sender"]
