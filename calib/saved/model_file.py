@@ -132,6 +132,7 @@ def model_document(
     model = identification.model
     errors = identification.standard_errors
     judged = None if diagnosis is None else diagnosis.error_after
+    occasion = identification.header.occasion
     document: dict[str, Any] = {
         "format": FORMAT,
         "robot": model.robot.name,
@@ -159,6 +160,7 @@ def model_document(
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
         "device": [dict(each) for each in identification.header.devices],
+        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
     }
     if regression is not None:
         document["regression"] = document_of(regression)

@@ -120,12 +120,7 @@ class Outbox:
 
         Raises DataError for one that no server takes.
         """
-        if len(document.content) > LARGEST:
-            raise DataError(
-                f"has {len(document.content) / 1024**2:.0f} MB; a document has at most {LARGEST / 1024**2:.0f}.",
-                do="Split the data set by series.",
-                file=document.identity,
-            )
+        refuse_large(document)
         return self._write(
             "INSERT OR IGNORE INTO entry (hash, kind, serial, model, cell, identity, measured_at, content, changed_at) "
             "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -259,6 +254,16 @@ class Outbox:
             yield
         except sqlite3.Error as error:
             raise _refusal(self.path, error) from error
+
+
+def refuse_large(document: Document) -> None:
+    """Raise DataError for a document that no server takes."""
+    if len(document.content) > LARGEST:
+        raise DataError(
+            f"has {len(document.content) / 1024**2:.0f} MB; a document has at most {LARGEST / 1024**2:.0f}.",
+            do="Split the data set by series.",
+            file=document.identity,
+        )
 
 
 def _refusal(path: Path, error: sqlite3.Error) -> DataError:

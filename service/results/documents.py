@@ -180,6 +180,7 @@ def _carried(carried: CarryOver) -> dict[str, Any]:
 
 def data_of(dataset: Dataset) -> dict[str, Any]:
     """The readings that a result is based on."""
+    occasion = dataset.header.occasion
     return {
         "name": dataset.name,
         "sha256": dataset.sha256,
@@ -190,6 +191,7 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),
         **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
+        **({} if occasion is None else {"measured": {"began": occasion.began, "ended": occasion.ended}}),
     }
 
 

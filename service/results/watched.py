@@ -248,7 +248,7 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict = self.verdict
+        verdict, header = self.verdict, self.dataset.header
         return finite(
             {
                 "format": FORMAT,
@@ -283,6 +283,12 @@ class Watched:
                 "model": self.model.name,
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
+                "robot": header.robot.name,
+                "device": [dict(each) for each in header.devices],
+                "measured": None
+                if header.occasion is None
+                else {"began": header.occasion.began, "ended": header.occasion.ended},
+                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }
