@@ -5,4 +5,16 @@ from fleet.outbox.link import Answer, Link
 from fleet.outbox.queue import FILE, LARGEST, Entry, Outbox
 from fleet.outbox.sender import Round, Sender
 
-__all__ = ["FILE", "LARGEST", "Answer", "Cell", "Entry", "Link", "Outbox", "Round", "Sender", "collect", "read_data"]
+__all__ = [
+    "FILE",
+    "LARGEST",
+    "Answer",
+    "Cell",
+    "Entry",
+    "Link",
+    "Outbox",
+    "Round",
+    "Sender",
+    "collect",
+    "read_data",
+]

@@ -8,8 +8,8 @@ rest. Whose robot it is stands in the document itself (`device`), and when it wa
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ class Cell:
     simulated: bool = False
 
 
-Reader = Callable[[Path, Cell], Document | None]
+Reader = Callable[[Path, Cell], Sequence[Document]]
 
 
 def collect(
@@ -50,7 +50,7 @@ def collect(
     outbox: Outbox,
     now: Callable[[], datetime],
     say: Callable[[str], None] = lambda text: None,
-    read_record: Reader = lambda path, cell: None,
+    read_record: Reader = lambda path, cell: (),
 ) -> int:
     """Take every new document of a folder into the outbox; how many. say: told of every file that is not taken.
 
@@ -63,16 +63,15 @@ def collect(
         if not stamp or outbox.looked_at(path, stamp):
             continue
         try:
-            document = reader(path, cell)
-            if document is not None:
+            documents = reader(path, cell)
+            for document in documents:
                 refuse_large(document)
         except (DataError, OSError) as error:
             said = str(error)
             say(f"not sent: {said}")
             outbox.note(path, stamp, said)
             continue
-        if document is not None:
-            taken += outbox.put(document, now())
+        taken += sum(outbox.put(document, now()) for document in documents)
         outbox.note(path, stamp, "")
     return taken
 
@@ -92,7 +91,7 @@ def _files(folder: Path, read_record: Reader) -> Iterator[tuple[Path, Reader]]:
 
 def _stamp(path: Path, cell: Cell) -> str:
     """What changes when a file, its header or its journal changes, or what is sent of it; empty where it has gone."""
-    stamps = [cell.serial, str(cell.simulated)]
+    stamps = [cell.name, cell.serial, str(cell.simulated)]
     for each in (path, path.with_suffix(".toml"), path.with_name(f"{path.name}-wal")):
         try:
             found = each.stat()
@@ -104,14 +103,14 @@ def _stamp(path: Path, cell: Cell) -> str:
     return "; ".join(stamps)
 
 
-def read_result(path: Path, cell: Cell) -> Document | None:
-    """The document of a JSON file; None where it is none of ours. Raises DataError, OSError."""
+def read_result(path: Path, cell: Cell) -> list[Document]:
+    """The document of a JSON file; none where it is none of ours. Raises DataError, OSError."""
     content = read_bytes(path, LARGEST)
     if _MARK not in content[:200]:
-        return None
+        return []
     table = parse_json(content, path)
     if not isinstance(table, dict) or table.get("format") not in KINDS:
-        return None
+        return []
     kind = KINDS[table["format"]]
     about = table.get("data") if kind == "diagnosis" else table
     about = about if isinstance(about, dict) else {}
@@ -126,14 +125,14 @@ def read_result(path: Path, cell: Cell) -> Document | None:
         _moment(measured.get("began", "") if isinstance(measured, dict) else "", path),
         content,
     )
-    return _named(document, _identity(kind, table, document.hash))
+    return [replace(document, identity=_identity(kind, table, document.hash))]
 
 
-def read_data(path: Path, cell: Cell) -> Document | None:
-    """The document of a data set, which is read whole first; None for another table. Raises DataError, OSError."""
+def read_data(path: Path, cell: Cell) -> list[Document]:
+    """The document of a data set, which is read whole first; none for another table. Raises DataError, OSError."""
     header = read_text(path.with_suffix(".toml"), LARGEST)
     if "truepose-dataset/" not in header:
-        return None
+        return []
     dataset = read_dataset(path)
     _refuse_simulated(dataset.header.simulated, cell, path)
     if dataset.header.robot.name not in built_in_robots():
@@ -153,23 +152,17 @@ def read_data(path: Path, cell: Cell) -> Document | None:
         dataset_content(decoded(table, path), header),
     )
     if occasion is None:
-        return _named(document, f"dataset {document.hash}")
+        return [replace(document, identity=f"dataset {document.hash}")]
     # One robot and one instrument measure one thing at a time: another content of the same hours contradicts it.
     who = " ".join(each.get("serial", "") for each in devices)
-    return _named(document, f"dataset {who[:_NAME].strip()} {occasion.began} - {occasion.ended}")
-
-
-def _named(document: Document, identity: str) -> Document:
-    return Document(
-        document.kind, document.robot, document.cell, identity, document.measured_at, document.content
-    )
+    return [replace(document, identity=f"dataset {who[:_NAME].strip()} {occasion.began} - {occasion.ended}")]
 
 
 def _identity(kind: Kind, table: Mapping[str, Any], hash: str) -> str:
     """Which thing a result is a statement of. Many models may be made of one data set, and none contradicts another;
     one watch has one verdict at one rate of false alarms."""
     if kind == "watch":
-        model = str(table.get("model", ""))[:_NAME // 2]
+        model = str(table.get("model", ""))[: _NAME // 2]
         return f"watch {table.get('data_sha256', hash)} {model} {table.get('false_alarms', '')}".strip()
     return f"{kind} {hash}"
 
@@ -183,12 +176,16 @@ def _robot(model: str, devices: Any, cell: Cell, path: Path) -> RobotKey:
     found = dict.fromkeys(serial for serial in serials if serial)
     if len(found) > 1:
         raise DataError(
-            f"is of several robots ({', '.join(found)}).", do="Send the data sets it was merged of.", file=path
+            f"is of several robots ({', '.join(found)}).",
+            do="Send the data sets it was merged of.",
+            file=path,
         )
     serial = next(iter(found), cell.serial)
     if not serial:
         raise DataError(
-            _UNKNOWN, do="Give it with --serial where all documents of this folder are of one robot.", file=path
+            _UNKNOWN,
+            do="Give it with --serial where all documents of this folder are of one robot.",
+            file=path,
         )
     return RobotKey(serial, model)
 
@@ -196,7 +193,9 @@ def _robot(model: str, devices: Any, cell: Cell, path: Path) -> RobotKey:
 def _refuse_simulated(simulated: bool, cell: Cell, path: Path) -> None:
     if simulated and not cell.simulated:
         raise DataError(
-            "is of a simulated robot.", do="Give --simulated to send such documents too, to a store of their own.", file=path
+            "is of a simulated robot.",
+            do="Give --simulated to send such documents too, to a store of their own.",
+            file=path,
         )
 
 

@@ -123,8 +123,12 @@ class Link:
             "Content-Length": str(len(document.content)),
             "Accept": "application/json",
         }
-        body = io.BytesIO(document.content)  # sent piece by piece: the timeout is of a piece, on a slow line too
-        with suppress(ConnectionError):  # a server may refuse before it has heard everything: its answer tells
+        body = io.BytesIO(
+            document.content
+        )  # sent piece by piece: the timeout is of a piece, on a slow line too
+        with suppress(
+            ConnectionError
+        ):  # a server may refuse before it has heard everything: its answer tells
             self._connection.request("PUT", f"{self._base}{document.hash}?{urlencode(said)}", body, headers)
         answer = self._connection.getresponse()
         data = answer.read(LONGEST_ANSWER)

@@ -139,9 +139,7 @@ class Outbox:
 
     def looked_at(self, path: Path, stamp: str) -> bool:
         """Whether a file was looked at when it had this stamp."""
-        return bool(
-            self._read("SELECT 1 FROM file WHERE path = ? AND stamp = ?", (os.fsdecode(path), stamp))
-        )
+        return bool(self._read("SELECT 1 FROM file WHERE path = ? AND stamp = ?", (os.fsdecode(path), stamp)))
 
     def note(self, path: Path, stamp: str, said: str) -> None:
         """Note that a file with this stamp was looked at. said: why it is not sent; empty where it is."""

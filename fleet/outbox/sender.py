@@ -105,7 +105,9 @@ class Sender:
         """Upload one document and write down what became of it, before anything else is done."""
         document = self.outbox.document(hash_)
         if hashlib.sha256(document.content).hexdigest() != hash_:
-            answer = Answer("refused", "The outbox holds another content than it took in: its disk is failing.")
+            answer = Answer(
+                "refused", "The outbox holds another content than it took in: its disk is failing."
+            )
         else:
             answer = self.link.put(document)
         if answer.kind == "damaged":

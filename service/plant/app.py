@@ -59,7 +59,9 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
     problems.install(app)
     app.add_exception_handler(StoreError, _of_store)
     app.add_middleware(
-        Gate, settings=settings, rules=Rules(_OPEN.__contains__, _refusal, "truepose fleet serve", settings.names)
+        Gate,
+        settings=settings,
+        rules=Rules(_OPEN.__contains__, _refusal, "truepose fleet serve", settings.names),
     )
     app.add_middleware(Counted, account=Account())
     return app
@@ -67,10 +69,15 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
 
 def _refusal(role: Role, method: str, path: str) -> Problem | None:
     if role is Role.VIEWER and method not in ("GET", "HEAD"):
-        return Problem(403, "The token of a viewer reads, and nothing else.", "Send the cells' token.", code=8113)
+        return Problem(
+            403, "The token of a viewer reads, and nothing else.", "Send the cells' token.", code=8113
+        )
     if role is Role.OPERATOR and not (method == "PUT" and _PUT.fullmatch(path)):
         return Problem(
-            403, "The token of the cells puts documents in, and nothing else.", "Send the viewer's token.", code=8113
+            403,
+            "The token of the cells puts documents in, and nothing else.",
+            "Send the viewer's token.",
+            code=8113,
         )
     return None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from datetime import datetime
 from importlib.metadata import version
 from typing import Annotated
@@ -61,7 +60,9 @@ async def put_document(
     model: Annotated[str, Query(description="Type of the robot.")],
     cell: Annotated[str, Query(description="The cell that made it.")],
     identity: Annotated[str, Query(description="Which thing it is a statement of.")],
-    measured_at: Annotated[datetime, Query(description="When its first reading was taken, with a time zone.")],
+    measured_at: Annotated[
+        datetime, Query(description="When its first reading was taken, with a time zone.")
+    ],
 ) -> Response:
     """Keep a document; the body is its content. Sent again, it is kept once.
 
@@ -119,7 +120,9 @@ def get_document(store: Here, hash: Hash) -> Response:
     if not store.known([hash]):
         raise Problem(404, f"There is no document {hash}.", "List the documents to see which there are.")
     return Response(
-        store.content(hash), media_type="application/octet-stream", headers={"X-Content-Type-Options": "nosniff"}
+        store.content(hash),
+        media_type="application/octet-stream",
+        headers={"X-Content-Type-Options": "nosniff"},
     )
 
 
@@ -134,7 +137,9 @@ def get_trend(
     store: Here,
     serial: str,
     model: Annotated[str, Query(description="Type, where two robots have one serial number.")] = "",
-    parameter: Annotated[str | None, Query(description="This one; left out: all.", examples=["theta2"])] = None,
+    parameter: Annotated[
+        str | None, Query(description="This one; left out: all.", examples=["theta2"])
+    ] = None,
 ) -> TrendShown:
     """The values of a robot's parameters over time, with U."""
     robot = _robot(store, serial, model)
