@@ -14,3 +14,7 @@ class StoreGone(StoreError):
 
     Nothing of what was asked was kept.
     """
+
+
+class StoreFull(StoreGone):
+    """A store whose disk has no room left."""

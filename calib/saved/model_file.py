@@ -133,6 +133,7 @@ def model_document(
     model = identification.model
     errors = identification.standard_errors
     judged = None if diagnosis is None else diagnosis.error_after
+    occasion = identification.header.occasion
     document: dict[str, Any] = {
         "format": FORMAT,
         "program": program(),
@@ -161,9 +162,8 @@ def model_document(
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
         "device": [dict(each) for each in identification.header.devices],
+        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
     }
-    if (measured := identification.header.occasion) is not None:
-        document["measured"] = {"began": measured.began, "ended": measured.ended}
     if regression is not None:
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)

@@ -10,7 +10,7 @@ from pathlib import Path
 import sqlalchemy as sa
 from sqlalchemy import event, exc
 
-from fleet.errors import StoreError, StoreGone
+from fleet.errors import StoreError, StoreFull, StoreGone
 
 WRITES = {"writes": True}
 """Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
@@ -97,7 +97,7 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
     words = str(error.orig)
     first = _first_line(error.orig)
     if any(mark in words for mark in _FULL):
-        return StoreGone(
+        return StoreFull(
             f"has no room left ({first}).",
             do="Make room on its disk, then ask again; nothing was kept.",
             file=place,

@@ -14,7 +14,7 @@ import numpy as np
 
 from acquisition.loop import FollowedUp, campaign_table
 from calib.array import Array
-from calib.data import Dataset, Header
+from calib.data import Dataset
 from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
@@ -182,6 +182,7 @@ def _carried(carried: CarryOver) -> dict[str, Any]:
 
 def data_of(dataset: Dataset) -> dict[str, Any]:
     """The readings that a result is based on."""
+    occasion = dataset.header.occasion
     return {
         "name": dataset.name,
         "sha256": dataset.sha256,
@@ -191,16 +192,8 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "readings": len(dataset),
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),
-        **origin_of(dataset.header),
-    }
-
-
-def origin_of(header: Header) -> dict[str, Any]:
-    """The devices of some readings, and when they were made, as far as their header says."""
-    measured = header.occasion
-    return {
-        **({"devices": [dict(each) for each in header.devices]} if header.devices else {}),
-        **({} if measured is None else {"measured": {"began": measured.began, "ended": measured.ended}}),
+        **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
+        **({} if occasion is None else {"measured": {"began": occasion.began, "ended": occasion.ended}}),
     }
 
 

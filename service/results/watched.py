@@ -23,7 +23,6 @@ from calib.units import DEG
 from calib.watch import Missed, Plan, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
-from service.results import documents
 
 FORMAT, PLAN_FORMAT = "truepose-watch/1", "truepose-watch-plan/1"
 CODES = {
@@ -251,7 +250,7 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict = self.verdict
+        verdict, header = self.verdict, self.dataset.header
         return finite(
             {
                 "format": FORMAT,
@@ -286,10 +285,14 @@ class Watched:
                 "p_left": verdict.left,
                 "error_mm": asdict(self.error),
                 "model": self.model.name,
-                "robot": self.dataset.header.robot.name,
-                **documents.origin_of(self.dataset.header),
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
+                "robot": header.robot.name,
+                "device": [dict(each) for each in header.devices],
+                "measured": None
+                if header.occasion is None
+                else {"began": header.occasion.began, "ended": header.occasion.ended},
+                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }

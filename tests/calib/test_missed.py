@@ -26,7 +26,9 @@ def test_u_is_what_noise_and_frame_do_to_the_rms(name: str) -> None:
     status[np.flatnonzero(data.fit_rows)[:20]] = "ok"
     nests = {"N1": (400.0, -300.0, 0.0), "N2": (400.0, 300.0, 0.0), "N3": (900.0, 0.0, 100.0)}
     baseline = as_saved(identify(data))
-    joints = data.conditions.joints - np.array([0.0, 0.0, 0.08 * DEG, 0.0, 0.0, 0.0])  # a change, so that it misses
+    joints = data.conditions.joints - np.array(
+        [0.0, 0.0, 0.08 * DEG, 0.0, 0.0, 0.0]
+    )  # a change, so that it misses
     data = replace(
         data,
         status=status,
