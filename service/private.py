@@ -46,12 +46,13 @@ def make_secret(path: Path, text: str) -> None:
         file.write(text)
 
 
-def read_secret(path: Path) -> str:
-    """The text of a file. Raises DataError where others may read it, or it is not text."""
+def read_secret(path: Path, harm: str = "move the robot") -> str:
+    """The text of a file. harm: what whoever reads it can do. Raises DataError where others may read it, or it is not
+    text."""
     with path.open("rb") as file:
         if _POSIX and os.fstat(file.fileno()).st_mode & _OTHERS:
             raise DataError(
-                "can be read by others, and whoever reads it can move the robot.",
+                f"can be read by others, and whoever reads it can {harm}.",
                 do=f"Let nobody else read it: chmod 600 {path}",
                 file=path,
             )

@@ -43,26 +43,30 @@ def tokens_until_the_end(record: Path, operator: str | None) -> Iterator[Tokens]
                 file.unlink()
 
 
-def lasting_tokens(file: Path) -> Tokens:
+def lasting_tokens(file: Path, first: str = "operator's", harm: str = "move the robot") -> Tokens:
     """The tokens in the user's own file, which is made where it is not there; without a second line a new viewer's.
 
+    first: whose the first is; harm: what whoever has it can do.
     Raises DataError where others may read the file or it holds no usable token.
     """
     if not file.exists():
         tokens = _new(None)
         make_secret(file, _text(tokens))
         return tokens
-    lines = [line.strip() for line in read_secret(file).splitlines() if line.strip()]
+    lines = [line.strip() for line in read_secret(file, harm).splitlines() if line.strip()]
     if len(lines) > 2:
         raise DataError(
-            "has more than two lines.", do="Give the operator's token, then the viewer's.", file=file
+            "has more than two lines.", do=f"Give the {first} token, then the viewer's.", file=file
         )
     usable = [_usable(line, file=file) for line in lines or [""]]
     if len(usable) == 1:
         return _new(usable[0])
     if usable[0] == usable[1]:
         raise DataError(
-            "gives operator and viewer the same token.", do="Use two different ones.", file=file, line=2
+            f"gives the {first} and the viewer's token as one.",
+            do="Use two different ones.",
+            file=file,
+            line=2,
         )
     return Tokens(*usable)
 

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("calib", "drivers", "acquisition", "service", "truepose", "mocks")
+ROOMS = ("calib", "drivers", "acquisition", "fleet", "service", "truepose", "mocks")
 _FOUNDERS = {"DataError", "Exception", "ValueError", "AssertionError", "RuntimeError", "HTTPException"}
 _SPEAKERS = {"warn", "error", "failed"}  # of warnings, of a parser of arguments
 

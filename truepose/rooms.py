@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
-ROOMS = ("acquisition", "calib", "drivers", "mocks", "service")
+ROOMS = ("acquisition", "calib", "drivers", "fleet", "mocks", "service")
 
 
 def where(name: str) -> Path | None:

@@ -50,6 +50,7 @@ from calib.saved.model_checks import (
 from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
+from calib.text.program import written_by
 from calib.text.toml_table import FARTHEST_MM, Vector
 from calib.units import FACTORS, to_display
 
@@ -132,8 +133,10 @@ def model_document(
     model = identification.model
     errors = identification.standard_errors
     judged = None if diagnosis is None else diagnosis.error_after
+    occasion = identification.header.occasion
     document: dict[str, Any] = {
         "format": FORMAT,
+        "program": written_by(),
         "robot": model.robot.name,
         "robot_table": asdict(model.robot),
         "robot_sha256": robot_hash(model.robot),
@@ -159,6 +162,7 @@ def model_document(
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
         "device": [dict(each) for each in identification.header.devices],
+        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
     }
     if regression is not None:
         document["regression"] = document_of(regression)

@@ -4,6 +4,7 @@ from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
 from calib.text.files import replace_file
 from calib.text.json_text import parse_json, read_json
+from calib.text.program import written_by
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import parse_toml, read_toml
@@ -29,4 +30,5 @@ __all__ = [
     "refuse_unknown",
     "replace_file",
     "rows_of",
+    "written_by",
 ]

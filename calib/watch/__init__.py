@@ -3,6 +3,7 @@
 from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
+from calib.watch.missed import Missed, missed
 from calib.watch.plan import Plan, plan
 from calib.watch.planned import planned
 from calib.watch.refusals import refuse_unlike
@@ -14,6 +15,7 @@ __all__ = [
     "ALONE",
     "RATE",
     "SEEN",
+    "Missed",
     "Plan",
     "Seen",
     "Verdict",
@@ -23,6 +25,7 @@ __all__ = [
     "cause_to_update",
     "in_display",
     "judge",
+    "missed",
     "plan",
     "planned",
     "read_history",

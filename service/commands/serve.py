@@ -58,7 +58,7 @@ def serve(
 ) -> None:
     """Serve HTTP and the operator's page. Prints where to open it and the tokens when ready; nothing moves until it is
     asked to."""
-    _refuse_host(host)
+    refuse_host(host)
     token = chosen_token() if token_file is None else None
     if token is None and token_file is None and not is_loopback(host):
         sys.stderr.write(
@@ -100,7 +100,7 @@ def serve(
             host=host,
         )
         hello = _for_programs if json else _for_people
-        code = run_server(create_app(settings), settings, port, partial(hello, settings))
+        code = run_server(create_app(settings), host, port, partial(hello, settings))
     if code != exit_codes.DONE:
         raise typer.Exit(code)
 
@@ -131,7 +131,7 @@ def _for_people(settings: Settings, url: str) -> str:
     )
 
 
-def _refuse_host(host: str) -> None:
+def refuse_host(host: str) -> None:
     """Raise DataError for what is neither address nor name: the system takes '' and '0' for all its addresses."""
     try:
         ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))

@@ -16,7 +16,6 @@ from fastapi import FastAPI
 
 from calib.errors import DataError
 from service import exit_codes
-from service.http.access.settings import Settings
 from service.http.runs.book import SERVICE_ENDS
 
 GRACE_S = 3  # for answers under way when the service ends
@@ -47,26 +46,27 @@ class Server(uvicorn.Server):
         self.should_exit = True
 
 
-def run_server(app: FastAPI, settings: Settings, port: int, hello: Callable[[str], str]) -> int:
-    """Serve until SIGINT or SIGTERM; an exit code. hello: what to print once it is ready, from its address.
+def run_server(app: FastAPI, address: str, port: int, hello: Callable[[str], str]) -> int:
+    """Serve on a port of an address until SIGINT or SIGTERM; an exit code. hello: what to print once it is ready, from
+    its URL.
 
     Raises DataError when the port is taken, OSError for an address that is not of this computer.
     """
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
     # Named as TCP, or asyncio does not switch Nagle's algorithm off and every answer takes 40 ms longer.
     with socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind((settings.host.strip("[]"), port))
+            listener.bind((address.strip("[]"), port))
         except OSError as error:
             if error.errno not in (errno.EADDRINUSE, errno.EACCES):
                 raise
             raise DataError(
-                f"{port} of {settings.host} cannot be opened: {error.strerror}.",
+                f"{port} of {address} cannot be opened: {error.strerror}.",
                 do="Give another one, or 0 for a free one; another service may be running there.",
                 key="--port",
             ) from error
-        host = f"[{settings.host.strip('[]')}]" if family == socket.AF_INET6 else settings.host
+        host = f"[{address.strip('[]')}]" if family == socket.AF_INET6 else address
         url = f"http://{host}:{listener.getsockname()[1]}"
         config = uvicorn.Config(
             app,

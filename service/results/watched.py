@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,9 @@ from calib.data import Dataset, header_of
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
+from calib.text import written_by
 from calib.units import DEG
-from calib.watch import Plan, Seen, Verdict
+from calib.watch import Missed, Plan, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
 
@@ -206,6 +207,7 @@ class Watched:
     model: Path
     asked: JudgeQuestion
     verdict: Verdict
+    error: Missed
     notes: tuple[str, ...]
     updated: bool
 
@@ -239,7 +241,7 @@ class Watched:
         updated = False
         if asked.update is not None and verdict.kind != "unchanged":
             notes, updated = _update(saved, seen, dataset, model, asked.update, verdict, notes)
-        return Watched(dataset, model, asked, verdict, notes, updated)
+        return Watched(dataset, model, asked, verdict, watch.missed(seen, dataset), notes, updated)
 
     @property
     def exit_code(self) -> int:
@@ -248,10 +250,11 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict = self.verdict
+        verdict, header = self.verdict, self.dataset.header
         return finite(
             {
                 "format": FORMAT,
+                "program": written_by(),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,
@@ -280,9 +283,16 @@ class Watched:
                     for cause, weight in verdict.causes
                 ],
                 "p_left": verdict.left,
+                "error_mm": asdict(self.error),
                 "model": self.model.name,
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
+                "robot": header.robot.name,
+                "device": [dict(each) for each in header.devices],
+                "measured": None
+                if header.occasion is None
+                else {"began": header.occasion.began, "ended": header.occasion.ended},
+                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }

@@ -26,13 +26,17 @@ Mark = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Op:
-    """One order to the disk (`write`, `truncate`, `sync`, `delete`), or `commit`: SQLite said that it is durable."""
+    """One order to the disk (`write`, `truncate`, `sync`, `delete`), or `commit`: SQLite said that it is durable.
+
+    for_good: of a deletion, that the folder is synced after it.
+    """
 
     kind: str
     file: str = ""
     offset: int = 0
     data: bytes = b""
     mark: Mark = ()
+    for_good: bool = False
 
 
 @dataclass
@@ -80,7 +84,7 @@ class _Vfs(apsw.VFS):
         return _File(self._disk, name, flags)
 
     def xDelete(self, filename: str, syncdir: bool) -> None:
-        self._disk.order(Op("delete", Path(filename).name))
+        self._disk.order(Op("delete", Path(filename).name, for_good=syncdir))
         super().xDelete(filename, syncdir)
 
 
@@ -128,8 +132,11 @@ class Connection:
 
     row_factory: object = None
 
-    def __init__(self, disk: Disk, vfs: _Vfs, path: str, rewrite: Callable[[str], str]) -> None:
+    def __init__(
+        self, disk: Disk, vfs: _Vfs, path: str, rewrite: Callable[[str], str], marks: Sequence[str]
+    ) -> None:
         self._disk, self._vfs, self._rewrite = disk, vfs, rewrite  # the VFS must outlive the connection
+        self._marks = marks
         self._connection = apsw.Connection(path, vfs=vfs.name)
         self._connection.row_trace = _row
         # Often, because a cut within a checkpoint is the hardest.
@@ -155,7 +162,7 @@ class Connection:
         self._connection.close()
 
     def _mark(self) -> Mark:
-        return mark_of(lambda sql: self._connection.execute(sql).fetchall()[0][0])
+        return mark_of(lambda sql: self._connection.execute(sql).fetchall()[0][0], self._marks)
 
 
 MARK = (
@@ -168,17 +175,19 @@ MARK = (
 )
 
 
-def mark_of(ask: Callable[[str], Any]) -> Mark:
+def mark_of(ask: Callable[[str], Any], marks: Sequence[str] = MARK) -> Mark:
     """Numbers that only grow, one of them with every change of a record."""
-    return tuple(ask(sql) for sql in MARK)
+    return tuple(ask(sql) for sql in marks)
 
 
-def connect(disk: Disk, rewrite: Callable[[str], str] = lambda sql: sql) -> Callable[..., Connection]:
+def connect(
+    disk: Disk, rewrite: Callable[[str], str] = lambda sql: sql, marks: Sequence[str] = MARK
+) -> Callable[..., Connection]:
     """A stand-in for `sqlite3.connect`. `rewrite`: changes a statement on its way."""
     vfs = _Vfs(f"platter-{uuid.uuid4().hex}", disk)
 
     def opened(place: str, **_: Any) -> Connection:
-        return Connection(disk, vfs, unquote(urlsplit(place).path), rewrite)
+        return Connection(disk, vfs, unquote(urlsplit(place).path), rewrite, marks)
 
     return opened
 
@@ -201,6 +210,8 @@ class Platter:
             self.loose[op.file] = [op]
         elif op.kind != "commit":
             self.loose.setdefault(op.file, []).append(op)
+        if op.for_good:
+            self._sync_folder()
 
     def _sync_folder(self) -> None:
         """SQLite syncs the folder with the first sync of a new journal; what was deleted stays deleted then."""

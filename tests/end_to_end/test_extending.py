@@ -15,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "extending.md"
-PARTS = ("acquisition", "calib", "drivers", "examples", "mocks", "service", "tests", "truepose")
+PARTS = ("acquisition", "calib", "drivers", "examples", "fleet", "mocks", "service", "tests", "truepose")
 OFFLINE = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", "site"]
 
 

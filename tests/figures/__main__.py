@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from tests.figures.history import ROOT, append, measured, read
 from tests.figures.page import PAGE, page
 
-_ROOMS = "acquisition,calib,drivers,mocks,service,truepose"
+_ROOMS = "acquisition,calib,drivers,fleet,mocks,service,truepose"
 
 
 def commands(what: str) -> list[list[str]]:

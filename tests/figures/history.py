@@ -114,7 +114,7 @@ def _commit() -> str:
     """The commit in short, with `+` where a file of the program or of the tests has changed since."""
     git = ["git", "-C", str(ROOT)]
     named = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
-    rooms = ("acquisition", "calib", "drivers", "mocks", "service", "tests/*.py", "truepose")
+    rooms = ("acquisition", "calib", "drivers", "fleet", "mocks", "service", "tests/*.py", "truepose")
     status = [*git, "status", "--porcelain", "--untracked-files=all", "--", *rooms]
     changed = subprocess.run(status, capture_output=True, text=True, check=True)
     return named.stdout.strip() + ("+" if changed.stdout.strip() else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.sabotage.change import Change
 
 _WATCH = ("tests/calib/test_watch.py",)
+_UPKEEP = ("tests/calib/test_upkeep.py",)
 
 CHANGES = (
     Change(
@@ -41,5 +42,33 @@ CHANGES = (
         "float(np.sum(weights**2)) / total",
         "the mean over watches keeps too much noise",
         _WATCH,
+    ),
+    Change(
+        "calib/upkeep/chart.py",
+        "variance + of_centre, np.maximum",
+        "variance, np.maximum",
+        "the limits of a chart forget that its centre is uncertain",
+        _UPKEEP,
+    ),
+    Change(
+        "calib/upkeep/chart.py",
+        "weights**2 @ variance +",
+        "np.abs(weights) @ variance +",
+        "the mean of a chart keeps all the scatter of its values",
+        _UPKEEP,
+    ),
+    Change(
+        "calib/upkeep/staircase.py",
+        "min(interval, step.x - before.x)",
+        "interval",
+        "checks that come early lengthen the interval",
+        _UPKEEP,
+    ),
+    Change(
+        "calib/upkeep/drift.py",
+        " - 2.0 * float(u)",
+        "",
+        "the next check is due when the line alone reaches what is permitted",
+        _UPKEEP,
     ),
 )

@@ -11,8 +11,6 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
 from service.http.server import Server, run_server
 from service.http.work.workers import Workers
 from service.worker import PATIENT, SESSION
@@ -49,13 +47,13 @@ def session_of(process: int | str) -> int:
 
 
 def test_what_is_loaded_when_the_service_begins_is_not_looked_through_for_garbage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     left: list[int] = []
     monkeypatch.setattr("sys.setswitchinterval", lambda seconds: None)  # of this process
     monkeypatch.setattr(Server, "run", lambda self, sockets: left.append(len(gc.get_objects())))
     try:
-        run_server(FastAPI(), Settings(tmp_path, Tokens("operator", "viewer")), 0, str)
+        run_server(FastAPI(), "127.0.0.1", 0, str)
     finally:
         gc.unfreeze()
     assert left[0] < len(gc.get_objects()) / 10

@@ -20,7 +20,7 @@ for name in ("chown", "fchmod", "fork", "forkpty", "getpgid", "getuid", "killpg"
     delattr(os, name)
 warnings.simplefilter("ignore")  # of the file lock, which has another implementation there
 seen = 0
-for package in ("acquisition", "calib", "drivers", "mocks", "service", "truepose"):
+for package in ("acquisition", "calib", "drivers", "fleet", "mocks", "service", "truepose"):
     for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
         if not found.name.endswith(("__main__", ".serial_line")):
             importlib.import_module(found.name)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("acquisition", "calib", "drivers", "mocks", "service", "truepose")
+PACKAGES = ("acquisition", "calib", "drivers", "fleet", "mocks", "service", "truepose")
 MOST_BYTES = 2_000_000
 
 

@@ -8,13 +8,15 @@ The role is left in the request's state for those who show it.
 from __future__ import annotations
 
 import ipaddress
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.access.roles import Role, Tokens, viewer_may
-from service.http.access.settings import Settings
 from service.http.wire import problems
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
@@ -25,12 +27,53 @@ _TOO_LARGE = "The request is larger than {} MB."
 _SPLIT = "Send less at once; a data set can be split into series."
 
 
+@dataclass(frozen=True)
+class Rules:
+    """Who may do what in a service. is_open: whether a path needs no token; refusal: what a role may not, None where it
+    may; tokens_by: the command that tells the tokens; names: by which the service is called besides its address."""
+
+    is_open: Callable[[str], bool]
+    refusal: Callable[[Role, str, str], Problem | None]
+    tokens_by: str
+    names: tuple[str, ...] = ()
+
+
+def _is_open(path: str) -> bool:
+    return path in OPEN or path.startswith(MODULES)
+
+
+def _of_a_cell(role: Role, method: str, path: str) -> Problem | None:
+    if role is Role.OPERATOR or viewer_may(method, path):
+        return None
+    return Problem(
+        403,
+        "The token of a viewer lets one read everything, pause and stop, and nothing else.",
+        "Send the operator's token: the first line of the token file, whose place 'truepose serve' printed.",
+        code=8113,
+    )
+
+
+CELL = Rules(_is_open, _of_a_cell, "truepose serve")
+
+
+class Guarded(Protocol):
+    """What the gate has to know of a service: its address, its tokens, the largest body."""
+
+    @property
+    def host(self) -> str: ...
+    @property
+    def tokens(self) -> Tokens: ...
+    @property
+    def upload_bytes(self) -> int: ...
+
+
 class Gate:
     """ASGI middleware."""
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, settings: Guarded, rules: Rules = CELL) -> None:
+        self._app, self._rules = app, rules
         self._host = settings.host.strip("[]").lower()
+        self._names = {self._host, "localhost", *(name.lower() for name in rules.names)}
         self._tokens = settings.tokens
         self._most = settings.upload_bytes
 
@@ -63,20 +106,16 @@ class Gate:
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return Problem(403, f"Requests by the page {origin!r} are not answered.", "Use our own page.")
-        if path not in OPEN and not path.startswith(MODULES) and role is None:
+        if role is None and not self._rules.is_open(path):
             return Problem(
                 401,
                 "The token is missing or wrong.",
-                "Send 'Authorization: Bearer TOKEN' with a token that 'truepose serve' printed.",
+                f"Send 'Authorization: Bearer TOKEN' with a token that '{self._rules.tokens_by}' printed.",
                 headers={"WWW-Authenticate": "Bearer"},
             )
-        if role is Role.VIEWER and not viewer_may(method, path):
-            return Problem(
-                403,
-                "The token of a viewer lets one read everything, pause and stop, and nothing else.",
-                "Send the operator's token: the first line of the token file, whose place 'truepose serve' printed.",
-                code=8113,
-            )
+        barred = None if role is None else self._rules.refusal(role, method, path)
+        if barred is not None:
+            return barred
         length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > self._most:
             return self._too_large()
@@ -92,7 +131,7 @@ class Gate:
             name = (urlsplit(f"//{host}").hostname or "").lower()
         except ValueError:
             return False
-        if name in (self._host, "localhost"):
+        if name in self._names:
             return True
         try:
             address = ipaddress.ip_address(name)

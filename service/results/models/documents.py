@@ -18,6 +18,7 @@ from calib.data import Dataset
 from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
+from calib.text import written_by
 from calib.units import DEG, to_display
 from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
@@ -82,6 +83,7 @@ def of_diagnosis(
         other["patch"] = _patch(patched)
     return {
         "format": DIAGNOSIS_FORMAT,
+        "program": written_by(),
         "simulated": diagnosis.dataset.header.simulated,
         "verdict": diagnosis.verdict,
         "effects": [_effect(found) for found in diagnosis.effects],
@@ -180,6 +182,7 @@ def _carried(carried: CarryOver) -> dict[str, Any]:
 
 def data_of(dataset: Dataset) -> dict[str, Any]:
     """The readings that a result is based on."""
+    occasion = dataset.header.occasion
     return {
         "name": dataset.name,
         "sha256": dataset.sha256,
@@ -190,6 +193,7 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
         "fit": int(dataset.fit_rows.sum()),
         "validation": int(dataset.validation_rows.sum()),
         **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
+        **({} if occasion is None else {"measured": {"began": occasion.began, "ended": occasion.ended}}),
     }
 
 

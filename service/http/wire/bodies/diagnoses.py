@@ -106,6 +106,7 @@ class DiagnosisResult(FitShown):
     """A diagnosis (`truepose-diagnosis/1`)."""
 
     format: Annotated[Literal["truepose-diagnosis/1"], told("The format.", "truepose-diagnosis/1")]
+    program: Annotated[str, told("The program and its version.", "truepose 0.1.0")]
     simulated: Annotated[bool, told("Whether simulators were measured.", False)]
     verdict: Annotated[
         Verdict,

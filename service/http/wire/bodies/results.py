@@ -41,6 +41,13 @@ class Device(Answered):
     firmware: Annotated[str, told("Its firmware.", "5.61")] = ""
 
 
+class Measured(Answered):
+    """When readings were made, as text."""
+
+    began: Annotated[str, told("The first.", "2026-03-02 09:15 UTC")]
+    ended: Annotated[str, told("The last.", "2026-03-02 11:40 UTC")]
+
+
 class DataShown(Answered):
     """The readings that a result is based on."""
 
@@ -54,6 +61,9 @@ class DataShown(Answered):
     validation: Annotated[int, told("Number of readings that only judge.", 120)]
     devices: Annotated[list[Device], told("Robot and instrument, as far as they said who they are.", [])] = (
         Field(default_factory=list)
+    )
+    measured: Annotated[Measured | None, told("When they were made; left out where nobody knows.", None)] = (
+        None
     )
 
 

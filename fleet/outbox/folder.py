@@ -1,0 +1,213 @@
+"""What lies in a folder as documents: models, verdicts of watches, diagnoses and data sets, each known by its format.
+
+The files are those that the commands and the service of a cell write; nothing has to be told of them. Each is looked at
+once: again only when its size or time has changed. What cannot be sent is told with the reason, and never stops the
+rest. Whose robot it is stands in the document itself (`device`), and when it was measured (`measured`).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from calib.arm import built_in_robots
+from calib.data import read_dataset
+from calib.errors import DataError
+from calib.text import decoded, parse_json, read_bytes, read_text
+from fleet.outbox.queue import LARGEST, Outbox, refuse_large
+from fleet.store import Document, Kind, RobotKey, dataset_content
+
+KINDS: Mapping[str, Kind] = {
+    "truepose-model/1": "model",
+    "truepose-watch/1": "watch",
+    "truepose-diagnosis/1": "diagnosis",
+}
+_MARK = b'"truepose-'  # every format begins so
+_UNKNOWN = "names no serial number of the robot."
+_NAME = 150  # letters of what may be long in an identity
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The cell whose files they are. serial: of its robot, for documents that name none; simulated: whether documents
+    of simulated robots are sent as well."""
+
+    name: str
+    serial: str = ""
+    simulated: bool = False
+
+
+Reader = Callable[[Path, Cell], Sequence[Document]]
+
+
+def collect(
+    folder: Path,
+    cell: Cell,
+    outbox: Outbox,
+    now: Callable[[], datetime],
+    say: Callable[[str], None] = lambda text: None,
+    read_record: Reader = lambda path, cell: (),
+) -> int:
+    """Take every new document of a folder into the outbox; how many. say: told of every file that is not taken.
+
+    read_record: the reader of the databases of campaigns, which are of another room. Raises DataError where the outbox
+    cannot be written: then nothing is noted as looked at.
+    """
+    taken = 0
+    for path, reader in _files(folder, read_record):
+        stamp = _stamp(path, cell)
+        if not stamp or outbox.looked_at(path, stamp):
+            continue
+        try:
+            documents = reader(path, cell)
+            for document in documents:
+                refuse_large(document)
+        except (DataError, OSError) as error:
+            said = str(error)
+            say(f"not sent: {said}")
+            outbox.note(path, stamp, said)
+            continue
+        taken += sum(outbox.put(document, now()) for document in documents)
+        outbox.note(path, stamp, "")
+    return taken
+
+
+def _files(folder: Path, read_record: Reader) -> Iterator[tuple[Path, Reader]]:
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(each for each in folders if not each.startswith("."))
+        for name in sorted(names):
+            path = Path(place, name)
+            if name == "record.sqlite3":
+                yield path, read_record
+            elif path.suffix == ".json":
+                yield path, read_result
+            elif path.suffix == ".csv" and path.with_suffix(".toml").name in names:
+                yield path, read_data
+
+
+def _stamp(path: Path, cell: Cell) -> str:
+    """What changes when a file, its header or its journal changes, or what is sent of it; empty where it has gone."""
+    stamps = [cell.name, cell.serial, str(cell.simulated)]
+    for each in (path, path.with_suffix(".toml"), path.with_name(f"{path.name}-wal")):
+        try:
+            found = each.stat()
+        except OSError:
+            if each is path:
+                return ""
+            continue
+        stamps.append(f"{found.st_size} {found.st_mtime_ns}")
+    return "; ".join(stamps)
+
+
+def read_result(path: Path, cell: Cell) -> list[Document]:
+    """The document of a JSON file; none where it is none of ours. Raises DataError, OSError."""
+    content = read_bytes(path, LARGEST)
+    if _MARK not in content[:200]:
+        return []
+    table = parse_json(content, path)
+    if not isinstance(table, dict) or table.get("format") not in KINDS:
+        return []
+    kind = KINDS[table["format"]]
+    about = table.get("data") if kind == "diagnosis" else table
+    about = about if isinstance(about, dict) else {}
+    _refuse_simulated(bool(about.get("simulated")), cell, path)
+    devices = about.get("devices", about.get("device", []))
+    measured = about.get("measured")
+    document = Document(
+        kind,
+        _robot(str(about.get("robot", "")), devices, cell, path),
+        cell.name,
+        "to be named",
+        _moment(measured.get("began", "") if isinstance(measured, dict) else "", path),
+        content,
+    )
+    return [replace(document, identity=_identity(kind, table, document.hash))]
+
+
+def read_data(path: Path, cell: Cell) -> list[Document]:
+    """The document of a data set, which is read whole first; none for another table. Raises DataError, OSError."""
+    header = read_text(path.with_suffix(".toml"), LARGEST)
+    if "truepose-dataset/" not in header:
+        return []
+    dataset = read_dataset(path)
+    _refuse_simulated(dataset.header.simulated, cell, path)
+    if dataset.header.robot.name not in built_in_robots():
+        raise DataError(
+            f"is of the robot '{dataset.header.robot.name}', whose file lies on this computer alone.",
+            do="Models and verdicts of it are sent; its readings stay here.",
+            file=path,
+        )
+    table = read_bytes(path, LARGEST)
+    occasion, devices = dataset.header.occasion, dataset.header.devices
+    document = Document(
+        "dataset",
+        _robot(dataset.header.robot.name, devices, cell, path),
+        cell.name,
+        "to be named",
+        _moment("" if occasion is None else occasion.began, path),
+        dataset_content(decoded(table, path), header),
+    )
+    if occasion is None:
+        return [replace(document, identity=f"dataset {document.hash}")]
+    # One robot and one instrument measure one thing at a time: another content of the same hours contradicts it.
+    who = " ".join(each.get("serial", "") for each in devices)
+    return [replace(document, identity=f"dataset {who[:_NAME].strip()} {occasion.began} - {occasion.ended}")]
+
+
+def _identity(kind: Kind, table: Mapping[str, Any], hash: str) -> str:
+    """Which thing a result is a statement of. Many models may be made of one data set, and none contradicts another;
+    one watch has one verdict at one rate of false alarms."""
+    if kind == "watch":
+        model = str(table.get("model", ""))[: _NAME // 2]
+        return f"watch {table.get('data_sha256', hash)} {model} {table.get('false_alarms', '')}".strip()
+    return f"{kind} {hash}"
+
+
+def _robot(model: str, devices: Any, cell: Cell, path: Path) -> RobotKey:
+    serials = [
+        str(each.get("serial", "")).strip()
+        for each in devices
+        if isinstance(each, Mapping) and each.get("role") == "robot"
+    ]
+    found = dict.fromkeys(serial for serial in serials if serial)
+    if len(found) > 1:
+        raise DataError(
+            f"is of several robots ({', '.join(found)}).",
+            do="Send the data sets it was merged of.",
+            file=path,
+        )
+    serial = next(iter(found), cell.serial)
+    if not serial:
+        raise DataError(
+            _UNKNOWN,
+            do="Give it with --serial where all documents of this folder are of one robot.",
+            file=path,
+        )
+    return RobotKey(serial, model)
+
+
+def _refuse_simulated(simulated: bool, cell: Cell, path: Path) -> None:
+    if simulated and not cell.simulated:
+        raise DataError(
+            "is of a simulated robot.",
+            do="Give --simulated to send such documents too, to a store of their own.",
+            file=path,
+        )
+
+
+def _moment(text: str, path: Path) -> datetime:
+    """When the readings began; the time of the file where it does not say."""
+    for form in ("%Y-%m-%d %H:%M UTC", "%Y-%m-%d %H:%M:%S UTC"):
+        try:
+            return datetime.strptime(text, form).replace(tzinfo=UTC)
+        except ValueError:
+            continue
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError:
+        return datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)

@@ -1,0 +1,153 @@
+"""What a store keeps: the statements of a cell about one robot, byte for byte, with what they say of it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import Literal, get_args
+
+from calib.errors import DataError
+
+Kind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+State = Literal["new", "known", "conflict"]
+LONGEST = 200  # letters of a name
+
+
+@dataclass(frozen=True, order=True)
+class RobotKey:
+    """One robot of a plant. serial: its serial number; model: the type, as robot files name it ("irb120")."""
+
+    serial: str
+    model: str
+
+    def __post_init__(self) -> None:
+        _refuse_name("serial", self.serial)
+        _refuse_name("model", self.model)
+
+
+@dataclass(frozen=True)
+class Document:
+    """One statement. cell: name of the cell that made it; identity: which thing it is a statement of (the id of its
+    record and the kind), so that a second content for one identity contradicts the first; measured_at: when its first
+    reading was taken, with a time zone; content: the document itself, bytes.
+
+    Raises DataError naming the key for what no store keeps.
+    """
+
+    kind: Kind
+    robot: RobotKey
+    cell: str
+    identity: str
+    measured_at: datetime
+    content: bytes
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise DataError(f"is {self.kind!r}.", do=f"Use one of {', '.join(KINDS)}.", key="kind")
+        _refuse_name("cell", self.cell)
+        _refuse_name("identity", self.identity)
+        if self.measured_at.tzinfo is None:
+            raise DataError("has no time zone.", do="Give a time in UTC.", key="measured_at")
+        if not self.content:
+            raise DataError("is empty.", do="Give the document.", key="content")
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the content, 64 hexadecimal digits."""
+        return hashlib.sha256(self.content).hexdigest()
+
+
+@dataclass(frozen=True)
+class Added:
+    """What became of a document. state: "new"; "known", where the store had this content; "conflict", where it has
+    another content for the same identity: both are kept. other_hashes: those contents, oldest first."""
+
+    hash: str
+    state: State
+    other_hashes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A document as a list has it. program: the version that wrote it, "" where it does not say; size: bytes;
+    conflict: whether the store has another content for the same identity."""
+
+    hash: str
+    kind: Kind
+    robot: RobotKey
+    cell: str
+    identity: str
+    measured_at: datetime
+    added_at: datetime
+    program: str
+    size: int
+    conflict: bool
+
+
+@dataclass(frozen=True)
+class Known:
+    """A robot in the store: documents of every kind, and when the last was measured."""
+
+    robot: RobotKey
+    cells: tuple[str, ...]
+    documents: dict[Kind, int]
+    last: datetime
+
+
+@dataclass(frozen=True)
+class Point:
+    """One value of a parameter over time. u: expanded uncertainty U (k = 2), None where the model states none; both in
+    `unit`."""
+
+    measured_at: datetime
+    parameter: str
+    value: float
+    u: float | None
+    unit: str
+    hash: str
+    program: str
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause or effect that a verdict names. weight: its share among the causes of its class; value and u (U, k = 2)
+    in `unit`; each None where the document has none."""
+
+    label: str
+    in_words: str
+    weight: float | None
+    value: float | None
+    u: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a watch or a diagnosis said of a robot."""
+
+    robot: RobotKey
+    measured_at: datetime
+    kind: Kind
+    hash: str
+    verdict: str
+    in_words: str
+    advice: str
+    causes: tuple[Named, ...]
+
+
+def utc_now() -> datetime:
+    """The time, with its zone."""
+    return datetime.now(UTC)
+
+
+def _refuse_name(key: str, text: str) -> None:
+    """Raise DataError for what is no name: empty, too long, or with letters that nobody can see."""
+    if not text.strip() or text != text.strip():
+        raise DataError("is empty, or begins or ends with a space.", do="Give a name.", key=key)
+    if len(text) > LONGEST or not text.isprintable():
+        raise DataError(
+            f"is longer than {LONGEST} letters, or holds control characters.", do="Give a name.", key=key
+        )

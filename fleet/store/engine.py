@@ -1,0 +1,133 @@
+"""The database of a store: an SQLite file or a PostgreSQL, the same from here on; its errors as refusals of ours."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import unquote
+
+import sqlalchemy as sa
+from sqlalchemy import event, exc
+
+from fleet.errors import StoreError, StoreFull, StoreGone
+
+WRITES = {"writes": True}
+"""Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
+BUSY_S = 30.0  # how long another program may hold an SQLite file
+_CONNECT_S = 5
+_MISSING = "Install it with: pip install 'truepose[fleet]'"
+
+
+def engine_of(url: str) -> sa.Engine:
+    """The database at an address, not yet connected: sqlite:///FILE, postgresql://USER:PASSWORD@HOST/NAME.
+
+    Raises StoreError for another kind of address, for an SQLite file without a folder, or without the driver.
+    """
+    try:
+        parsed = sa.make_url(url)
+    except exc.ArgumentError as error:
+        raise StoreError(
+            "is no address of a store.", do="Give sqlite:///FILE or postgresql://USER@HOST/NAME.", key="store"
+        ) from error
+    place = shown(parsed)
+    kind = parsed.get_backend_name()
+    if kind == "sqlite":
+        if not parsed.database or parsed.database == ":memory:":
+            raise StoreError("names no file.", do="Give sqlite:///FILE.", file=place)
+        if not Path(parsed.database).absolute().parent.is_dir():
+            raise StoreError("its folder does not exist.", do="Make the folder first.", file=place)
+        engine = sa.create_engine(parsed.set(drivername="sqlite"), connect_args={"timeout": BUSY_S})
+        event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+        return engine
+    if kind != "postgresql":
+        raise StoreError(
+            f"is an address of {kind}.", do="Stores are kept by SQLite and PostgreSQL.", file=place
+        )
+    try:
+        return sa.create_engine(
+            parsed.set(drivername="postgresql+psycopg"),
+            pool_pre_ping=True,  # a server that was away is there again without a restart of ours
+            connect_args={"connect_timeout": parsed.query.get("connect_timeout", _CONNECT_S)},
+        )
+    except ModuleNotFoundError as error:
+        raise StoreError("the driver psycopg is not installed.", do=_MISSING, file=place) from error
+
+
+def shown(url: sa.URL) -> str:
+    """An address without its password, for people."""
+    plain = url.set(drivername=url.get_backend_name())
+    return unquote(plain.render_as_string(hide_password=True))
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _: object) -> None:
+    connection.isolation_level = None  # transactions begin in _begin_sqlite
+    for statement in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+        connection.execute(f"PRAGMA {statement}")
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+@contextmanager
+def refusals(engine: sa.Engine) -> Iterator[None]:
+    """Errors of the database inside are a StoreGone or a StoreError that says where and what to do; but for rows that
+    are there already (IntegrityError)."""
+    place = shown(engine.url)
+    try:
+        yield
+    except exc.IntegrityError:  # two at once: whoever writes says what that means
+        raise
+    except exc.DBAPIError as error:
+        raise _refusal(error, place) from error
+    except exc.TimeoutError as error:  # no connection was free within the time
+        raise StoreGone(f"does not answer ({_first_line(error)}).", do=_LATER, file=place) from error
+
+
+_LATER = "Look at the database and at the network to it, then ask again; nothing was kept."
+_FULL = ("disk is full", "No space left", "could not extend file", "disk I/O error")
+_RIGHTS = ("readonly database", "permission denied", "must be owner")
+_NO_DATABASE = ("not a database", "malformed")
+_NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
+
+
+def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
+    """By the words of the database: SQLite has no classes for its errors."""
+    words = str(error.orig)
+    first = _first_line(error.orig)
+    if any(mark in words for mark in _FULL):
+        return StoreFull(
+            f"has no room left ({first}).",
+            do="Make room on its disk, then ask again; nothing was kept.",
+            file=place,
+        )
+    if any(mark in words for mark in _RIGHTS):
+        return StoreError(
+            f"refuses it ({first}).",
+            do="Ask as a user with the right to: the roles are told by 'truepose fleet migrate'.",
+            file=place,
+        )
+    if any(mark in words for mark in _NO_DATABASE):
+        return StoreError(
+            f"is no database, or a damaged one ({first}).",
+            do="Give another file, or the backup; documents are in the records of the cells still.",
+            file=place,
+        )
+    if any(mark in words for mark in _NOBODY):
+        return StoreError(
+            f"lets nobody in by this address ({first}).",
+            do="Check user, password and name of the database.",
+            file=place,
+        )
+    if isinstance(error, (exc.OperationalError, exc.InterfaceError, exc.InternalError)):
+        return StoreGone(f"does not answer ({first}).", do=_LATER, file=place)
+    return StoreError(f"refuses it ({first}).", do="Tell whoever keeps this program.", file=place)
+
+
+def _first_line(error: BaseException | None) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else "no reason given"

@@ -1,0 +1,149 @@
+"""What a document says, as rows: parameters of a model, verdict and causes of a watch or a diagnosis.
+
+Only what is named here is read; the document itself is kept whole. Of a data set nothing is read: it is data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calib.errors import DataError
+from calib.text import parse_json
+from fleet.store.dataset import FORMAT as DATASET
+from fleet.store.document import Document, Kind
+
+FORMATS: dict[Kind, str] = {
+    "model": "truepose-model/1",
+    "watch": "truepose-watch/1",
+    "diagnosis": "truepose-diagnosis/1",
+    "dataset": DATASET,
+}
+"""What a document of a kind must be; the other kinds may be any JSON with a format."""
+K = 2.0  # coverage factor of U
+ERROR = "error_rms"
+"""The name under which the position error is kept among the parameters: of a model on readings that it had not seen, of
+a watch at its check poses; RMS, mm."""
+_TEXT = 2000  # letters kept of a sentence
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one document, without its number in the store."""
+
+    program: str = ""
+    parameters: tuple[dict[str, Any], ...] = ()  # name, value, u, unit
+    verdict: dict[str, Any] | None = None  # verdict, in_words, advice
+    causes: tuple[dict[str, Any], ...] = ()  # rank, label, in_words, weight, value, u, unit
+
+
+def rows_of(document: Document) -> Rows:
+    """The rows of a document. Raises DataError, naming its key, for what is not of its kind."""
+    place = f"{document.kind} {document.identity}"
+    table = parse_json(document.content, place)
+    wanted = FORMATS.get(document.kind)
+    if not isinstance(table, dict) or not isinstance(table.get("format"), str):
+        raise DataError("is no document of this program.", do="Send the file as it was written.", file=place)
+    if wanted is not None and table["format"] != wanted:
+        raise DataError(
+            f"is {table['format']!r}.",
+            do=f"Send a document of the format '{wanted}'; one of a newer version needs a newer store.",
+            file=place,
+            key="format",
+        )
+    try:
+        return _rows(document.kind, table)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise DataError(
+            f"is damaged ({type(error).__name__}: {error}).",
+            do="Send the file as it was written.",
+            file=place,
+        ) from error
+
+
+def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
+    program = _text(table.get("program", ""))
+    if kind == "model":
+        return Rows(program, (*(_parameter(each) for each in table["parameters"]), *_held_out(table)))
+    if kind == "watch":
+        said = {name: _text(table[name]) for name in ("verdict", "in_words", "advice")}
+        causes = enumerate(table["causes"], start=1)
+        return Rows(program, _missed(table), said, tuple(_cause(rank, each) for rank, each in causes))
+    if kind == "diagnosis":
+        said = {"verdict": _text(table["verdict"]), "in_words": "", "advice": ""}
+        effects = enumerate(table["effects"], start=1)
+        return Rows(program, (), said, tuple(_effect(rank, each) for rank, each in effects))
+    return Rows(program)
+
+
+def _parameter(entry: Mapping[str, Any]) -> dict[str, Any]:
+    std = _number(entry["std"])
+    value = _number(entry["value"])
+    if value is None:
+        raise ValueError(f"{entry['name']} has no value")
+    u = None if std is None else K * std
+    return {"name": _text(entry["name"]), "value": value, "u": u, "unit": _text(entry["unit"])}
+
+
+def _held_out(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """The error on held-out readings, where there were any and no watch has changed the model since. U is that of an
+    RMS of n errors of three coordinates each."""
+    judged = table.get("held_out")
+    if judged is None or table.get("updates"):
+        return ()
+    rms, n = _number(judged["error_mm"]["rms"]), judged["error_mm"]["n"]
+    return () if rms is None else (_error(rms, K * rms / math.sqrt(6.0 * n)),)
+
+
+def _missed(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """The error at the check poses; watches of older versions have none."""
+    found = table.get("error_mm")
+    rms, u = (None, None) if found is None else (_number(found["rms"]), _number(found["u"]))
+    return () if rms is None else (_error(rms, u),)
+
+
+def _error(rms: float, u: float | None) -> dict[str, Any]:
+    return {"name": ERROR, "value": rms, "u": u, "unit": "mm"}
+
+
+def _cause(rank: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+    size = entry["size"]
+    return {
+        "rank": rank,
+        "label": _text(entry["label"]),
+        "in_words": _text(entry["in_words"]),
+        "weight": _number(entry["weight"]),
+        "value": _number(size["value"]),
+        "u": _number(size["u"]),
+        "unit": _text(size["unit"]),
+    }
+
+
+def _effect(rank: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+    label, size = _text(entry["label"]), entry["amplitude"]
+    std = _number(size["std"])
+    return {
+        "rank": rank,
+        "label": label,
+        "in_words": _text(entry["meaning"]),
+        "weight": _number(entry["candidates"].get(label)),
+        "value": _number(size["value"]),
+        "u": None if std is None else K * std,
+        "unit": _text(size["unit"]),
+    }
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value.replace("\0", " ")[:_TEXT]
+
+
+def _number(value: Any) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)

@@ -1,0 +1,254 @@
+"""A store: documents put in once each, and asked for by robot, kind and time."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import datetime
+
+import sqlalchemy as sa
+
+from calib.errors import DataError
+from fleet.errors import StoreError, StoreGone
+from fleet.store import tables
+from fleet.store.adding import Overtaken, added, already
+from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
+from fleet.store.engine import WRITES, engine_of, refusals, shown
+from fleet.store.rows import rows_of
+from fleet.store.schema import carried_over, newest, version
+from fleet.store.work import Work
+
+_TRIES = 20  # of a batch of which another program has just added a part
+
+
+class Store:
+    """A store of documents; may be used by several threads, and by several programs at once.
+
+    Every method raises StoreGone where the database is away or full (nothing was kept then: ask again), StoreError
+    where it refuses.
+    """
+
+    def __init__(self, engine: sa.Engine) -> None:
+        """The store in a database whose tables are those of this program; see `open`."""
+        self._engine = engine
+        self.work = Work(engine)
+
+    @classmethod
+    def open(cls, url: str) -> Store:
+        """The store at an address: `sqlite:///FILE`, made where there is none, or `postgresql://USER@HOST/NAME`.
+
+        An SQLite file of an older version is carried over. A PostgreSQL is not, since others use it too: see
+        `migrate`. Raises StoreError for one of a newer version and for another's database, StoreGone.
+        """
+        engine = engine_of(url)
+        try:
+            with refusals(engine):
+                _prepare(engine)
+        except StoreError:
+            engine.dispose()
+            raise
+        return cls(engine)
+
+    @property
+    def place(self) -> str:
+        """The address, without its password."""
+        return shown(self._engine.url)
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def add(self, document: Document) -> Added:
+        """Keep one document; one that is there already is not kept twice. Raises DataError for what is not of its
+        kind, and for a content that the store has of another robot or as another kind."""
+        return self.add_all([document])[0]
+
+    def add_all(self, documents: Sequence[Document]) -> list[Added]:
+        """Keep documents, all or none of them, durably: when this returns they survive a power cut. Raises as `add`."""
+        rows = [rows_of(each) for each in documents]
+        for _ in range(_TRIES):
+            try:
+                with self._writing() as connection:
+                    return added(connection, documents, rows)
+            except Overtaken:  # another program has added the same just now
+                continue
+        raise StoreGone(
+            "is being written by too many programs at once.",
+            do="Ask again; nothing was kept.",
+            file=self.place,
+        )
+
+    def content(self, hash: str) -> bytes:
+        """The bytes of a document. Raises DataError for a hash that the store has not."""
+        question = (
+            sa.select(tables.content.c.bytes).join(tables.document).where(tables.document.c.hash == hash)
+        )
+        with self._reading() as connection:
+            found = connection.execute(question).scalar_one_or_none()
+        if found is None:
+            raise DataError(f"has no document '{hash}'.", do="List those it has.", file=self.place)
+        return bytes(found)
+
+    def known(self, hashes: Sequence[str]) -> set[str]:
+        """Those of the hashes that the store has."""
+        with self._reading() as connection:
+            return set(already(connection, hashes))
+
+    def robots(self) -> list[Known]:
+        """All robots, by type and serial number."""
+        d, r = tables.document.c, tables.robot.c
+        groups = (
+            sa.select(
+                d.robot,
+                d.cell,
+                d.kind,
+                sa.func.count().label("number"),
+                sa.func.max(d.measured_at).label("last"),
+            )
+            .group_by(d.robot, d.cell, d.kind)
+            .subquery()
+        )
+        g = groups.c
+        question = (
+            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.last)
+            .join_from(groups, tables.robot, r.id == g.robot)
+            .order_by(r.model, r.serial, g.cell)
+        )
+        counts: dict[RobotKey, dict[Kind, int]] = defaultdict(dict)
+        cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
+        last: dict[RobotKey, datetime] = {}
+        with self._reading() as connection:
+            for serial, model, cell, kind, count, latest in connection.execute(question):
+                key = RobotKey(serial, model)
+                counts[key][kind] = counts[key].get(kind, 0) + count
+                cells[key][cell] = None
+                last[key] = max(latest, last.get(key, latest))
+        return [Known(key, tuple(cells[key]), counts[key], last[key]) for key in counts]
+
+    def documents(
+        self,
+        robot: RobotKey | None = None,
+        kind: Kind | None = None,
+        since: datetime | None = None,
+        limit: int = 1000,
+        identity: str | None = None,
+    ) -> list[Entry]:
+        """The newest `limit` documents, newest first. since: measured then or later."""
+        d, r = tables.document.c, tables.robot.c
+        other = tables.document.alias()
+        conflict = sa.exists().where(other.c.identity == d.identity, other.c.id != d.id)
+        columns = (
+            d.hash,
+            d.kind,
+            r.serial,
+            r.model,
+            d.cell,
+            d.identity,
+            d.measured_at,
+            d.added_at,
+            d.program,
+            d.size,
+        )
+        question = (
+            sa.select(*columns, conflict)
+            .join_from(tables.document, tables.robot)
+            .order_by(d.measured_at.desc(), d.id.desc())
+            .limit(limit)
+        )
+        if robot is not None:
+            question = question.where(r.serial == robot.serial, r.model == robot.model)
+        if kind is not None:
+            question = question.where(d.kind == kind)
+        if since is not None:
+            question = question.where(d.measured_at >= since)
+        if identity is not None:
+            question = question.where(d.identity == identity)
+        with self._reading() as connection:
+            found = connection.execute(question).all()
+        return [Entry(h, k, RobotKey(s, m), *rest) for h, k, s, m, *rest in found]
+
+    def trend(self, robot: RobotKey, parameter: str | None = None) -> list[Point]:
+        """The values of one parameter of a robot, or of all (None), by name and time."""
+        p, d, r = tables.parameter.c, tables.document.c, tables.robot.c
+        question = (
+            sa.select(p.measured_at, p.name, p.value, p.u, p.unit, d.hash, d.program)
+            .join_from(tables.parameter, tables.robot)
+            .join(tables.document, d.id == p.document)
+            .where(r.serial == robot.serial, r.model == robot.model)
+            .order_by(p.name, p.measured_at, p.document)
+        )
+        if parameter is not None:
+            question = question.where(p.name == parameter)
+        with self._reading() as connection:
+            return [Point(*row) for row in connection.execute(question)]
+
+    def verdicts(
+        self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
+    ) -> list[Said]:
+        """What watches and diagnoses said, of a robot or of all, oldest first."""
+        v, d, r, c = tables.verdict.c, tables.document.c, tables.robot.c, tables.cause.c
+        question = (
+            sa.select(d.id, r.serial, r.model, d.measured_at, d.kind, d.hash, v.verdict, v.in_words, v.advice)
+            .join_from(tables.verdict, tables.document)
+            .join(tables.robot)
+            .order_by(d.measured_at, d.id)
+        )
+        if robot is not None:
+            question = question.where(r.serial == robot.serial, r.model == robot.model)
+        if kind is not None:
+            question = question.where(d.kind == kind)
+        if since is not None:
+            question = question.where(d.measured_at >= since)
+        named = sa.select(c.document, c.label, c.in_words, c.weight, c.value, c.u, c.unit).order_by(
+            c.document, c.rank
+        )
+        asked = question.with_only_columns(d.id).order_by(None)
+        causes: dict[int, list[Named]] = defaultdict(list)
+        with self._reading() as connection:
+            for number, *rest in connection.execute(named.where(c.document.in_(asked))):
+                causes[number].append(Named(*rest))
+            found = connection.execute(question).all()
+        return [
+            Said(RobotKey(serial, model), at, what, hash, verdict, words, advice, tuple(causes[number]))
+            for number, serial, model, at, what, hash, verdict, words, advice in found
+        ]
+
+    @contextmanager
+    def _reading(self) -> Iterator[sa.Connection]:
+        with refusals(self._engine), self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def _writing(self) -> Iterator[sa.Connection]:
+        with (
+            refusals(self._engine),
+            self._engine.connect().execution_options(**WRITES) as connection,
+            connection.begin(),
+        ):
+            yield connection
+
+
+def _prepare(engine: sa.Engine) -> None:
+    """See to it that the tables are those of this program. Raises StoreError."""
+    with engine.connect() as connection:
+        found = version(connection, engine)
+    if found == newest():
+        return
+    if engine.dialect.name == "sqlite":
+        with engine.connect().execution_options(**WRITES) as connection, connection.begin():
+            carried_over(connection, engine)
+        return
+    raise StoreError(
+        f"has tables of the version '{found}', this program needs '{newest()}'."
+        if found
+        else "has no tables yet.",
+        do="Have its owner run: truepose fleet migrate URL",
+        file=shown(engine.url),
+    )

@@ -1,0 +1,150 @@
+"""Work on the documents of a store: who has a job now, and its result, which is written once.
+
+A job is keyed by what decides its result: the hash of its data, the version of the program, and the task with its
+settings. A claim ends by itself, so that the job of a lost worker is done by another; whoever comes late with a
+result finds it there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import cached_property
+
+import sqlalchemy as sa
+from sqlalchemy import exc
+
+from fleet.store import tables
+from fleet.store.engine import WRITES, refusals
+
+_MANY = 1000  # keys in one question
+
+
+@dataclass(frozen=True)
+class Job:
+    """task: what to do, with its settings, as text; data: hash of the document; program: version that does it."""
+
+    task: str
+    data: str
+    program: str
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 of the three, 64 hexadecimal digits."""
+        return hashlib.sha256("\n".join((self.task, self.data, self.program)).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Result:
+    """The result of a job. owner: who did it; seconds: of work; content: the result."""
+
+    job: Job
+    owner: str
+    finished_at: datetime
+    seconds: float
+    content: bytes
+
+
+class Work:
+    """The jobs of a store. Times are given, with their zone. Raises StoreGone, StoreError as the store does."""
+
+    def __init__(self, engine: sa.Engine) -> None:
+        self._engine = engine
+
+    def claim(self, jobs: Sequence[Job], owner: str, now: datetime, for_s: float) -> list[Job]:
+        """Those of the jobs that are this owner's from now on: without a result, and nobody else's at this time.
+
+        An owner claims its own again to have them for longer.
+        """
+        until = now + timedelta(seconds=for_s)
+        mine: list[Job] = []
+        with self._writing() as connection:
+            for job in sorted(set(jobs) - self._done(connection, jobs), key=lambda each: each.key):
+                if _taken(connection, job.key, owner, now, until):
+                    mine.append(job)
+        order = {job: i for i, job in enumerate(jobs)}
+        return sorted(mine, key=lambda each: order[each])
+
+    def finish(self, job: Job, owner: str, content: bytes, now: datetime, seconds: float) -> bool:
+        """Keep the result of a job; False where it has one already, which stays as it is."""
+        row = {
+            "key": job.key,
+            "task": job.task,
+            "data": job.data,
+            "program": job.program,
+            "owner": owner,
+            "finished_at": now,
+            "seconds": seconds,
+            "bytes": content,
+        }
+        try:
+            with self._writing() as connection:
+                connection.execute(sa.insert(tables.result), row)
+        except exc.IntegrityError:
+            return False
+        return True
+
+    def done(self, jobs: Sequence[Job]) -> set[Job]:
+        """Those of the jobs that have a result."""
+        with self._reading() as connection:
+            return self._done(connection, jobs)
+
+    def results(
+        self, task: str | None = None, data: str | None = None, program: str | None = None
+    ) -> list[Result]:
+        """Results of a task, of a document, of a version, oldest first."""
+        c = tables.result.c
+        question = sa.select(tables.result).order_by(c.finished_at, c.key)
+        for column, value in ((c.task, task), (c.data, data), (c.program, program)):
+            if value is not None:
+                question = question.where(column == value)
+        with self._reading() as connection:
+            return [
+                Result(
+                    Job(row.task, row.data, row.program),
+                    row.owner,
+                    row.finished_at,
+                    row.seconds,
+                    bytes(row.bytes),
+                )
+                for row in connection.execute(question)
+            ]
+
+    def _done(self, connection: sa.Connection, jobs: Sequence[Job]) -> set[Job]:
+        column, keys = tables.result.c.key, {job.key: job for job in jobs}
+        wanted, found = list(keys), set[Job]()
+        for begin in range(0, len(wanted), _MANY):
+            some = sa.select(column).where(column.in_(wanted[begin : begin + _MANY]))
+            found |= {keys[key] for key in connection.execute(some).scalars()}
+        return found
+
+    @contextmanager
+    def _reading(self) -> Iterator[sa.Connection]:
+        with refusals(self._engine), self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def _writing(self) -> Iterator[sa.Connection]:
+        with (
+            refusals(self._engine),
+            self._engine.connect().execution_options(**WRITES) as connection,
+            connection.begin(),
+        ):
+            yield connection
+
+
+def _taken(connection: sa.Connection, key: str, owner: str, now: datetime, until: datetime) -> bool:
+    """Claim one job: one that nobody has, whose claim has ended, or that is the owner's already."""
+    c = tables.claim.c
+    free = sa.update(tables.claim).where(c.key == key, sa.or_(c.until <= now, c.owner == owner))
+    if connection.execute(free.values(owner=owner, until=until)).rowcount:
+        return True
+    try:
+        with connection.begin_nested():
+            connection.execute(sa.insert(tables.claim), {"key": key, "owner": owner, "until": until})
+    except exc.IntegrityError:
+        return False
+    return True

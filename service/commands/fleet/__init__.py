@@ -1,0 +1,16 @@
+"""`truepose fleet`: what the cells of a plant know of their robots, sent to one place and kept there."""
+
+from __future__ import annotations
+
+import typer
+
+from service.commands.fleet.migrate import migrate_command
+from service.commands.fleet.outbox import app as outbox
+from service.commands.fleet.send import send_command
+from service.commands.fleet.serve import serve_command
+
+app = typer.Typer(help="Keep in one place what the cells of a plant know of their robots.")
+app.command("send")(send_command)
+app.add_typer(outbox, name="outbox", no_args_is_help=True)
+app.command("serve")(serve_command)
+app.command("migrate")(migrate_command)

@@ -1,0 +1,89 @@
+"""`truepose fleet serve`: the server of a fleet, on loopback unless a token file was chosen."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import closing
+from json import dumps
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from service import exit_codes
+from service.commands.serve import refuse_host
+from service.json_log import json_log
+from service.private import owner_only
+from service.token_file import lasting_tokens
+
+STORE = "TRUEPOSE_STORE"
+
+
+@owner_only()
+def serve_command(
+    store: Annotated[
+        str,
+        typer.Option(
+            metavar="URL",
+            envvar=STORE,
+            show_envvar=False,
+            help=f"sqlite:///FILE or postgresql://USER@HOST/NAME; or in {STORE}, which other users do not see.",
+        ),
+    ],
+    token_file: Annotated[
+        Path,
+        typer.Option(
+            "--token-file",
+            metavar="FILE",
+            help="The cells' token, which puts documents in, and in its second line the viewer's, which reads; it is "
+            "made where it is not there.",
+        ),
+    ],
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    name: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A name by which cells call this computer; may be repeated."),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON line with url and tokens, for programs.")
+    ] = False,
+    log: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
+    ] = None,
+) -> None:
+    """Take documents in from the cells of a plant, and answer how a robot is. Nothing here moves a robot."""
+    for each in (host, *(name or [])):
+        refuse_host(each)
+    tokens = lasting_tokens(token_file, first="cells'", harm="write to the store")
+    from fleet.store import Store
+    from service.http.server import run_server
+    from service.plant import Settings, create_plant
+
+    with json_log(log), closing(Store.open(store)) as opened:
+        place = opened.place
+
+        def hello(url: str) -> str:
+            if json:
+                said = {
+                    "url": url,
+                    "token": tokens.operator,
+                    "viewer_token": tokens.viewer,
+                    "token_file": str(token_file.absolute()),
+                }
+                return dumps(said)
+            return "\n".join(
+                (
+                    f"Ready: documents are kept in {place}.",
+                    f"  address        {url}",
+                    f"  tokens are in  {token_file.absolute()}   (first line: the cells'; second: the viewer's)",
+                    f"  robots         curl -H 'Authorization: Bearer VIEWER-TOKEN' {url}/api/v1/robots",
+                    "Ctrl-C ends the server; cells keep what they have until it is back.",
+                )
+            )
+
+        code = run_server(create_plant(opened, Settings(tokens, host, tuple(name or ()))), host, port, hello)
+    if code != exit_codes.DONE:
+        sys.stderr.write("truepose: the server did not start.\n")
+        raise typer.Exit(code)

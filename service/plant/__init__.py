@@ -1,0 +1,5 @@
+"""The server of a fleet: cells send their documents, people ask how a robot is. Nothing here moves a robot."""
+
+from service.plant.app import Settings, create_plant
+
+__all__ = ["Settings", "create_plant"]

@@ -1,0 +1,92 @@
+"""The application: cells put documents in, viewers read. What arrives twice is kept once; what contradicts is kept
+beside what was there and told.
+
+Gate, problems and tokens are those of a cell's service. The first token is the cells': it puts documents in and reads
+nothing, for it lies on every cell PC; the viewer's reads everything and writes nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import anyio
+from fastapi import FastAPI, Request
+from starlette.responses import Response
+
+from fleet.errors import StoreError, StoreFull
+from fleet.outbox import LARGEST
+from fleet.store import Store
+from service import refusals
+from service.http.access.account import Account, Counted
+from service.http.access.gate import Gate, Rules
+from service.http.access.roles import Role, Tokens
+from service.http.wire import problems
+from service.http.wire.paths import PREFIX, path_of
+from service.http.wire.problems import Problem
+from service.plant import routes
+
+UPLOADS = 16  # in hand; each may be a body in memory
+AGAIN_S, ROOM_S = 15, 120  # when to ask again: a store that is away, one without room
+_PUT = re.compile(rf"{PREFIX}/documents/[^/]+")
+_OPEN = (path_of("health"), "/openapi.json")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the server was started with. names: by which cells call it, besides its address; upload_bytes: of the
+    largest document."""
+
+    tokens: Tokens
+    host: str = "127.0.0.1"
+    names: tuple[str, ...] = ()
+    upload_bytes: int = LARGEST
+
+
+def create_plant(store: Store, settings: Settings) -> FastAPI:
+    """The server of a store, which whoever opened it closes."""
+    app = FastAPI(
+        title="TruePose fleet",
+        version=version("truepose"),
+        description="What the cells of a plant know of their robots. Moves nothing.",
+        docs_url=None,  # they load from elsewhere
+        redoc_url=None,
+    )
+    app.state.store = store
+    app.state.uploads = anyio.CapacityLimiter(UPLOADS)
+    app.include_router(routes.router, prefix=PREFIX)
+    problems.install(app)
+    app.add_exception_handler(StoreError, _of_store)
+    app.add_middleware(
+        Gate,
+        settings=settings,
+        rules=Rules(_OPEN.__contains__, _refusal, "truepose fleet serve", settings.names),
+    )
+    app.add_middleware(Counted, account=Account())
+    return app
+
+
+def _refusal(role: Role, method: str, path: str) -> Problem | None:
+    if role is Role.VIEWER and method not in ("GET", "HEAD"):
+        return Problem(
+            403, "The token of a viewer reads, and nothing else.", "Send the cells' token.", code=8113
+        )
+    if role is Role.OPERATOR and not (method == "PUT" and _PUT.fullmatch(path)):
+        return Problem(
+            403,
+            "The token of the cells puts documents in, and nothing else.",
+            "Send the viewer's token.",
+            code=8113,
+        )
+    return None
+
+
+async def _of_store(request: Request, error: Exception) -> Response:
+    """A store that is away, full or refuses: nothing was kept, and it is not the document. The cell asks again."""
+    assert isinstance(error, StoreError)
+    status, seconds = (507, ROOM_S) if isinstance(error, StoreFull) else (503, AGAIN_S)
+    # The address of the store is for those who keep it: the log of the database has it.
+    return problems.response(
+        status, f"The store {error.what}", refusals.remedy(error), headers={"Retry-After": str(seconds)}
+    )

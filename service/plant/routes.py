@@ -1,0 +1,191 @@
+"""What is asked of a fleet's server."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import datetime
+from importlib.metadata import version
+from typing import Annotated
+
+import anyio.to_thread
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Path as InPath
+from starlette.requests import ClientDisconnect
+from starlette.responses import JSONResponse, Response
+
+from fleet.store import Added, Document, Kind, RobotKey, Store
+from service.http.wire.problems import Problem
+from service.plant.bodies import (
+    AddedShown,
+    DocumentShown,
+    DocumentsShown,
+    HealthShown,
+    PointShown,
+    RobotShown,
+    RobotsShown,
+    TrendShown,
+)
+
+router = APIRouter()
+PIECE_S = 60.0  # a client that sends nothing for so long has gone
+BUSY_S = 2
+MOST = 10_000  # documents of one list
+_CONFLICT = 8610
+_DAMAGED = 8611
+
+
+async def _store(request: Request) -> Store:
+    return request.app.state.store
+
+
+Here = Annotated[Store, Depends(_store)]
+Hash = Annotated[
+    str, InPath(pattern="^[0-9a-f]{64}$", description="SHA-256 of the content, 64 hexadecimal digits.")
+]
+
+
+@router.get("/health", response_model=HealthShown)
+async def health() -> HealthShown:
+    """The server is there; says nothing of its store."""
+    return HealthShown(status="ok", version=version("truepose"))
+
+
+@router.put("/documents/{hash}", response_model=AddedShown, status_code=201)
+async def put_document(
+    request: Request,
+    store: Here,
+    hash: Hash,
+    kind: Annotated[Kind, Query(description="What the document is.")],
+    serial: Annotated[str, Query(description="Serial number of the robot.")],
+    model: Annotated[str, Query(description="Type of the robot.")],
+    cell: Annotated[str, Query(description="The cell that made it.")],
+    identity: Annotated[str, Query(description="Which thing it is a statement of.")],
+    measured_at: Annotated[
+        datetime, Query(description="When its first reading was taken, with a time zone.")
+    ],
+) -> Response:
+    """Keep a document; the body is its content. Sent again, it is kept once.
+
+    409 where the store has another content for the same identity: both are kept, and every upload of either is
+    answered so, for an answer may be lost.
+    """
+    limiter: anyio.CapacityLimiter = request.app.state.uploads
+    if limiter.borrowed_tokens >= limiter.total_tokens:
+        raise Problem(
+            503,
+            "Too many documents are being sent.",
+            "Nothing: it is sent again by itself.",
+            headers={"Retry-After": str(BUSY_S)},
+        )
+    async with limiter:
+        content = await _whole(request)
+        if content is None:
+            return Response(status_code=400)  # nobody hears it
+        document = Document(kind, RobotKey(serial, model), cell, identity, measured_at, content)
+        added = await anyio.to_thread.run_sync(_added, store, document, hash)
+    if added.other_hashes:
+        raise Problem(
+            409,
+            f"Another content was sent for '{identity}': {', '.join(added.other_hashes)}; this one is {hash}.",
+            "Both are kept. Find out which is right: the record of the cell is the truth.",
+            code=_CONFLICT,
+            hash=hash,
+            other_hashes=list(added.other_hashes),
+            kept=True,
+        )
+    shown = AddedShown(hash=added.hash, state=added.state)
+    return JSONResponse(shown.model_dump(), 201 if added.state == "new" else 200)
+
+
+@router.get("/documents", response_model=DocumentsShown)
+def list_documents(
+    store: Here,
+    serial: Annotated[str, Query(description="Of this robot; with `model`.")] = "",
+    model: Annotated[str, Query(description="Type of the robot.")] = "",
+    kind: Annotated[Kind | None, Query(description="Of this kind.")] = None,
+    since: Annotated[datetime | None, Query(description="Measured then or later, with a time zone.")] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST, description="At most so many, the newest.")] = 1000,
+) -> DocumentsShown:
+    """The newest documents, newest first."""
+    if since is not None and since.tzinfo is None:
+        raise Problem(422, "since: has no time zone.", "Give a time such as 2026-03-02T09:15:00Z.")
+    robot = _robot(store, serial, model) if serial else None
+    found = store.documents(robot, kind, since, limit)
+    return DocumentsShown(documents=[DocumentShown.of(entry) for entry in found])
+
+
+@router.get("/documents/{hash}", response_class=Response)
+def get_document(store: Here, hash: Hash) -> Response:
+    """The content of a document, byte for byte."""
+    if not store.known([hash]):
+        raise Problem(404, f"There is no document {hash}.", "List the documents to see which there are.")
+    return Response(
+        store.content(hash),
+        media_type="application/octet-stream",
+        headers={"X-Content-Type-Options": "nosniff"},
+    )
+
+
+@router.get("/robots", response_model=RobotsShown)
+def list_robots(store: Here) -> RobotsShown:
+    """All robots that documents were sent of."""
+    return RobotsShown(robots=[RobotShown.of(known) for known in store.robots()])
+
+
+@router.get("/robots/{serial:path}/trend", response_model=TrendShown)
+def get_trend(
+    store: Here,
+    serial: str,
+    model: Annotated[str, Query(description="Type, where two robots have one serial number.")] = "",
+    parameter: Annotated[
+        str | None, Query(description="This one; left out: all.", examples=["theta2"])
+    ] = None,
+) -> TrendShown:
+    """The values of a robot's parameters over time, with U."""
+    robot = _robot(store, serial, model)
+    points = [PointShown.of(point) for point in store.trend(robot, parameter)]
+    return TrendShown(serial=robot.serial, model=robot.model, points=points)
+
+
+def _added(store: Store, document: Document, hash: str) -> Added:
+    """Keep a document. Raises Problem 400 where its content is not what was meant."""
+    if document.hash != hash:
+        raise Problem(
+            400,
+            f"The content that arrived has the hash {document.hash}, not {hash}.",
+            "Send it again; nothing was kept.",
+            code=_DAMAGED,
+        )
+    return store.add(document)
+
+
+def _robot(store: Store, serial: str, model: str) -> RobotKey:
+    """The robot that is meant. Raises Problem 404, and 422 where two have the serial number."""
+    found = [
+        known.robot
+        for known in store.robots()
+        if known.robot.serial == serial and model in ("", known.robot.model)
+    ]
+    if not found:
+        raise Problem(404, f"There is no robot {serial!r}.", "List the robots to see which there are.")
+    if len(found) > 1:
+        types = ", ".join(each.model for each in found)
+        raise Problem(422, f"Several robots have the serial number {serial!r}: {types}.", "Give `model` too.")
+    return found[0]
+
+
+async def _whole(request: Request) -> bytes | None:
+    """The body; None where the client has gone. Raises Problem 408 where it falls silent; the gate counts the bytes."""
+    parts: list[bytes] = []
+    pieces = aiter(request.stream())
+    try:
+        while True:
+            async with asyncio.timeout(PIECE_S):
+                part = await anext(pieces, None)
+            if part is None:
+                return b"".join(parts)
+            parts.append(part)
+    except ClientDisconnect:
+        return None
+    except TimeoutError as error:
+        raise Problem(408, "The document did not come to its end.", "Send it again.") from error

@@ -1,0 +1,105 @@
+"""The store of a plant with 100,000 models: how long a trend page waits, and how fast models are put in.
+
+2,000 robots with 50 models of 40 parameters each, on an SQLite file and on a PostgreSQL of its own. The pages ask for
+robots drawn at random, with connections that are open already. Below 0.3 s each.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sized
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from fleet.store import Document, RobotKey, Store, migrate
+from tests.benchmarks.clock import line
+from tests.fleet.postgres import Cluster
+
+WANTED_S = 0.3
+PARAMETERS, A_ROBOT, BATCH, ASKED = 40, 50, 1000, 20
+BEGAN = datetime(2020, 1, 1, tzinfo=UTC)
+
+
+def run(models: int = 100_000) -> bool:
+    """Fill both databases, ask, print; whether every page is there in time."""
+    with tempfile.TemporaryDirectory() as folder:
+        good = _measured("SQLite", f"sqlite:///{folder}/store.sqlite3", models)
+        print(f"the SQLite file has {(Path(folder) / 'store.sqlite3').stat().st_size / 1e6:.0f} MB")
+    cluster = Cluster()
+    try:
+        url = cluster.database()
+        migrate(url)
+        return _measured("PostgreSQL", url, models, cluster) and good
+    finally:
+        cluster.end()
+
+
+def _measured(name: str, url: str, models: int, cluster: Cluster | None = None) -> bool:
+    robots = [RobotKey(f"SN-{i:05d}", "irb120") for i in range(max(1, models // A_ROBOT))]
+    draw = random.Random(1)
+    with Store.open(url) as store:
+        began = time.perf_counter()
+        for batch in _batches(robots):
+            store.add_all(batch)
+        took = time.perf_counter() - began
+        print(f"{name}: {len(robots) * A_ROBOT} models put in, {len(robots) * A_ROBOT / took:.0f} a second")
+        if cluster is not None:
+            cluster.execute(
+                "ANALYZE", url
+            )  # what a server does by itself within a minute; that of the tests does not
+        pages: dict[str, Callable[[RobotKey], Sized]] = {
+            "trends of all parameters of a robot": store.trend,
+            "trend of one parameter": lambda robot: store.trend(robot, "p7"),
+            "documents of a robot": store.documents,
+            "newest documents of all": lambda _: store.documents(limit=100),
+            "list of robots": lambda _: store.robots(),
+        }
+        good = True
+        for page, ask in pages.items():
+            asked = draw.sample(robots, min(ASKED, len(robots)))
+            waits = [_wait(ask, robot) for robot in asked]
+            reached = max(waits) < WANTED_S
+            rows = len(ask(asked[0]))
+            line(
+                f"{name}: {page}, {rows} rows: longest of {ASKED}, s",
+                f"{max(waits):.4f}",
+                f"< {WANTED_S}",
+                reached,
+            )
+            good &= reached
+        return good
+
+
+def _wait(ask: Callable[[RobotKey], Sized], robot: RobotKey) -> float:
+    began = time.perf_counter()
+    ask(robot)
+    return time.perf_counter() - began
+
+
+def _batches(robots: list[RobotKey]) -> Iterator[list[Document]]:
+    """Models as years bring them: every robot once, then every robot again."""
+    rng = np.random.default_rng(1)
+    batch: list[Document] = []
+    for visit in range(A_ROBOT):
+        at = BEGAN + timedelta(days=40 * visit)
+        for robot in robots:
+            batch.append(_model(robot, visit, at, rng.normal(size=PARAMETERS)))
+            if len(batch) == BATCH:
+                yield batch
+                batch = []
+    if batch:
+        yield batch
+
+
+def _model(robot: RobotKey, visit: int, at: datetime, values: np.ndarray) -> Document:
+    entries = [
+        {"name": f"p{i}", "value": round(value, 6), "std": 0.004, "unit": "mm"}
+        for i, value in enumerate(values.tolist())
+    ]
+    content = json.dumps({"format": "truepose-model/1", "parameters": entries}).encode()
+    return Document("model", robot, "cell", f"{robot.serial}-{visit}:model", at, content)
