@@ -23,7 +23,7 @@ from fleet.errors import StoreError, StoreGone
 from fleet.store import Job, Store, Work, utc_now
 
 TASK = "diagnose"
-LEASE_S = 30.0
+LEASE_S = 20.0
 """How long a claim holds without being renewed: so long a lost worker's data sets wait for another command."""
 
 

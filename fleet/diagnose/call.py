@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from calib.errors import DataError
 from fleet.diagnose.address import exposed
 from fleet.diagnose.batch import Order
 from fleet.diagnose.source import Source
 from fleet.diagnose.tally import Tally
+from fleet.errors import StoreGone
+from fleet.store import Store, utc_now
 
 MISSING = ("dask", "distributed", "cryptography")
 """Packages of the extra that a cell PC has not."""
@@ -48,7 +51,20 @@ def diagnose_all(
             "this computer; use tls://, or a network of its own (truepose docs fleet-engine)"
         )
     spent = time.process_time()
-    with connected(scheduler) if scheduler else local(workers or processors()) as client:
-        tally = Run(client, order, sources, tell).run(progress)
+    run: Run | None = None
+    try:
+        with connected(scheduler) if scheduler else local(workers or processors()) as client:
+            run = Run(client, order, sources, tell)
+            tally = run.run(progress)
+    finally:
+        if run is not None and not scheduler:
+            _free(run.in_hand, order)
     tally.overhead_s = time.process_time() - spent
     return tally
+
+
+def _free(sources: Sequence[Source], order: Order) -> None:
+    """Let the next call have at once what workers of this computer had in hand: they have ended."""
+    if sources:
+        with suppress(StoreGone), Store.open(order.store) as store:
+            store.work.claim([order.job(each) for each in sources], order.owner, utc_now(), 0.0)

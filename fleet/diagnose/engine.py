@@ -19,9 +19,10 @@ from fleet.diagnose.errors import EngineGone
 
 LOOPBACK = "127.0.0.1"
 CONNECT_S = 10
-_SILENT = {  # pages that nobody asked for
-    "distributed.scheduler.http.routes": [],
+_PLAIN = {
+    "distributed.scheduler.http.routes": [],  # pages that nobody asked for
     "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second
 }
 
 
@@ -35,7 +36,7 @@ def processors() -> int:
 @contextmanager
 def local(workers: int) -> Iterator[Client]:
     """So many processes of this computer, one thread each, for the time of the block."""
-    with config.set(_SILENT):
+    with config.set(_PLAIN):
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

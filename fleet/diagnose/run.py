@@ -77,6 +77,11 @@ class Run:
             raise EngineGone("the scheduler is gone.", do=_AGAIN) from error
         return self._counted()
 
+    @property
+    def in_hand(self) -> list[Source]:
+        """What was given out and has not come back."""
+        return [source for batch in self._out.values() for source in batch]
+
     def _look(self) -> None:
         """See who is there, and ask again for what somebody else holds."""
         for sentence in self._crew.look():
@@ -87,7 +92,11 @@ class Run:
         elif now - self._manned > PATIENCE_S:
             refused = "".join(f" {address}: {why}." for address, why in self._crew.refused.items())
             raise EngineGone(f"no worker has come for {PATIENCE_S:.0f} s.{refused}", do=_AGAIN)
-        if now - self._asked >= self._order.lease_s / 3.0:
+        if self._held and now - self._asked >= self._order.lease_s / 3.0:
+            if not (self._waiting or self._out):
+                self._tell(
+                    f"{len(self._held)} data sets are another call's, which works on them or has just ended"
+                )
             self._asked = now
             self._alone.extend(self._held)
             self._held.clear()
