@@ -5,7 +5,7 @@ from fleet.diagnose.batch import Order
 from fleet.diagnose.call import diagnose_all
 from fleet.diagnose.changes import Change, Changes, Side, changes_between, named
 from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.program import program, release
+from fleet.diagnose.program import release, this_program
 from fleet.diagnose.source import Source, in_files, in_store
 from fleet.diagnose.statement import REFUSED
 from fleet.diagnose.tally import Tally
@@ -25,6 +25,6 @@ __all__ = [
     "in_files",
     "in_store",
     "named",
-    "program",
     "release",
+    "this_program",
 ]

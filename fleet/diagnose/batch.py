@@ -17,7 +17,7 @@ from calib.diagnose import MOST_EFFECTS, Diagnosis, diagnose
 from calib.errors import DataError
 from fleet.diagnose import statement
 from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.program import program
+from fleet.diagnose.program import this_program
 from fleet.diagnose.source import Source, Unseen, opened
 from fleet.errors import StoreError, StoreGone
 from fleet.store import Job, Store, Work, utc_now
@@ -35,7 +35,7 @@ class Order:
     store: str = field(repr=False)  # may hold a password
     owner: str
     most: int = MOST_EFFECTS
-    expected: str = field(default_factory=program)
+    expected: str = field(default_factory=this_program)
     lease_s: float = LEASE_S
 
     @property
@@ -69,9 +69,9 @@ def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagno
 
     find: the diagnosis; tests give a shorter one.
     """
-    if program() != order.expected:
+    if this_program() != order.expected:
         raise EngineGone(
-            f"a worker runs TruePose {program()}, this is {order.expected}.", do="Install the same there."
+            f"a worker runs TruePose {this_program()}, this is {order.expected}.", do="Install the same there."
         )
     jobs = {order.job(source): source for source in sources}
     refused = twice = done = 0

@@ -12,7 +12,7 @@ from typing import Any
 
 from distributed import Client, Worker
 
-from fleet.diagnose.program import program
+from fleet.diagnose.program import this_program
 
 BLAS = "OPENBLAS_NUM_THREADS"
 
@@ -32,7 +32,7 @@ class Told:
 
 async def _enrol(expected: str, dask_worker: Worker) -> Told:
     """Runs on the worker."""
-    told = Told(program(), os.environ.get(BLAS, ""))
+    told = Told(this_program(), os.environ.get(BLAS, ""))
     if told.program == expected:
         await dask_worker.set_resources(**{resource(expected): 1.0})
     return told

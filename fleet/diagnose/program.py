@@ -17,7 +17,7 @@ _DIGITS = 12
 
 
 @cache
-def program() -> str:
+def this_program() -> str:
     """Version and fingerprint, "0.1.0+3f9a1c07b2ee": the first is that of `truepose --version`, the second the SHA-256
     over the sources of `calib`. It is that of the files when it is first asked."""
     spec = find_spec("calib")
