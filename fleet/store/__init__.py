@@ -1,22 +1,41 @@
 """The store of what is known of many robots, in an SQLite file or a PostgreSQL."""
 
 from fleet.store.dataset import dataset_content, dataset_texts
-from fleet.store.document import KINDS, Added, Document, Entry, Kind, Known, Point, RobotKey, utc_now
+from fleet.store.document import (
+    KINDS,
+    Added,
+    Document,
+    Entry,
+    Kind,
+    Known,
+    Named,
+    Point,
+    RobotKey,
+    Said,
+    utc_now,
+)
+from fleet.store.roles import READER, WRITER
+from fleet.store.rows import ERROR
 from fleet.store.schema import migrate
 from fleet.store.store import Store
 from fleet.store.work import Job, Result, Work
 
 __all__ = [
+    "ERROR",
     "KINDS",
+    "READER",
+    "WRITER",
     "Added",
     "Document",
     "Entry",
     "Job",
     "Kind",
     "Known",
+    "Named",
     "Point",
     "Result",
     "RobotKey",
+    "Said",
     "Store",
     "Work",
     "dataset_content",

@@ -111,6 +111,33 @@ class Point:
     program: str
 
 
+@dataclass(frozen=True)
+class Named:
+    """A cause or effect that a verdict names. weight: its share among the causes of its class; value and u (U, k = 2)
+    in `unit`; each None where the document has none."""
+
+    label: str
+    in_words: str
+    weight: float | None
+    value: float | None
+    u: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a watch or a diagnosis said of a robot."""
+
+    robot: RobotKey
+    measured_at: datetime
+    kind: Kind
+    hash: str
+    verdict: str
+    in_words: str
+    advice: str
+    causes: tuple[Named, ...]
+
+
 def utc_now() -> datetime:
     """The time, with its zone."""
     return datetime.now(UTC)

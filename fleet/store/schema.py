@@ -12,21 +12,25 @@ from alembic.script import ScriptDirectory
 
 from fleet.errors import StoreError
 from fleet.store.engine import WRITES, engine_of, refusals, shown
+from fleet.store.roles import give_rights
 
 _SCRIPTS = Path(__file__).parent / "migrations"
 _VERSIONS = "alembic_version"
 _LOCK = 0x74727565  # of PostgreSQL: two migrations at once wait for each other
 
 
-def migrate(url: str) -> tuple[str, str]:
+def migrate(url: str, *, roles: bool = False) -> tuple[str, str]:
     """Bring the tables of a store to this program's version, or make them; the version before ("" for none) and after.
 
-    All or nothing. Raises StoreError, StoreGone.
+    All or nothing. roles: make the roles of a PostgreSQL as well; those that are there get their rights in any case.
+    Raises StoreError, StoreGone.
     """
     engine = engine_of(url)
     try:
         with refusals(engine), engine.connect().execution_options(**WRITES) as connection, connection.begin():
-            return carried_over(connection, engine)
+            versions = carried_over(connection, engine)
+            give_rights(connection, engine, make=roles)
+            return versions
     finally:
         engine.dispose()
 

@@ -6,21 +6,19 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
-from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy import exc
 
 from calib.errors import DataError
 from fleet.errors import StoreError, StoreGone
 from fleet.store import tables
-from fleet.store.document import Added, Document, Entry, Kind, Known, Point, RobotKey, utc_now
+from fleet.store.adding import Overtaken, added, already
+from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
 from fleet.store.engine import WRITES, engine_of, refusals, shown
-from fleet.store.rows import Rows, rows_of
+from fleet.store.rows import rows_of
 from fleet.store.schema import carried_over, newest, version
 from fleet.store.work import Work
 
-_MANY = 1000  # hashes in one question
 _TRIES = 20  # of a batch of which another program has just added a part
 
 
@@ -78,8 +76,8 @@ class Store:
         for _ in range(_TRIES):
             try:
                 with self._writing() as connection:
-                    return _added(connection, documents, rows)
-            except _Overtaken:  # another program has added the same just now
+                    return added(connection, documents, rows)
+            except Overtaken:  # another program has added the same just now
                 continue
         raise StoreGone(
             "is being written by too many programs at once.",
@@ -101,16 +99,27 @@ class Store:
     def known(self, hashes: Sequence[str]) -> set[str]:
         """Those of the hashes that the store has."""
         with self._reading() as connection:
-            return set(_found(connection, hashes))
+            return set(already(connection, hashes))
 
     def robots(self) -> list[Known]:
         """All robots, by type and serial number."""
         d, r = tables.document.c, tables.robot.c
+        groups = (
+            sa.select(
+                d.robot,
+                d.cell,
+                d.kind,
+                sa.func.count().label("number"),
+                sa.func.max(d.measured_at).label("last"),
+            )
+            .group_by(d.robot, d.cell, d.kind)
+            .subquery()
+        )
+        g = groups.c
         question = (
-            sa.select(r.serial, r.model, d.cell, d.kind, sa.func.count(), sa.func.max(d.measured_at))
-            .join_from(tables.document, tables.robot)
-            .group_by(r.model, r.serial, d.cell, d.kind)
-            .order_by(r.model, r.serial, d.cell)
+            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.last)
+            .join_from(groups, tables.robot, r.id == g.robot)
+            .order_by(r.model, r.serial, g.cell)
         )
         counts: dict[RobotKey, dict[Kind, int]] = defaultdict(dict)
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
@@ -180,6 +189,37 @@ class Store:
         with self._reading() as connection:
             return [Point(*row) for row in connection.execute(question)]
 
+    def verdicts(
+        self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
+    ) -> list[Said]:
+        """What watches and diagnoses said, of a robot or of all, oldest first."""
+        v, d, r, c = tables.verdict.c, tables.document.c, tables.robot.c, tables.cause.c
+        question = (
+            sa.select(d.id, r.serial, r.model, d.measured_at, d.kind, d.hash, v.verdict, v.in_words, v.advice)
+            .join_from(tables.verdict, tables.document)
+            .join(tables.robot)
+            .order_by(d.measured_at, d.id)
+        )
+        if robot is not None:
+            question = question.where(r.serial == robot.serial, r.model == robot.model)
+        if kind is not None:
+            question = question.where(d.kind == kind)
+        if since is not None:
+            question = question.where(d.measured_at >= since)
+        named = sa.select(c.document, c.label, c.in_words, c.weight, c.value, c.u, c.unit).order_by(
+            c.document, c.rank
+        )
+        asked = question.with_only_columns(d.id).order_by(None)
+        causes: dict[int, list[Named]] = defaultdict(list)
+        with self._reading() as connection:
+            for number, *rest in connection.execute(named.where(c.document.in_(asked))):
+                causes[number].append(Named(*rest))
+            found = connection.execute(question).all()
+        return [
+            Said(RobotKey(serial, model), at, what, hash, verdict, words, advice, tuple(causes[number]))
+            for number, serial, model, at, what, hash, verdict, words, advice in found
+        ]
+
     @contextmanager
     def _reading(self) -> Iterator[sa.Connection]:
         with refusals(self._engine), self._engine.connect() as connection:
@@ -193,10 +233,6 @@ class Store:
             connection.begin(),
         ):
             yield connection
-
-
-class _Overtaken(Exception):
-    """Another program has added the same document, identity or robot since it was looked for."""
 
 
 def _prepare(engine: sa.Engine) -> None:
@@ -216,122 +252,3 @@ def _prepare(engine: sa.Engine) -> None:
         do="Have its owner run: truepose fleet migrate URL",
         file=shown(engine.url),
     )
-
-
-def _found(connection: sa.Connection, hashes: Sequence[str]) -> dict[str, tuple[int, str, int]]:
-    """Of those hashes that are there: number of the document, kind, robot."""
-    d = tables.document.c
-    found: dict[str, tuple[int, str, int]] = {}
-    for begin in range(0, len(hashes), _MANY):
-        some = sa.select(d.hash, d.id, d.kind, d.robot).where(d.hash.in_(hashes[begin : begin + _MANY]))
-        found.update({row.hash: (row.id, row.kind, row.robot) for row in connection.execute(some)})
-    return found
-
-
-def _versions(connection: sa.Connection, identities: Sequence[str]) -> dict[str, list[str]]:
-    """The hashes of each identity, oldest first."""
-    d = tables.document.c
-    found: dict[str, list[str]] = defaultdict(list)
-    for begin in range(0, len(identities), _MANY):
-        some = (
-            sa.select(d.identity, d.hash)
-            .where(d.identity.in_(identities[begin : begin + _MANY]))
-            .order_by(d.version)
-        )
-        for row in connection.execute(some):
-            found[row.identity].append(row.hash)
-    return found
-
-
-def _insert(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any]]) -> None:
-    if not rows:
-        return
-    try:
-        connection.execute(sa.insert(table), rows)
-    except exc.IntegrityError as error:
-        raise _Overtaken from error
-
-
-def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKey, int]:
-    """The numbers of robots, made where there are none."""
-    r = tables.robot.c
-
-    def look() -> dict[RobotKey, int]:
-        wanted = list({key.serial for key in keys})
-        found: dict[RobotKey, int] = {}
-        for begin in range(0, len(wanted), _MANY):
-            some = sa.select(tables.robot).where(r.serial.in_(wanted[begin : begin + _MANY]))
-            found.update({RobotKey(row.serial, row.model): row.id for row in connection.execute(some)})
-        return found
-
-    found = look()
-    new = [key for key in sorted(set(keys)) if key not in found]
-    if not new:
-        return found
-    _insert(connection, tables.robot, [{"serial": key.serial, "model": key.model} for key in new])
-    return look()
-
-
-def _added(connection: sa.Connection, documents: Sequence[Document], rows: Sequence[Rows]) -> list[Added]:
-    """Put in what is new, within a transaction. Raises _Overtaken, DataError."""
-    robots = _robots(connection, [each.robot for each in documents])
-    there = _found(connection, [each.hash for each in documents])
-    versions = _versions(connection, list({each.identity for each in documents}))
-    taken: dict[str, tuple[str, int]] = {h: (kind, robot) for h, (_, kind, robot) in there.items()}
-    answers: list[Added] = []
-    new: list[tuple[Document, Rows, int]] = []
-    now = utc_now()
-    for each, its in zip(documents, rows, strict=True):
-        others = tuple(h for h in versions[each.identity] if h != each.hash)
-        if each.hash in taken:
-            if taken[each.hash] != (each.kind, robots[each.robot]):
-                raise DataError(
-                    f"is in the store already, as {taken[each.hash][0]} or of another robot.",
-                    do="Look from which record and robot it is, and send it as that.",
-                    file=f"{each.kind} {each.identity}",
-                )
-            answers.append(Added(each.hash, "known", others))
-            continue
-        versions[each.identity].append(each.hash)
-        taken[each.hash] = (each.kind, robots[each.robot])
-        new.append((each, its, len(versions[each.identity])))
-        answers.append(Added(each.hash, "conflict" if others else "new", others))
-    new.sort(
-        key=lambda each: each[0].hash
-    )  # programs that add the same never wait for each other in a circle
-    _insert(
-        connection,
-        tables.document,
-        [
-            {
-                "hash": each.hash,
-                "kind": each.kind,
-                "robot": robots[each.robot],
-                "cell": each.cell,
-                "identity": each.identity,
-                "version": number,
-                "measured_at": each.measured_at,
-                "added_at": now,
-                "program": its.program,
-                "size": len(each.content),
-            }
-            for each, its, number in new
-        ],
-    )
-    numbers = _found(connection, [each.hash for each, _, _ in new])
-    placed = [(each, its, numbers[each.hash][0]) for each, its, _ in new]
-    _insert(connection, tables.content, [{"document": n, "bytes": each.content} for each, _, n in placed])
-    _insert(
-        connection,
-        tables.parameter,
-        [
-            {**p, "document": n, "robot": robots[each.robot], "measured_at": each.measured_at}
-            for each, its, n in placed
-            for p in its.parameters
-        ],
-    )
-    _insert(
-        connection, tables.verdict, [{**its.verdict, "document": n} for _, its, n in placed if its.verdict]
-    )
-    _insert(connection, tables.cause, [{**c, "document": n} for _, its, n in placed for c in its.causes])
-    return answers

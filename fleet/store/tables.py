@@ -68,6 +68,7 @@ document = sa.Table(
     sa.UniqueConstraint("identity", "version", name="one_version"),
     sa.Index("document_of_robot", "robot", "measured_at"),
     sa.Index("document_by_time", "measured_at"),
+    sa.Index("document_counted", "robot", "cell", "kind", "measured_at"),  # all that a list of robots reads
 )
 content = sa.Table(
     "content",

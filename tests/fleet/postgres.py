@@ -18,6 +18,7 @@ from typing import Any
 import psycopg
 
 from tests.counterparts.environments import POSTGRES
+from tests.drivers.waiting import until
 
 _USERS = ("postgres", "nobody")
 _START_S = 120
@@ -31,6 +32,10 @@ _SETTINGS: Mapping[str, str] = {
     "shared_buffers": "32MB",
     "dynamic_shared_memory_type": "mmap",  # /dev/shm of a container is small
 }
+
+
+_KEEPER = '"$0" "$@" & cat > /dev/null; kill -QUIT $!; wait'
+"""Ends the server when the standard input ends, as it does when the tests have ended in whatever way."""
 
 
 class Absent(Exception):
@@ -60,15 +65,26 @@ class Cluster:
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
-        settings = " ".join(f"-c {name}={value}" for name, value in _SETTINGS.items())
-        options = f"-k {self.folder} {settings}"
-        self._run(
-            "pg_ctl", "-w", "-s", "-t", str(_START_S), "-l", str(self.folder / "log"), "-o", options, "start"
-        )
+        options = [part for name, value in _SETTINGS.items() for part in ("-c", f"{name}={value}")]
+        server = [str(self._programs / "postgres"), "-D", str(self.folder / "data"), "-k", str(self.folder)]
+        log = self.folder / "log"
+        with log.open("a", encoding="utf-8") as said:
+            self._keeper = subprocess.Popen(["sh", "-c", _KEEPER, *server, *options], cwd="/", stdin=subprocess.PIPE,
+                                            stdout=said, stderr=said, start_new_session=True, **self._as)  # fmt: skip
+        until(self._answers, _START_S)
 
     def stop(self) -> None:
         """Stop it at once: connections break."""
-        self._run("pg_ctl", "-w", "-s", "-m", "immediate", "stop")
+        assert self._keeper.stdin is not None
+        self._keeper.stdin.close()
+        self._keeper.wait(_START_S)
+
+    def _answers(self) -> bool:
+        try:
+            psycopg.connect(self.address("postgres")).close()
+        except psycopg.OperationalError:
+            return False
+        return True
 
     def end(self) -> None:
         """Stop it and remove it."""

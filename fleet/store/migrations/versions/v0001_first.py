@@ -38,6 +38,7 @@ def upgrade() -> None:
     )
     op.create_index("document_of_robot", "document", ["robot", "measured_at"])
     op.create_index("document_by_time", "document", ["measured_at"])
+    op.create_index("document_counted", "document", ["robot", "cell", "kind", "measured_at"])
     op.create_table(
         "content",
         sa.Column("document", sa.Integer, sa.ForeignKey("document.id"), primary_key=True),
