@@ -11,6 +11,7 @@ from typing import Any
 
 from calib.errors import DataError
 from drivers.errors import AcquisitionError
+from fleet.errors import StoreGone
 from service import exit_codes
 
 Refusal = AcquisitionError | DataError
@@ -26,6 +27,8 @@ def sentence(refusal: Refusal) -> str:
 
 def exit_code(refusal: Refusal) -> int:
     """The exit code of the command that met it."""
+    if isinstance(refusal, StoreGone):
+        return exit_codes.NOT_AVAILABLE
     return exit_codes.USAGE if isinstance(refusal, DataError) else refusal.exit_code
 
 

@@ -50,7 +50,7 @@ from calib.saved.model_checks import (
 from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
-from calib.text.program import program
+from calib.text.program import written_by
 from calib.text.toml_table import FARTHEST_MM, Vector
 from calib.units import FACTORS, to_display
 
@@ -136,7 +136,7 @@ def model_document(
     occasion = identification.header.occasion
     document: dict[str, Any] = {
         "format": FORMAT,
-        "program": program(),
+        "program": written_by(),
         "robot": model.robot.name,
         "robot_table": asdict(model.robot),
         "robot_sha256": robot_hash(model.robot),

@@ -19,7 +19,7 @@ from calib.saved.model_checks import content_hash
 from calib.saved.model_file import parameters_of, triangle
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
-from calib.text.program import program
+from calib.text.program import written_by
 
 
 def save_update(
@@ -38,7 +38,7 @@ def save_update(
     old = read_json(baseline)
     document = {
         **old,
-        "program": program(),
+        "program": written_by(),
         "parameters": parameters_of(model, estimate, np.sqrt(np.diag(covariance))),
         "effects": [effect.to_json() for effect in model.effects],
         "covariance_internal_units": triangle(covariance),

@@ -4,7 +4,7 @@ from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
 from calib.text.files import replace_file
 from calib.text.json_text import parse_json, read_json
-from calib.text.program import program
+from calib.text.program import written_by
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import parse_toml, read_toml
@@ -22,7 +22,6 @@ __all__ = [
     "parse_json",
     "parse_toml",
     "parse_xml",
-    "program",
     "read_bytes",
     "read_json",
     "read_text",
@@ -31,4 +30,5 @@ __all__ = [
     "refuse_unknown",
     "replace_file",
     "rows_of",
+    "written_by",
 ]

@@ -7,6 +7,6 @@ from importlib import metadata
 
 
 @cache
-def program() -> str:
+def written_by() -> str:
     """Name and version, "truepose 0.1.0"."""
     return f"truepose {metadata.version('truepose')}"

@@ -1,6 +1,6 @@
 """The outbox of a cell: documents wait in a file until the fleet's server has them."""
 
-from fleet.outbox.folder import Cell, collect, read_data
+from fleet.outbox.folder import Cell, collect, read_data, read_result
 from fleet.outbox.link import Answer, Link
 from fleet.outbox.queue import FILE, LARGEST, Entry, Outbox
 from fleet.outbox.sender import Round, Sender
@@ -17,4 +17,5 @@ __all__ = [
     "Sender",
     "collect",
     "read_data",
+    "read_result",
 ]

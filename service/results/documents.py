@@ -18,7 +18,7 @@ from calib.data import Dataset
 from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
-from calib.text import program
+from calib.text import written_by
 from calib.units import DEG, to_display
 from service.results import positions
 from service.results.parameters import high_leverage, rows_of, strong_correlations
@@ -83,7 +83,7 @@ def of_diagnosis(
         other["patch"] = _patch(patched)
     return {
         "format": DIAGNOSIS_FORMAT,
-        "program": program(),
+        "program": written_by(),
         "simulated": diagnosis.dataset.header.simulated,
         "verdict": diagnosis.verdict,
         "effects": [_effect(found) for found in diagnosis.effects],

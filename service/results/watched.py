@@ -18,7 +18,7 @@ from calib.data import Dataset, header_of
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
-from calib.text import program
+from calib.text import written_by
 from calib.units import DEG
 from calib.watch import Missed, Plan, Seen, Verdict
 from service import exit_codes
@@ -254,7 +254,7 @@ class Watched:
         return finite(
             {
                 "format": FORMAT,
-                "program": program(),
+                "program": written_by(),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,

@@ -6,6 +6,7 @@ import typer
 
 from service.commands.fleet.demo import demo_command
 from service.commands.fleet.diagnose import diagnose_command
+from service.commands.fleet.migrate import migrate_command
 from service.commands.fleet.outbox import app as outbox
 from service.commands.fleet.send import send_command
 from service.commands.fleet.serve import serve_command
@@ -16,3 +17,4 @@ app.add_typer(outbox, name="outbox", no_args_is_help=True)
 app.command("serve")(serve_command)
 app.command("diagnose")(diagnose_command)
 app.command("demo")(demo_command)
+app.command("migrate")(migrate_command)

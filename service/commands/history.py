@@ -1,0 +1,210 @@
+"""`truepose history`: what is kept of robots over the years; trends, charts, and when the next check is due."""
+
+from __future__ import annotations
+
+import socket
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.errors import DataError
+from calib.text import replace_file
+from calib.upkeep import Drift, Staircase
+from fleet.outbox import Cell, read_data, read_result
+from fleet.store import Document, utc_now
+from service import exit_codes, wording
+from service.commands import options
+from service.commands.fleet.records import read_record
+from service.commands.stores import StoreOption, opened
+from service.files import STANDARD_OUTPUT
+from service.printed import history_tables
+from service.printed.terminal import Terminal
+from service.private import owner_only
+from service.results import history as results
+
+app = typer.Typer(help="Keep what is known of robots over the years: trends, causes, next dates.")
+
+Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the robot.")]
+Model = Annotated[
+    str | None, typer.Option("--model", metavar="NAME", help="Its type, where several have that number.")
+]
+_RECORD = "record.sqlite3"
+
+
+class Way(StrEnum):
+    """Methods of ILAC-G24 for the next date."""
+
+    staircase = "staircase"
+    drift = "drift"
+
+
+@app.command("add")
+@owner_only()
+def add_command(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Models, verdicts, diagnoses, data sets, folders of records."),
+    ],
+    store: StoreOption = None,
+    cell: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Name of the cell; default: of this computer.")
+    ] = None,
+    serial: Annotated[
+        str, typer.Option(metavar="SERIAL", help="Of the robot, where its controller reports none.")
+    ] = "",
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="Keep what was simulated too, in a store of its own.")
+    ] = False,
+    json: options.Json = None,
+) -> None:
+    """Keep documents, each once. Exit code 3: one contradicts another of the same thing; both are kept."""
+    options.check_outputs({"--json": json}, inputs=files)
+    whose = Cell(socket.gethostname() if cell is None else cell, serial, simulated)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        read: list[tuple[Path, Document]] = []
+        for file in files:
+            terminal.say(f"reading {file}")
+            read += [(file, document) for document in _documents(file, whose)]
+        with opened(store, make=True) as kept:
+            terminal.say(f"keeping {wording.counted(len(read), 'document')}")
+            added = kept.add_all([document for _, document in read])
+            place = kept.place
+        told = results.added_document(
+            [(document, its) for (_, document), its in zip(read, added, strict=True)]
+        )
+        options.write_result(told, json, terminal)
+        terminal.rest()
+        terminal.out.print(history_tables.added(place, read, added))
+    if any(found.state == "conflict" for found in added):
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
+@app.command("robots")
+def robots_command(store: StoreOption = None, json: options.Json = None) -> None:
+    """List the robots, with what is kept of each."""
+    options.check_outputs({"--json": json})
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
+        found = kept.robots()
+        options.write_result(results.robots_document(found), json, terminal)
+        terminal.rest()
+        terminal.out.print(history_tables.robots(found))
+
+
+@app.command("show")
+def show_command(
+    serial: Serial, store: StoreOption = None, model: Model = None, json: options.Json = None
+) -> None:
+    """Show everything of one robot in the order of time."""
+    options.check_outputs({"--json": json})
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
+        robot = results.robot_of(kept, serial, model)
+        lines = results.lines_of(kept, robot)
+        options.write_result(results.history_document(robot, lines), json, terminal)
+        terminal.rest()
+        terminal.out.print(history_tables.lines(robot, lines))
+        last = next((line.said for line in reversed(lines) if line.said and line.said.advice), None)
+        if last is not None:
+            terminal.out.print(f"Last advice ({last.measured_at:%Y-%m-%d}): {last.advice}")
+
+
+@app.command("trend")
+def trend_command(
+    serial: Serial,
+    parameter: Annotated[
+        str | None,
+        typer.Argument(metavar="PARAMETER", help="Its name, as the model has it; error_rms: the error."),
+    ] = None,
+    store: StoreOption = None,
+    model: Model = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="P.svg|P.png", help="Draw the trend with its limits.")
+    ] = None,
+    json: options.Json = None,
+) -> None:
+    """Show how a parameter has changed, with U and the limits of its control chart; without a name: all."""
+    from service.report.trend_picture import ENDINGS, picture_bytes
+
+    options.check_outputs({"--json": json, "--picture": picture})
+    if picture is not None and (parameter is None or picture.suffix not in ENDINGS):
+        raise DataError(
+            "is a picture of one parameter, as SVG or PNG.",
+            do="Name the PARAMETER, and a file that ends in .svg or .png.",
+            file=f"--picture {picture}",
+        )
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
+        robot = results.robot_of(kept, serial, model)
+        trends = results.trends_of(kept, robot, parameter)
+        options.write_result(results.trends_document(robot, trends), json, terminal)
+        if picture is not None:
+            terminal.say(f"drawing {picture}")
+            replace_file(picture, picture_bytes(trends[0], picture.suffix))
+        terminal.rest()
+        if parameter is None:
+            terminal.out.print(history_tables.overview(trends))
+            return
+        (trend,) = trends
+        terminal.out.print(history_tables.values(trend))
+        if trend.chart is None:
+            terminal.note(f"no control chart: {trend.because}")
+            return
+        for signal in trend.chart.signals:
+            terminal.out.print(signal.because)
+
+
+@app.command("due")
+def due_command(
+    permitted: Annotated[
+        float,
+        typer.Option("--permitted", metavar="MM", min=1e-6, help="Largest position error permitted, RMS."),
+    ],
+    store: StoreOption = None,
+    method: Annotated[
+        Way,
+        typer.Option(help="staircase: longer after good checks; drift: before it leaves what is permitted."),
+    ] = Way.staircase,
+    first: Annotated[
+        float, typer.Option("--first-days", min=1.0, help="Interval before anything is known.")
+    ] = 180.0,
+    shortest: Annotated[float, typer.Option("--shortest-days", min=1.0, help="Shortest interval.")] = 7.0,
+    longest: Annotated[float, typer.Option("--longest-days", min=1.0, help="Longest interval.")] = 1825.0,
+    json: options.Json = None,
+) -> None:
+    """Say when each robot is to be checked next, by its errors so far. Exit code 3: one is overdue."""
+    options.check_outputs({"--json": json})
+    kind = Staircase if method is Way.staircase else Drift
+    way = kind(first, permitted, shortest=shortest, longest=longest)
+    now = utc_now()
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
+        found = results.due_of(kept, way, now)
+        options.write_result(results.due_document(found, now), json, terminal)
+        terminal.rest()
+        terminal.out.print(history_tables.due(found, permitted))
+    if any(each.overdue(now) for each in found):
+        raise typer.Exit(exit_codes.NOT_MET)
+
+
+def _documents(file: Path, cell: Cell) -> list[Document]:
+    """The documents of one file or record. Raises DataError."""
+    if file.is_dir():
+        if not (file / _RECORD).is_file():
+            raise DataError("is no record of a campaign.", do="Name a record, or files.", file=file)
+        found = read_record(file / _RECORD, cell)
+        if not found:
+            raise DataError(
+                "is the record of a campaign that has not succeeded.",
+                do=f"Go on with it: truepose campaign resume {file}",
+                file=file,
+            )
+        return found
+    if not file.is_file():
+        raise DataError("there is no such file.", do="Check the name.", file=file)
+    found = read_data(file, cell) if file.suffix == ".csv" else read_result(file, cell)
+    if not found:
+        raise DataError(
+            "is no document of this program.",
+            do="Give models, verdicts of watches, diagnoses, data sets or records.",
+            file=file,
+        )
+    return found

@@ -1,0 +1,50 @@
+"""The store that a command asks: its address, or the file of this cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.errors import DataError
+from fleet.store import Store
+
+VARIABLE = "TRUEPOSE_STORE"
+DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
+_ADDRESS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
+
+StoreOption = Annotated[
+    str | None,
+    typer.Option(
+        "--store",
+        metavar="URL",
+        envvar=VARIABLE,
+        show_envvar=False,
+        help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see. Default: {DEFAULT.as_posix()}.",
+    ),
+]
+StoreArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="URL",
+        envvar=VARIABLE,
+        show_envvar=False,
+        help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see.",
+    ),
+]
+
+
+def opened(address: str | None, *, make: bool = False) -> Store:
+    """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
+    if address is not None:
+        return Store.open(address)
+    if make:
+        DEFAULT.parent.mkdir(exist_ok=True)
+    elif not DEFAULT.is_file():
+        raise DataError(
+            "there is no history here yet.",
+            do="Name a store with --store URL, or begin one: truepose history add FILE...",
+            file=DEFAULT,
+        )
+    return Store.open(f"sqlite:///{DEFAULT.absolute()}")

@@ -1,0 +1,264 @@
+"""The history of a robot: what was measured and said of it, the trend of a parameter, when the next check is due."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import groupby
+from typing import Any
+
+from calib.errors import DataError
+from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
+from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Store
+
+FORMAT = "truepose-history/1"
+MOST = 100_000  # documents of one robot
+_TOO_FEW = "One value makes no chart."
+
+
+def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
+    """The robot of a serial number; model: its type, where several types have that number. Raises DataError."""
+    found = [each.robot for each in store.robots() if each.robot.serial == serial]
+    if model is not None:
+        found = [each for each in found if each.model == model]
+    if not found:
+        raise DataError(
+            f"has nothing of a robot '{serial}'.",
+            do="truepose history robots lists those it has.",
+            file=store.place,
+        )
+    if len(found) > 1:
+        raise DataError(
+            f"is of {' and of '.join(each.model for each in found)}.",
+            do="Name its type with --model.",
+            file=f"serial number {serial}",
+        )
+    return found[0]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A document of a robot, and what it said where it said something."""
+
+    entry: Entry
+    said: Said | None
+    error: Point | None
+
+    @property
+    def in_words(self) -> str:
+        """What it says, in a line."""
+        words = []
+        if self.said is not None:
+            words.append(self.said.verdict)
+            words += [cause.label for cause in self.said.causes]
+        if self.error is not None:
+            words.append(f"error {self.error.value:.3f} mm")
+        return ", ".join(words)
+
+
+def lines_of(store: Store, robot: RobotKey) -> list[Line]:
+    """All of a robot, oldest first."""
+    said = {each.hash: each for each in store.verdicts(robot)}
+    errors = {each.hash: each for each in store.trend(robot, ERROR)}
+    entries = reversed(store.documents(robot, limit=MOST))
+    return [Line(each, said.get(each.hash), errors.get(each.hash)) for each in entries]
+
+
+@dataclass(frozen=True)
+class Trend:
+    """The values of one parameter, oldest first, and their control chart; because: why there is none."""
+
+    robot: RobotKey
+    parameter: str
+    unit: str
+    points: tuple[Point, ...]
+    chart: ControlChart | None
+    because: str
+
+    @classmethod
+    def of(cls, robot: RobotKey, points: Sequence[Point]) -> Trend:
+        """The trend of values of one parameter. Raises DataError for values in different units."""
+        units = sorted({point.unit for point in points})
+        if len(units) > 1:
+            raise DataError(
+                f"has values in {' and in '.join(units)}.",
+                do="Look which program wrote them: truepose history show.",
+                key=points[0].parameter,
+            )
+        chart, because = None, _TOO_FEW
+        if len(points) > 1:
+            try:
+                chart, because = chart_of(checks_of(points)), ""
+            except DataError as error:
+                because = str(error)
+        return cls(robot, points[0].parameter, units[0], tuple(points), chart, because)
+
+    def document(self) -> dict[str, Any]:
+        """The trend, as JSON has it."""
+        chart = self.chart
+        return {
+            "parameter": self.parameter,
+            "unit": self.unit,
+            "centre": None if chart is None else chart.centre,
+            "values": [
+                {
+                    "measured": _text(point.measured_at),
+                    "value": point.value,
+                    "u": point.u,
+                    "limits": None if chart is None else [float(x) for x in chart.limits[i]],
+                    "document": point.hash,
+                    "program": point.program,
+                }
+                for i, point in enumerate(self.points)
+            ],
+            "signals": [] if chart is None else [each.because for each in chart.signals],
+            "no_chart_because": self.because,
+        }
+
+
+def trends_of(store: Store, robot: RobotKey, parameter: str | None) -> list[Trend]:
+    """The trends of a robot, of one parameter or of all, by name. Raises DataError for a parameter that it has not."""
+    points = store.trend(robot, parameter)
+    if not points:
+        known = ", ".join(dict.fromkeys(point.parameter for point in store.trend(robot)))
+        raise DataError(
+            f"has no {'parameter' if parameter is None else f'{parameter!r}'} of the robot {robot.serial}.",
+            do=f"There are {known}." if known else "Put a model of it in: truepose history add MODEL.json",
+            file=store.place,
+        )
+    by_name = groupby(points, key=lambda point: point.parameter)
+    return [Trend.of(robot, list(each)) for _, each in by_name]
+
+
+@dataclass(frozen=True)
+class Next:
+    """A robot and its next check; said: what a watch said last; error: its last value; because: why, or why no date
+    can be given."""
+
+    known: Known
+    said: Said | None
+    error: Point | None
+    due: Due | None
+    because: str
+
+    def overdue(self, now: datetime) -> bool:
+        """Whether the date has passed, or the robot was never checked."""
+        return self.due is not None and self.due.date <= now
+
+
+def due_of(store: Store, method: Method, now: datetime) -> list[Next]:
+    """When each robot is to be checked next, those first that are due first."""
+    said = {each.robot: each for each in store.verdicts(kind="watch")}  # the last of each stays
+    out = []
+    for known in store.robots():
+        points = store.trend(known.robot, ERROR)
+        due, because = None, ""
+        try:
+            due = next_due(method, checks_of(points), now)
+            because = due.because
+        except DataError as error:
+            because = str(error)
+        out.append(Next(known, said.get(known.robot), points[-1] if points else None, due, because))
+    return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
+
+
+def checks_of(points: Iterable[Point]) -> list[Check]:
+    """Values as upkeep takes them; a value without U as if it had none, so that scatter alone speaks."""
+    return [Check(point.measured_at, point.value, point.u or 0.0) for point in points]
+
+
+def added_document(added: Sequence[tuple[Document, Added]]) -> dict[str, Any]:
+    """What became of documents, as JSON has it."""
+    told = [
+        {
+            "kind": document.kind,
+            "serial": document.robot.serial,
+            "model": document.robot.model,
+            "identity": document.identity,
+            "document": its.hash,
+            "state": its.state,
+            "contradicts": list(its.other_hashes),
+        }
+        for document, its in added
+    ]
+    return {"format": FORMAT, "added": told}
+
+
+def trends_document(robot: RobotKey, trends: Sequence[Trend]) -> dict[str, Any]:
+    """The trends of a robot, as JSON has them."""
+    told = [each.document() for each in trends]
+    return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "trends": told}
+
+
+def history_document(robot: RobotKey, lines: Sequence[Line]) -> dict[str, Any]:
+    """The lines of a robot, as JSON has them."""
+    told = [
+        {
+            "measured": _text(line.entry.measured_at),
+            "kind": line.entry.kind,
+            "cell": line.entry.cell,
+            "identity": line.entry.identity,
+            "document": line.entry.hash,
+            "program": line.entry.program,
+            "contradicts_another": line.entry.conflict,
+            "verdict": None if line.said is None else line.said.verdict,
+            "advice": None if line.said is None else line.said.advice,
+            "causes": []
+            if line.said is None
+            else [
+                {
+                    "label": each.label,
+                    "value": each.value,
+                    "u": each.u,
+                    "unit": each.unit,
+                    "weight": each.weight,
+                }
+                for each in line.said.causes
+            ],
+            "error_mm": None if line.error is None else {"rms": line.error.value, "u": line.error.u},
+        }
+        for line in lines
+    ]
+    return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "history": told}
+
+
+def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
+    """The robots of a store, as JSON has them."""
+    return {
+        "format": FORMAT,
+        "robots": [
+            {
+                "serial": each.robot.serial,
+                "model": each.robot.model,
+                "cells": list(each.cells),
+                "documents": dict(each.documents),
+                "last_measured": _text(each.last),
+            }
+            for each in robots
+        ],
+    }
+
+
+def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
+    """When each robot is due, as JSON has it."""
+    return {
+        "format": FORMAT,
+        "now": _text(now),
+        "robots": [
+            {
+                "serial": each.known.robot.serial,
+                "model": each.known.robot.model,
+                "verdict": None if each.said is None else each.said.verdict,
+                "error_mm": None if each.error is None else {"rms": each.error.value, "u": each.error.u},
+                "due": None if each.due is None else _text(each.due.date),
+                "overdue": each.overdue(now),
+                "because": each.because,
+            }
+            for each in found
+        ],
+    }
+
+
+def _text(moment: datetime) -> str:
+    return f"{moment:%Y-%m-%dT%H:%M:%SZ}"
