@@ -41,6 +41,7 @@ class AbbController:
         self.clock = clock
         self.robot = robot
         self.stock = stock
+        self.serial = "120-500000"
         self.lose_first_reply = False
         self.speed = [100.0, 50.0]  # mm/s, deg/s: what open_abb starts with
         self._one_main = asyncio.Lock()
@@ -175,7 +176,7 @@ class AbbController:
         if code == 8:
             self.speed = values[:2]
         if code == 98:
-            return True, f"120-500000*6.08.0134*{self.robot.shown}"
+            return True, f"{self.serial}*6.08.0134*{self.robot.shown}"
         return True, ""
 
     async def _numbered(self, code: int, values: list[float], *, background: bool, text: str = "") -> str:

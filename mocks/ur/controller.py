@@ -55,6 +55,7 @@ class UrController:
         self._series = name.removesuffix("e")
         of_today = name.endswith("e") or name in ("ur20", "ur30")
         self.software: tuple[int, int, int, int] = (5, 11, 1, 108318) if of_today else (3, 15, 8, 106339)
+        self.serial = SERIAL
         self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
         self._registers: Past[dict[int, int]] = Past(arm.now, {})
         self._doubles: Past[dict[int, float]] = Past(arm.now, {})
@@ -261,7 +262,7 @@ class UrController:
 
     def _dashboard(self, command: str) -> str:
         answers = {
-            "get serial number": SERIAL,
+            "get serial number": self.serial,
             "get robot model": self._series.upper() if self._series in TYPES else "UNKNOWN",
             "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),
             "programState": "PLAYING" if self.runtime_state == PLAYING else "STOPPED",
