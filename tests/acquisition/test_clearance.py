@@ -8,6 +8,7 @@ margin and are refused.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.cell.arm import Arm
 from acquisition.cell.cell import Cell, cell_from
 from acquisition.cell.clearance import NEAREST_MM
 from acquisition.cell.obstacles import Box, Post, Table, between_lines
+from calib.arm import load_robot
 from calib.array import Array
 from drivers.errors import ConfigError
 from mocks.world.kinematics import frames, nominal_geometry
@@ -25,6 +28,7 @@ from mocks.world.robots import robot_named
 from mocks.world.transforms import place
 from tests.acquisition.arm_reference import far_from_box, far_from_line, looked_at
 from tests.acquisition.fakes import CELL, changed
+from tests.calib.machines import SCARA_DH, TRACK
 
 POST = {"name": "post", "low_mm": [380, 80, 20], "high_mm": [480, 180, 600]}
 ROD = {"name": "rod", "from_mm": [415, 115, 20], "to_mm": [415, 115, 600], "radius_mm": 15}
@@ -148,6 +152,28 @@ def test_bends_are_bounds() -> None:
             if i >= 30:
                 closest[i % 6] = max(closest[i % 6], float(np.max(seen / np.maximum(bound, 1e-9))))
         assert closest[0] > 0.5  # half the bound would not hold
+
+
+@pytest.mark.parametrize("machine", [TRACK, SCARA_DH], ids=["track", "scara"])
+def test_bends_are_bounds_where_joints_slide(machine: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(machine, encoding="utf-8")
+    robot = load_robot(str(path))
+    arm = Arm.of(robot, "none", {"T1": (30.0, 40.0, 120.0)}, 25.0)
+    slides = np.array([kind == "slides" for kind in robot.kinds])
+    share, rng = np.linspace(0.0, 1.0, 201)[:, None], np.random.default_rng(3)
+    low, high = np.array([robot.lower, robot.upper]) / robot.joint_units
+    nearest = 0.0
+    for i in range(40):
+        start, goal = rng.uniform(low, high, (2, robot.joints))
+        if i % 2:  # a slide and one joint before or behind it
+            goal = np.where(slides | (np.arange(robot.joints) == i % robot.joints), goal, start)
+        lines = arm.lines(start + share * (goal - start))
+        seen = np.linalg.norm(np.diff(lines, n=2, axis=0), axis=3).max(axis=(0, 2)) / share[1, 0] ** 2
+        bound = arm.bends(start[None], goal[None])[0]
+        assert np.all(seen <= bound * (1.0 + 1e-3) + 1e-3)
+        nearest = max(nearest, float(np.max(seen / np.maximum(bound, 1e-9))))
+    assert nearest > 0.5
 
 
 coordinate = st.floats(-300.0, 300.0).map(lambda x: round(x, 3))

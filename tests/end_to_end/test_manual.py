@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +22,10 @@ from acquisition.record.export import export
 from acquisition.record.store import Store
 from acquisition.run.run import Run
 from calib.data.read import read_dataset
+from calib.diagnose import diagnose
 from calib.fit.identify import identify
 from calib.text.toml_text import read_toml
+from tests.calib.machines import TRACK
 from tests.end_to_end.simulated import ROOT, campaign_file, stepped_cell
 
 EXAMPLE = ROOT / "examples" / "manual"
@@ -90,3 +94,37 @@ def test_a_campaign_by_hand_is_measured_and_identified(
     held = dataset.validation_rows
     miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
     assert np.sqrt(np.mean(miss**2)) < 0.1
+
+
+def a_scara(folder: Path) -> dict[str, object]:
+    return {"model": "yaskawa-sg650", "limits_deg": [[-130, 130], [-140, 140], [-200, -5], [-180, 180]]}
+
+
+def on_a_track(folder: Path) -> dict[str, object]:
+    (folder / "own.toml").write_text(TRACK, encoding="utf-8")
+    turning = [[-90, 90], [-60, 60], [-100, 40], [-150, 150], [-100, 100], [-180, 180]]
+    return {"model": str(folder / "own.toml"), "limits_deg": [[500, 2500], *turning]}
+
+
+@pytest.mark.parametrize(("machine", "slide"), [(a_scara, "j3"), (on_a_track, "e1")])
+def test_joints_that_slide_are_driven_by_hand_and_their_play_is_named(
+    tmp_path: Path, machine: Callable[[Path], dict[str, object]], slide: str
+) -> None:
+    """From the prompt to the diagnosis: would catch mm sent as deg, the record of another place than the pendant's."""
+    described = a_cell(machine(tmp_path) | {"table_z_mm": -1500.0, "within_deg": None}, FARO)
+    simulation = {"seed": 3, "effects": [f"slide_backlash:{slide}"], "effect_size": 5.0}
+    cell = cell_from(tomllib.loads(described.source) | {"simulation": simulation}, "cell.toml")
+    _, table = read_toml(campaign_file(tmp_path, calibration=40, validation=6, warm_up_s=0.0))
+    table |= {"reference_every": 0, "approach": {"offset_deg": -5.0, "sides": "both"}}
+    campaign = campaign_from(table, "campaign.toml")
+    with stepped_cell(cell) as equipment, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
+        outcome = run.execute(equipment.devices, equipment.clock)
+        asked = [event.data["text"] for event in run.events() if event.kind == "prompt"]
+    assert (outcome.state.value, outcome.error) == ("succeeded", None)
+    assert any(f"{slide.upper()} " in text and " mm" in text for text in asked)
+    out = export(tmp_path / "r", tmp_path / "data.csv")
+    dataset = read_dataset(out)
+    assert f"{slide}_mm" in out.read_text(encoding="utf-8").splitlines()[0]
+    diagnosis = diagnose(dataset)
+    assert [each.effect.label for each in diagnosis.effects] == [f"slide_backlash:{slide}"]
+    assert diagnosis.final.noise_scale == pytest.approx(1.0, abs=0.2)
