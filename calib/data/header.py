@@ -226,7 +226,7 @@ def _names(table: TomlTable, key: str) -> tuple[str, ...]:
 
 def _robot(table: TomlTable, path: Path) -> Robot:
     """The robot of the library or of a robot file that `robot` names, else that of the file within the header."""
-    if "robot_file" not in table.values:
+    if table.values.get("robot_file") is None:
         return load_robot(table.text("robot"), path.parent)
     robot = robot_from(table.table("robot_file").values, path)
     if robot.name != table.text("robot"):
