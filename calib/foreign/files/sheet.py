@@ -105,7 +105,7 @@ def wide_blanks(path: Path, line: int) -> list[str]:
 
 
 def _tableness(rows: list[Row]) -> tuple[int, int]:
-    """How much of a table rows are: those of the commonest width that hold numbers, and their numbers."""
+    """A score of rows as a table: how many have the commonest width and hold numbers, and how many numbers."""
     numbers = [
         (len(row.cells), sum(map(is_number, row.cells)))
         for row in rows

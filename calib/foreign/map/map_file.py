@@ -49,9 +49,8 @@ _FILE = (
 @dataclass(frozen=True)
 class FileMap:
     """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the
-    same of
-    x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of readings
-    that hold."""
+    same of x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of
+    readings that hold."""
 
     names: tuple[str, ...]
     columns: Mapping[str, str]
@@ -77,8 +76,7 @@ class FileMap:
 @dataclass(frozen=True)
 class Map:
     """The map of one file, or of one with joints and one with points. header: keys of the data set's header as
-    they will
-    be written; by, within_s: how the points are matched to the joints."""
+    they will be written; by, within_s: how the points are matched to the joints."""
 
     files: tuple[FileMap, ...]
     header: Mapping[str, Any]

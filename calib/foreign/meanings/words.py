@@ -1,8 +1,8 @@
 """Words that people name columns by, English and German: what a name means, as far as it can be told.
 
 `Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
-target; `A`,
-`B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside by the map.
+target; `A`, `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside
+by the map.
 """
 
 from __future__ import annotations
@@ -252,9 +252,8 @@ _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a name means. index: of a joint (0 where counted from 0), or which of x, y, z; family: of angles, how
-    they are
-    named; group: the target that it belongs to; unit: as the name has it."""
+    """The meaning of a column's name. index: of a joint (0 where counted from 0), or which of x, y, z; family: of
+    angles, how they are named; group: the target that it belongs to; unit: as the name has it."""
 
     kind: Kind
     index: int = 0
@@ -265,7 +264,7 @@ class Meaning:
 
 
 def meaning_of(name: str) -> Meaning:
-    """What the name of a column means."""
+    """The meaning of a column's name."""
     bare, unit = split(re.sub(r"#\d+$", "", name))
     tokens = [token.lower() for token in _SPLIT.findall(bare)]
     tokens = [part for token in tokens for part in _unglued(token)]
