@@ -118,12 +118,6 @@ class RemoteOperator:
             self._answer = answer
             self._changed.notify_all()
 
-    def wait_pending(self, seconds: float) -> Prompt | None:
-        """The pending prompt, waiting up to so many seconds for one."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._pending is not None, seconds)
-            return self._pending
-
     def close(self) -> None:
         """Nobody will answer any more; who waits gets NoOperator."""
         with self._changed:

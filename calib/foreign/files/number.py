@@ -65,7 +65,6 @@ class Notation:
         return value if math.isfinite(value) else None
 
 
-POINT, COMMA = Notation("."), Notation(",")
 _OTHER = {".": ",", ",": "."}
 
 

@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tomli_w
 
@@ -25,7 +25,6 @@ from calib.text.toml_text import read_toml
 
 FORMAT = "truepose-map/1"
 UNDECIDED = "?"
-By = Literal["name", "order", "time"]
 BY = ("name", "order", "time")
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
 _NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
