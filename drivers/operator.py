@@ -24,7 +24,7 @@ class UnknownPrompt(Refused):
 
 
 def refused(prompt: Prompt, answer: Answer | Typed) -> str:
-    """Why a prompt does not take this answer; empty where it does."""
+    """The reason why a prompt does not take this answer; empty where it does."""
     entry = prompt.entry
     if isinstance(answer, Typed):
         return "" if entry is not None else f"prompt {prompt.id} asks for no numbers"
