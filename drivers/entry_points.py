@@ -1,4 +1,4 @@
-"""What other packages bring to this program: lists in modules that they name as entry points."""
+"""Additions by other packages: lists in modules that they name as entry points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 
 
 def installed(group: str, name: str) -> Iterator[Any]:
-    """What stands in the lists of that name (`DRIVERS`, say) in the modules of a group of entry points.
+    """The members of the lists of that name (`DRIVERS`, say) in the modules of a group of entry points.
 
     Raises ConfigError for a package that cannot be loaded.
     """

@@ -24,7 +24,7 @@ class UnknownPrompt(Refused):
 
 
 def refused(prompt: Prompt, answer: Answer | Typed) -> str:
-    """Why a prompt does not take this answer; empty where it does."""
+    """The reason why a prompt does not take this answer; empty where it does."""
     entry = prompt.entry
     if isinstance(answer, Typed):
         return "" if entry is not None else f"prompt {prompt.id} asks for no numbers"
@@ -117,12 +117,6 @@ class RemoteOperator:
                 raise UnknownPrompt(refusal, device="operator", command=prompt_id)
             self._answer = answer
             self._changed.notify_all()
-
-    def wait_pending(self, seconds: float) -> Prompt | None:
-        """The pending prompt, waiting up to so many seconds for one."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._pending is not None, seconds)
-            return self._pending
 
     def close(self) -> None:
         """Nobody will answer any more; who waits gets NoOperator."""

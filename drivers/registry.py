@@ -39,12 +39,12 @@ INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
 
 
 def robot_driver(name: str) -> RobotDriver:
-    """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
+    """The declaration of the driver of that name. Raises ConfigError for an unknown one."""
     return _known("robot", ROBOTS, RobotDriver, name)
 
 
 def instrument_driver(name: str) -> InstrumentDriver:
-    """What the driver of that name says of itself. Raises ConfigError for an unknown one."""
+    """The declaration of the driver of that name. Raises ConfigError for an unknown one."""
     return _known("instrument", INSTRUMENTS, InstrumentDriver, name)
 
 

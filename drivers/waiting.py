@@ -1,4 +1,4 @@
-"""How long a question of a driver waits for its answer."""
+"""The time for which a question of a driver waits for its answer."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ class Cell:
 
     @cached_property
     def clearance(self) -> Clearance:
-        """What arm and tool must keep clear of: the table, keep-out boxes and fixtures."""
+        """The obstacles of arm and tool: the table, keep-out boxes and fixtures."""
         robot, tool = self.robot, self.tool
         arm = Arm.of(robot.model, robot.coupling, tool.targets, tool.radius_mm)
         return Clearance.of(arm, (Table(robot.table_z_mm), *robot.keep_out, *self.fixtures))
@@ -345,12 +345,12 @@ def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
 
 
 def _url(table: TomlTable, *, by_hand: bool) -> str:
-    """The address; what a person works has none."""
+    """The address of a device; a manual one has none."""
     return table.text("url", "") if by_hand else table.text("url")
 
 
 def _options(table: TomlTable, options: Sequence[Option | TextOption]) -> dict[str, float | str]:
-    """What the cell file has for a driver, and what it must have."""
+    """The options of a driver in its table of the cell file; those that it needs are demanded."""
     return {
         option.key: table.text(option.key, allowed=option.allowed or None)
         if isinstance(option, TextOption)

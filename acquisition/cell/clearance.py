@@ -145,7 +145,7 @@ class Clearance:
     def _halves(
         self, pieces: _Pieces, middle: Array, slack: Array
     ) -> tuple[Mask, Mask, list[tuple[int, int, int, float]]]:
-        """Which pairs are still open in the first and in the second half, and what touches in the middle."""
+        """The pairs that are still open in the first and in the second half, and those that touch in the middle."""
         left, right = np.zeros_like(pieces.open), np.zeros_like(pieces.open)
         touching: list[tuple[int, int, int, float]] = []
         for o, obstacle in enumerate(self.obstacles):

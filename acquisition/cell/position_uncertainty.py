@@ -1,4 +1,4 @@
-"""How well the cell file knows where its nests, cups and tool targets are: one standard deviation per axis, mm.
+"""The uncertainty of nests, cups and tool targets in the cell file: one standard deviation per axis, mm.
 
     [world]                                   [tool]
     u_mm = 0.3                                u_mm = 0.05

@@ -50,16 +50,18 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
 
 
 def _landing(model: RobotModel, stated: StatedConditions) -> str:
-    """What is to land: the flange, which carries every target with it.
+    """The frame that is brought to its nominal place: the flange, and every target on it.
 
-    An arm of fewer than six joints leaves a tilt of the flange: there it is the target itself, where there is but one.
+    An arm of fewer than six joints cannot correct every tilt of the flange: there it is the target, where it is the
+    only one.
     """
     names = tuple(model.targets[series_of(model, stated)])
     return names[0] if model.robot.joints < 6 and len(names) == 1 else FLANGE
 
 
 def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:
-    """What the last moves of the model's joints are when every joint of the controller comes from `APPROACH_DEG`."""
+    """Conditions with the last moves of the model's joints when every joint of the controller comes from
+    `APPROACH_DEG`."""
     zero = np.zeros((1, robot.model.joints))
     moves = (robot.model_angles(zero) - robot.model_angles(zero + APPROACH_DEG))[0]
     return replace(stated, side=tuple(np.sign(moves)), approach=tuple(np.abs(moves)))

@@ -159,7 +159,7 @@ def _inline(value: Any) -> str:
 
 
 def expectations(follow_up: FollowUp) -> list[str]:
-    """What the poses would bring, a sentence for each pair."""
+    """The expected distinction by the poses, a sentence for each pair."""
     return [
         f"{label} from {rival}: expected squared distance {square:.0f}, "
         + ("which settles it." if square >= SEPARATES else f"short of the {SEPARATES:g} that settle it.")

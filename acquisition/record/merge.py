@@ -84,7 +84,7 @@ def frame_of_part(
 
 
 def _began(record: Path) -> tuple[float, Cell]:
-    """When a record's clock began, s on the clock that its cell runs by, and its cell."""
+    """The start of a record's clock, s on the clock that its cell runs by, and its cell."""
     store = Store.open(record, writer=False)
     try:
         row = store.campaign
@@ -130,7 +130,7 @@ def merge(
 
 
 def _measured(occasions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """When the first of the parts began and the last ended, and everybody who worked on them."""
+    """The times at which the first of the parts began and the last ended, and everybody who worked on them."""
     if not occasions:
         return {}
     return {
@@ -160,8 +160,8 @@ def _brought(part: Part, number: int, world: WorldFrame) -> list[dict[str, str]]
 
 
 def _setup(header: Mapping[str, Any]) -> dict[str, Any]:
-    """What must be the same: all but the individual devices, what their wires could not see, how well positions are
-    known, and where the instrument stands, which every campaign finds by its own nests."""
+    """The settings that must be the same: all but the individual devices, what their wires could not see, how well
+    positions are known, and where the instrument stands, which every campaign finds by its own nests."""
     table = {key: value for key, value in header.items() if key not in _OF_A_CAMPAIGN}
     table["noise"] = {key: value for key, value in header["noise"].items() if key != "station_mm"}
     return table

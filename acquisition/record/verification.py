@@ -59,7 +59,7 @@ class Landings:
 
 @dataclass(frozen=True)
 class Verification:
-    """The verification of corrected targets. Distances to the wanted points, mm, of all targets of all poses."""
+    """The verification of corrected targets, by the distances to the wanted points, mm, of all targets of all poses."""
 
     uncorrected: ErrorStatistics | None  # the same poses, driven as the nominal robot would
     verified: ErrorStatistics
@@ -68,7 +68,6 @@ class Verification:
     refused: tuple[str, ...]  # why targets were left out
     nests_off_mm: float  # between the nests measured again and the frame of campaign 1
     approach: str
-    distances_mm: Array
     accepted: tuple[str, ...] = ()  # other devices than those of campaign 1, by whose leave and why
 
     @property
@@ -282,6 +281,5 @@ def verification_of(
         refused=tuple(refused),
         nests_off_mm=max(j.off_mm for j in judged),
         approach=approach,
-        distances_mm=distances[corrected],
         accepted=tuple(accepted),
     )

@@ -347,7 +347,8 @@ class Sequencer:
         return given
 
     def _by_person(self, text: str, entry: Entry, picture: str) -> str:
-        """What a device asks whoever works it: what they type. That is its way of acting, and voids no approach.
+        """The entry that a person types when a manual device asks for it. It counts as an act of the device, so the
+        approach of the pose still holds.
 
         Raises LeftOut for skip and redo, Stopping for abort, NoOperator, Pausing.
         """

@@ -22,11 +22,11 @@ class Visits:
         self._store = store
 
     def again(self, number: int, by: str, reason: str) -> int:
-        """What was measured or skipped in a visit is planned once more. Raises NotResumed for a run that has ended."""
+        """Plan the measured and skipped readings of a visit once more. Raises NotResumed for a run that has ended."""
         return self._order("measure again", number, by, reason, _DONE, self._plan_again)
 
     def leave_out(self, number: int, by: str, reason: str) -> int:
-        """What is left to measure in a visit is skipped. Raises NotResumed for a run that has ended."""
+        """Skip the readings of a visit that are not measured yet. Raises NotResumed for a run that has ended."""
         return self._order("leave out", number, by, reason, _OPEN, self._skip)
 
     def _order(

@@ -37,7 +37,7 @@ _SAMPLES = 64
 
 @dataclass(frozen=True)
 class Freedoms:
-    """What an arm of N joints can do about a miss of its tool point.
+    """The directions in which an arm of N joints can move its tool point.
 
     columns: (N, m) change of the model's joints for a unit of every joint that is moved: 1 rad, or `LEVER_MM` of a
     slide. count, places: see above.

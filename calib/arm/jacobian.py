@@ -1,4 +1,4 @@
-"""How the nominal tool point follows the joints: its scaled Jacobian, and small differences of poses."""
+"""The scaled Jacobian of the nominal tool point, and small differences of poses."""
 
 from __future__ import annotations
 

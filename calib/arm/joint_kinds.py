@@ -1,4 +1,4 @@
-"""What a joint does, and what follows from it: a joint that turns counts in deg, one that slides in mm.
+"""The kinds of joints, with their units outside: a joint that turns counts in deg, one that slides in mm.
 
 An axis has a name, by which columns are called (`j1_deg`, `e1_mm`): j1, j2, ... over the joints of the arm, e1, e2, ...
 for external axes (a track, a lifting column, a positioner), which the robot file names.

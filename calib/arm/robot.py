@@ -87,7 +87,7 @@ class Robot:
 
     @cached_property
     def kinds(self) -> tuple[JointKind, ...]:
-        """What every joint does, "turns" or "slides"."""
+        """The kind of every joint, "turns" or "slides"."""
         return tuple("slides" if k in self.slides else "turns" for k in range(1, self.joints + 1))
 
     @cached_property

@@ -42,7 +42,8 @@ SHOWN_MM, SHOWN_RAD = 5e-4, 5e-4 * DEG
 
 @dataclass(frozen=True)
 class Left:
-    """What the arm cannot correct, (n,) each: off in mm, askew in rad; infinite where a target was not solved.
+    """The error that the arm cannot correct, (n,) each: off in mm, askew in rad; infinite where a target was not
+    solved.
 
     tilt: the arm turns about one direction, so that what is left of orientation is a tilt of that axis.
     """
@@ -52,7 +53,7 @@ class Left:
     tilt: bool
 
     def in_words(self, off: float, askew: float) -> str:
-        """What is left, as a sentence part; '' where nothing shows."""
+        """The error that is left, as a sentence part; '' where nothing shows."""
         parts = []
         if SHOWN_MM <= off < np.inf:
             parts.append(f"{off:.3f} mm that this arm cannot move")
@@ -85,12 +86,12 @@ class Correction:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why each target was refused, as a sentence part; empty where it was not."""
+        """The reason why each target was refused, as a sentence part; empty where it was not."""
         return tuple(REASONS[s] for s in self.status)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is left of each target that may be driven because the arm cannot correct it, as a sentence part."""
+        """The error left of each target that may be driven because the arm cannot correct it, as a sentence part."""
         return tuple(
             f"left: {words}" if good and (words := self.left.in_words(off, askew)) else ""
             for good, off, askew in zip(self.good, self.left.off, self.left.askew, strict=True)

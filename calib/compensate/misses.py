@@ -1,4 +1,4 @@
-"""What a corrected pose still misses: the part that the arm could make up for, and the part that it cannot."""
+"""The miss of a corrected pose: the part that the arm could make up for, and the part that it cannot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LANDED_MM, LANDED_RAD = 1e-7, 1e-9
 
 @dataclass(frozen=True)
 class Misses:
-    """Of n targets, mm and rad, infinite where not known.
+    """Misses of n targets, mm and rad, infinite where not known.
 
     landed, turned: (n,) within the freedoms of the arm. off, askew: (n,) what it cannot move or turn.
     """

@@ -89,7 +89,7 @@ class Meaning:
 
 @dataclass(frozen=True)
 class Counting:
-    """How the joints would be counted: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
+    """A counting of the joints: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
 
     rad, and mm of joints that slide.
     """

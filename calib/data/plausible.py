@@ -171,7 +171,7 @@ def assumed_in_words(header: Header) -> str:
 
 
 def remarks(dataset: Dataset) -> list[str]:
-    """What limits the readings of a fit, sentence by sentence: repeated rows, narrow joints, one approach."""
+    """Limitations of the readings of a fit, sentence by sentence: repeated rows, narrow joints, one approach."""
     rows = dataset.fit_rows
     out = []
     if words := assumed_in_words(dataset.header):

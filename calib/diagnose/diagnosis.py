@@ -329,7 +329,7 @@ def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tup
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:
-    """What these readings cannot show, so that nobody takes silence for absence."""
+    """Sentences on effects that these readings cannot show, so that nobody takes silence for absence."""
     conditions = dataset.conditions.take(dataset.fit_rows)
     notes = []
     axes = dataset.header.robot.axes

@@ -104,7 +104,8 @@ def _some(space: Space) -> NDArray[np.int64]:
 
 
 def _alike(space: Space, functions: Mapping[str, Array], some: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which drivers, of functions (s, m) over `some` readings (s,), are the same in all readings of a visit."""
+    """Drivers, of functions (s, m) over `some` readings (s,), as a mask of those that are the same in all readings
+    of a visit."""
     _, first, visit = np.unique(
         space.fitted.readings.conditions.visit[some], return_index=True, return_inverse=True
     )

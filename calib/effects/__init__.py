@@ -122,7 +122,7 @@ def offers(survey: Survey) -> list[Family]:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """What may have set in since a calibration, as these readings could show it."""
+    """The effects that may have set in since a calibration and that these readings could show."""
     return [by_axis(found, survey.robot) for entry in SETS_IN for found in entry.changes(survey)]
 
 
@@ -139,7 +139,7 @@ def check_of(label: str) -> str:
 
 
 def words_of(label: str) -> str:
-    """What the effect of this label is called before readers. Raises KeyError as `kind_of` does."""
+    """The name of the effect of this label in reports. Raises KeyError as `kind_of` does."""
     return kind_of(label).words_of(label)
 
 

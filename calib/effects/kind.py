@@ -46,7 +46,7 @@ class Kind:
         return self.check.format(**_named(label))
 
     def words_of(self, label: str) -> str:
-        """What the effect of this label of the kind is called before readers; the label where the kind has no words."""
+        """The name in reports of the effect of this label of the kind; the label where the kind has no words."""
         return self.words.format(**_named(label)) or label
 
     def changed_of(self, label: str, size: str) -> str:
@@ -54,12 +54,13 @@ class Kind:
         return self.changed.format(**_named(label), size=size)
 
     def remedy_of(self, label: str, size: str) -> str:
-        """What to do about it, likewise."""
+        """Advice on the remedy, likewise."""
         return self.remedy.format(**_named(label), size=size)
 
 
 def _named(label: str) -> dict[str, str]:
-    """What a label names, in words: "periodic:j2:n3" joint 2 and 3 times, "coupling:j4-j5" joints 4 and 5."""
+    """The joints and numbers of a label, in words: "periodic:j2:n3" joint 2 and 3 times, "coupling:j4-j5" joints 4
+    and 5."""
     name, _, order = label.partition(":")[2].partition(":")
     joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
     times = order.removeprefix("n")

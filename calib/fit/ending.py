@@ -1,4 +1,4 @@
-"""How the iterations of a fit ended."""
+"""The ending of a fit's iterations."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Ending(StrEnum):
-    """Why a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
+    """The reason for which a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
 
     CONVERGED = "converged"  # the last step was a small part of the standard errors
     ROUNDS = "round limit"

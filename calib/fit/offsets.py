@@ -156,7 +156,7 @@ def _judged(m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: 
 
 
 def _apart(m: Array, p: Array, u: Array) -> tuple[Judged, float]:
-    """How far the others put a target, and the chance of more where all is as stated."""
+    """The distance at which the others put a target, and the chance of more where all is as stated."""
     share, axes = np.linalg.eigh(np.eye(len(u)) - p / np.outer(u, u))
     seen = share > _SEEN
     along = (axes.T @ (m / u))[seen]

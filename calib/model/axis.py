@@ -26,7 +26,7 @@ class Axis:
 
     @classmethod
     def angle(cls, joint: int, conditions: Conditions, *, cycles: float = 0.0, sided: bool = False) -> Axis:
-        """Where a joint is: its angle, deg, or its place along its axis, mm."""
+        """The place of a joint: its angle, deg, or its place along its axis, mm."""
         at = conditions.joints[:, joint - 1]
         name = (conditions.axis_names or {joint - 1: f"j{joint}"})[joint - 1]
         if unit_of(joint, conditions) == "mm":

@@ -101,7 +101,7 @@ def base_targets(names: Mapping[str, float | None]) -> Effect:
 
 
 def length_zero(series: str, several: bool) -> Effect:
-    """What the length meter of a series shows at distance nought: a draw-wire's zero, the length of a bar."""
+    """The reading of a series' length meter at distance nought: a draw-wire's zero, the length of a bar."""
     name = f"length_zero[{series}]" if several else "length_zero"
     acts = {name: ("mm", None, [("length.zero", InSeries(series) if several else Constant())])}
     return effect(name, "base model", "instrument", "Lengths count from an unknown zero.", acts)
@@ -152,7 +152,7 @@ def build(
 
 
 def kinds_of(effects: Sequence[Effect]) -> set[str]:
-    """What `priors` may name beside single parameters: kinds ('alpha') and groups ('compliance')."""
+    """The names that `priors` may have beside single parameters: kinds ('alpha') and groups ('compliance')."""
     return {_kind(p.name) for e in effects for p in e.parameters} | {e.label for e in effects}
 
 

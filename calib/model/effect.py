@@ -51,7 +51,7 @@ class Parameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """What physics allows, internal units; infinite where there is no bound."""
+        """The bounds that physics sets, internal units; infinite where there is no bound."""
         low = -math.inf if self.low is None else to_internal(self.low, self.unit)
         high = math.inf if self.high is None else to_internal(self.high, self.unit)
         return low, high
@@ -69,7 +69,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Effect:
-    """What happens to the robot, its mounting or the instrument, linear in its parameters.
+    """A physical cause in the robot, its mounting or the instrument, linear in its parameters.
 
     `shape` holds what was scanned or fixed (harmonic order, change point), by name, for the report.
     """

@@ -22,8 +22,7 @@ class HalfSines:
 
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) from -1 to 1."""
-        along = (conditions.joints[:, self.joint - 1] - self.low) / (self.high - self.low)
-        return np.sin(np.pi * self.count * along)
+        return np.sin(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The place along the axis."""
@@ -41,8 +40,7 @@ class HalfCosines:
 
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) from -1 to 1."""
-        along = (conditions.joints[:, self.joint - 1] - self.low) / (self.high - self.low)
-        return np.cos(np.pi * self.count * along)
+        return np.cos(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The place along the axis."""
@@ -59,3 +57,9 @@ class WarmTravel:
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) mm K."""
         return conditions.joints[:, self.joint - 1] * (conditions.temperature - self.reference_c)
+
+
+def _phase(wave: HalfSines | HalfCosines, conditions: Conditions) -> Array:
+    """(n,) rad, from 0 at the low end of the travel to pi times the number of half waves at the high one."""
+    along = (conditions.joints[:, wave.joint - 1] - wave.low) / (wave.high - wave.low)
+    return np.pi * wave.count * along

@@ -1,4 +1,4 @@
-"""How measured distances between balls of one body tie the positions of these balls to each other.
+"""Ties between the positions of balls of one body by the measured distances between them.
 
     residual  (L - |p - q|) / u,      derivative  e.(dp - dq) / u,   e the unit vector from q to p
 

@@ -170,7 +170,7 @@ def _placed(robot: Robot, joints: Array, tool: Array, points: Array) -> tuple[Ar
 def _by_place(
     robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, start: Clocks, rival: float | None
 ) -> tuple[Clocks, float | None]:
-    """Of two offsets with speeds alike, choose the one with points alike; both where nothing distinguishes them."""
+    """Choose, of two offsets with speeds alike, the one with points alike; both where nothing distinguishes them."""
     if rival is None or abs(rival - start.offset) < _SAME_OFFSET_S:
         return start, None
     other = replace(start, offset=rival, rate=0.0)

@@ -65,7 +65,7 @@ def _parted(stream: Speeds) -> tuple[Speeds, Speeds] | None:
 
 
 def _offset(part: Speeds, other: Speeds) -> float | None:
-    """What the clock of a part shows more than the other one, s; None where their speeds are not surely alike."""
+    """The clock of a part less the other one, s; None where their speeds are not surely alike."""
     lags, alike, _ = likeness(part, other)
     best = int(np.argmax(alike))
     if alike[best] < SURE:

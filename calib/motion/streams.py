@@ -44,7 +44,7 @@ class Gap:
 
 
 class _Clocked:
-    """What both streams have by their times (n,), s, increasing. Raises DataError for times that cannot be."""
+    """The common part of both streams: their times (n,), s, increasing. Raises DataError for times that cannot be."""
 
     time: Array
     name: str
@@ -62,7 +62,8 @@ class _Clocked:
 
     @cached_property
     def resolution(self) -> float:
-        """What the times are rounded to, s, where that shows: multiples of 1 s to 1 ms, unevenly spaced. Else 0."""
+        """The unit to which the times are rounded, s, where that shows: multiples of 1 s to 1 ms, unevenly spaced.
+        Else 0."""
         for decimals in range(_MOST_DECIMALS + 1):
             if np.abs(self.time - np.round(self.time, decimals)).max() < _ROUNDING_S:
                 unit = 10.0**-decimals

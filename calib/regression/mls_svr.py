@@ -44,7 +44,7 @@ class Linear:
     """Features as they are: a ridge regression with two penalties."""
 
     def rows(self, new: Array, _: Array) -> Array:
-        """What the weights act on at new features (k, p): the features."""
+        """The rows that the weights act on at new features (k, p): the features."""
         return new
 
     def components(self, rows: Array) -> Components:
@@ -62,7 +62,8 @@ class Gaussian:
     width: float
 
     def rows(self, new: Array, old: Array) -> Array:
-        """What the weights act on at new features (k, p): the kernel (k, n) with the training features (n, p)."""
+        """The rows that the weights act on at new features (k, p): the kernel (k, n) with the training features
+        (n, p)."""
         squared = (new**2).sum(axis=1)[:, None] + (old**2).sum(axis=1) - 2.0 * new @ old.T
         return np.exp(-np.maximum(squared, 0.0) / (2.0 * self.width**2))
 

@@ -1,4 +1,4 @@
-"""What a robot file says of its arm, in figures that a person can hold against a data sheet.
+"""The description of the arm in a robot file, in figures that a person can compare with a data sheet.
 
 Reach, wrist, parallel axes, named postures and which inverse kinematics applies; and remarks on what is odd: axes that
 nearly meet, a zero pose outside the limits, a length in metres.
@@ -85,7 +85,7 @@ def gap_mm(axes: Array, points: Array, i: int, j: int) -> float:
 
 
 def _wrist(axes: Array, points: Array) -> tuple[str, list[str]]:
-    """What the last three axes do, and what is odd about it."""
+    """A sentence about the last three axes, and remarks on what is odd about them."""
     count = len(axes)
     if count < 6:
         return f"{count} joints: there is no wrist of three axes", []

@@ -39,7 +39,7 @@ _TERM = re.compile(
 
 @dataclass(frozen=True)
 class Heading:
-    """What a column holds (None: nothing that is read), and the unit in its name ("" where it names none)."""
+    """The quantity of a column (None: nothing that is read), and the unit in its name ("" where it names none)."""
 
     meaning: str | None
     unit: str
@@ -55,7 +55,7 @@ class Cell:
 
 
 def heading(text: str) -> Heading:
-    """What the name of a column says: `alpha_{i-1} [deg]` is alpha in degrees."""
+    """The heading that a column's name stands for: `alpha_{i-1} [deg]` is alpha in degrees."""
     if len(text) > _LONGEST:
         return Heading(None, "")
     word, unit = text.strip().lower().replace("−", "-"), ""

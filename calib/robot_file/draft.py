@@ -38,7 +38,8 @@ class DraftLink:
 
 @dataclass(frozen=True)
 class Draft:
-    """What a robot file shall hold. remarks: sentences that stand above it; matrices: name -> (N, N), offsets (N,)."""
+    """The contents of a robot file to be written. remarks: sentences that stand above it; matrices: name -> (N,
+    N), offsets (N,)."""
 
     name: str
     maker: str

@@ -1,4 +1,4 @@
-"""Where a robot file says what: the line of a key of a link, so that a mistake is told with the line to change."""
+"""Line numbers in a robot file: that of a key of a link, so that a message names the line to change."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a handful of readings says of a robot file.
+    """The verdict of a handful of readings on a robot file.
 
     mistakes: the likeliest first, none where the file explains the readings or nothing does. miss_mm: median distance
     of the nominal robot, in its best place, from the readings; left_mm: the same with the mistake mended; extent_mm: of
@@ -58,7 +58,7 @@ class Verdict:
 
 
 def held_against(path: Path, text: str, handful: Handful) -> Verdict:
-    """What the readings say of the robot file `path` with the text `text`."""
+    """The verdict of readings on the robot file `path` with the text `text`."""
     meaning, robot = handful.meaning, handful.meaning.robot
     options = {"tool_unknown": handful.tool_unknown, "zero_unknown": False}
     miss, extent = meaning.miss(handful.tools, **options)
@@ -122,7 +122,7 @@ def of_counting(meaning: Meaning) -> Iterator[Hypothesis]:
 
 
 def lines_of(cause: Hypothesis, meaning: Meaning, path: Path, text: str) -> Iterator[str]:
-    """What to write where: lines of the robot file with their numbers, or of the data where the mistake is there."""
+    """The lines to change, with their numbers, and their new text: of the robot file, or of the data."""
     robot, other = meaning.robot, cause.meaning.robot
     counting = cause.counting
     if other.name != robot.name or (counting is None and other == robot):

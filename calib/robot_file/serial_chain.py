@@ -203,7 +203,8 @@ def _limits(joint: UrdfJoint) -> tuple[tuple[float, float], str]:
 
 
 def _follows(urdf: Urdf, moving: list[UrdfJoint]) -> dict[int, tuple[int, Mimic]]:
-    """Who follows whom, each by a joint that follows nobody. Raises DataError where that is not linear in the chain."""
+    """The joint that each joint follows, itself independent, with the factor. Raises DataError where that is not
+    linear in the chain."""
     numbers = {joint.name: k for k, joint in enumerate(moving)}
     out = {}
     for k, joint in enumerate(moving):

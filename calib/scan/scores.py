@@ -84,7 +84,7 @@ class FamilyScores(Protocol):
 
 
 class Family(Protocol):
-    """What the library offers: one effect, or many that differ by what is scanned."""
+    """A family of candidates of the library: one effect, or many that differ by what is scanned."""
 
     @property
     def label(self) -> str:

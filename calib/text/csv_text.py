@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from calib.errors import DataError
@@ -17,7 +17,7 @@ MOST_COLUMNS = 1_000
 
 def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int, list[str]]]:
     """Line number, from 1, and cells of every row. Raises DataError (file, line) for what is no table."""
-    reader = csv.reader(_lines(text, file), delimiter=delimiter)
+    reader = csv.reader(taken(io.StringIO(text, newline="\n"), file), delimiter=delimiter)
     out = []
     try:
         for row in reader:
@@ -48,12 +48,13 @@ def refuse_twice(names: Sequence[str], file: Path | str) -> None:
         raise DataError(f"column '{name}' is there twice.", do="Keep one.", file=file, line=1)
 
 
-def _lines(text: str, file: Path | str) -> Iterator[str]:
-    for number, line in enumerate(io.StringIO(text, newline="\n"), start=1):
+def taken(lines: Iterable[str], file: Path | str, do: str = "Correct that line.") -> Iterator[str]:
+    """The lines of a file, none longer than `LONGEST_LINE`. Raises DataError (file, line) for one that is longer."""
+    for number, line in enumerate(lines, start=1):
         if len(line) > LONGEST_LINE:
             raise DataError(
                 f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
-                do="Correct that line.",
+                do=do,
                 file=file,
                 line=number,
             )

@@ -1,4 +1,4 @@
-"""What a ballbar alone says of a calibrated robot: the sphere test, repeatability, and how the error grows.
+"""The judgement of a calibrated robot by a ballbar alone: the sphere test, repeatability, and how the error grows.
 
 Sphere test: one target goes over a sphere about one ball on the base, the tool turned always alike; the radial error is
 the measured distance less the one that a model predicts. Repeatability: the scatter of distances that were measured

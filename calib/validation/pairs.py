@@ -77,7 +77,7 @@ def pair_errors(measured: Array, predicted: Array, *, tile: int = TILE) -> Summa
 
 @dataclass(frozen=True)
 class _Bracket:
-    """Where the quantile is looked for, in bins of equal width."""
+    """The interval in which the quantile is looked for, in bins of equal width."""
 
     low: float
     high: float

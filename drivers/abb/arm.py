@@ -113,7 +113,7 @@ class AbbArm:
 
     @property
     def weakness(self) -> str:
-        """What this dialect cannot see; empty for CALSRV. Valid once connected."""
+        """The errors that this dialect cannot see; empty for CALSRV. Valid once connected."""
         return "" if self._superset else _WEAKNESS
 
     @property

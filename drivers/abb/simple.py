@@ -110,7 +110,7 @@ class AbbSimpleArm:
 
     @property
     def weakness(self) -> str:
-        """What this protocol cannot see."""
+        """The errors that this protocol cannot see."""
         return _WEAKNESS
 
     def connect(self) -> None:

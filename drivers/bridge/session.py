@@ -151,11 +151,11 @@ class MbpSession:
 
     @property
     def weakness(self) -> str:
-        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
         return "" if self.client.checksums else _WEAKNESS
 
     def identify(self) -> Identity:
-        """What the bridge said in its greeting. Raises LinkError when not connected."""
+        """The identity from the bridge's greeting. Raises LinkError when not connected."""
         with self._lock:
             if self._hello is None:
                 self.ask("PING", {})  # raises "not connected"

@@ -108,7 +108,7 @@ class FanucArm:
 
     @property
     def weakness(self) -> str:
-        """What this dialect cannot see; empty where a target is confirmed before it moves the robot."""
+        """The errors that this dialect cannot see; empty where a target is confirmed before it moves the robot."""
         return self._controller.weakness
 
     def connect(self) -> None:
@@ -134,7 +134,7 @@ class FanucArm:
         self._controller.close()
 
     def identify(self) -> Identity:
-        """What the controller reports of itself; stock MAPPDK and Modbus report nothing. Raises LinkError."""
+        """The identity that the controller reports; stock MAPPDK and Modbus report nothing. Raises LinkError."""
         return self._controller.identity()
 
     # -- arming -------------------------------------------------------------------------------------------

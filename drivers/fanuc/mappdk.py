@@ -186,7 +186,7 @@ class MappdkController:
             )
 
     def _look_for(self, move: Move) -> Callable[[], None]:
-        """What is looked at while the answer to a move is outstanding.
+        """A function that looks at the robot while the answer to a move is outstanding.
 
         Our server reports its state. Of a stock one only the joints are seen: a robot that rests in mid-move was
         stopped, by an emergency stop, the supervision or a person, and the answer will not come.

@@ -75,7 +75,7 @@ class _Wire(ModbusTcpClient):
 
 
 def answers_to(request: bytes) -> list[tuple[bytes, int]]:
-    """What may answer a request to read or to write registers: how it begins, and how many bytes follow.
+    """The answer that a request to read or write registers may have: its beginning, and how many bytes follow.
 
     Its data, or a refusal: function + 128 and one byte.
     """

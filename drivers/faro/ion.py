@@ -59,11 +59,11 @@ class FaroTracker:
 
     @property
     def weakness(self) -> str:
-        """What this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """What the bridge said in its greeting. Raises LinkError when not connected."""
+        """The identity from the bridge's greeting. Raises LinkError when not connected."""
         return self.session.identify()
 
     def arm(self) -> None:

@@ -111,7 +111,7 @@ class EmsconTracker:
 
     @property
     def weakness(self) -> str:
-        """What this protocol cannot see."""
+        """The errors that this protocol cannot see."""
         return _WEAKNESS
 
     def identify(self) -> Identity:

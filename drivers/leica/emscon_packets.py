@@ -133,7 +133,7 @@ def parse(data: bytes) -> Packet:
 
 
 def error_of(packet: Packet, device: str, what: str) -> AcquisitionError:
-    """What a status other than 0 means. Numbers not known here void a measurement and refuse all else."""
+    """The error that a status other than 0 means. Numbers not known here void a measurement and refuse all else."""
     measures = packet.number in (START_MEASUREMENT, GO_POSITION)
     kind = _ERRORS.get(packet.status, TargetNotSeen if measures else CommandRefused)
     return kind(f"tracker says {packet.status}", device=device, command=what, raw=packet.raw)

@@ -173,7 +173,7 @@ class ManualArm:
         return None
 
     def _wrong(self, rows: Sequence[Row], target: Sequence[str]) -> Mistyped | None:
-        """What is wrong with angles typed for a target, or looks like a slip."""
+        """The mistake, or what looks like a slip, in angles typed for a target; None where they are plausible."""
         if len(rows) != 1:
             return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
         asked = tuple(map(float, target))

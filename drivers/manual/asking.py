@@ -1,4 +1,4 @@
-"""What the manual drivers ask a person, and how an entry that cannot be right is asked for again."""
+"""Questions of the manual drivers to a person; an entry that cannot be right is asked for again."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class ManualMeter:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading:
-        """What a person reads of a target; `samples` are as many as they type.
+        """The point that a person reads for a target and types; `samples` are as many as they type.
 
         Raises NotArmed; NoOperator, LeftOut and what unwinds asking.
         """

@@ -1,4 +1,4 @@
-"""Where a typed point should be: first as the nominal robot says, then as the readings before it say.
+"""The prediction of a typed point: first by the nominal robot, then also by the readings before it.
 
 The nominal robot errs by millimetres and its place in the cell file by more. Readings that were taken show what both
 are off by as a whole: the rigid motion that carries predicted points onto them (Kabsch; Umeyama, PAMI 13, 1991). What
@@ -34,7 +34,7 @@ class Prediction:
         self._seen.append(seen_mm)
 
     def expect(self, near_mm: Sequence[float]) -> tuple[tuple[float, ...], float]:
-        """Where a point should be, and how far from there it may be."""
+        """The place where a point is expected, and how far from there it may be."""
         near, seen = np.array(self._near).reshape(-1, 3), np.array(self._seen).reshape(-1, 3)
         if len(near) < ENOUGH or np.linalg.svd(near - near.mean(axis=0))[1][1] < _SPREAD_MM:
             return tuple(near_mm), self._within_mm

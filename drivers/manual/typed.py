@@ -28,7 +28,8 @@ MM_OF = _MM
 
 @dataclass(eq=False)
 class Mistyped(Exception):
-    """What was typed cannot be taken. `reason`: a word for tables of texts; `name`: of the number; `words`: in full."""
+    """An entry that cannot be taken as it was typed. `reason`: a word for tables of texts; `name`: of the number;
+    `words`: in full."""
 
     reason: str
     name: str

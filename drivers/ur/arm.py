@@ -131,7 +131,8 @@ class UrArm:
 
     @property
     def weakness(self) -> str:
-        """What this controller cannot see; empty where a program is confirmed before it moves. Once connected."""
+        """The errors that this controller cannot see; empty where a program is confirmed before it moves. Once
+        connected."""
         return "" if self._feed.confirms else _WEAKNESS
 
     def connect(self) -> None:

@@ -45,7 +45,8 @@ def _same(one: Sequence[float], other: Sequence[float], within: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How fast the arm may move, and how far from its target a joint may be held; mm/s, mm, rad/s, rad/s2, rad, s."""
+    """Limits of the speed of the arm, and of how far from its target a joint may be held; mm/s, mm, rad/s, rad/s2,
+    rad, s."""
 
     speed_mm_s: float
     reach_mm: float
@@ -109,7 +110,7 @@ class Program:
 
 
 def not_ready(state: UrState) -> AcquisitionError | None:
-    """Why no program may be sent now, or None."""
+    """The reason why no program may be sent now, or None."""
     problem = unfit(state, moving=False)
     if problem is None and not (state.runtime_state == STOPPED and state.at_rest):
         return Busy(
@@ -259,7 +260,7 @@ class Motion:
                 )
 
     def _judge(self, state: UrState, goal: Vector) -> AcquisitionError | None:
-        """What is wrong with an arm at rest in `state` after a move to `goal`."""
+        """The error for an arm at rest in `state` after a move to `goal`; None where it has arrived."""
         if self.stopped.is_set():
             return MotionStopped("stopped on its way", raw=state.shown)
         off = state.off_rad(goal)

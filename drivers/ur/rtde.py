@@ -85,7 +85,7 @@ def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
 
 
 def parse_text(payload: bytes) -> str:
-    """What the controller says in words: `source: message`. Raises ProtocolError."""
+    """A message of the controller in words: `source: message`. Raises ProtocolError."""
     texts, rest = [], payload
     for _ in range(2):
         if not rest or len(rest) < 1 + rest[0]:

@@ -49,7 +49,7 @@ class Factory:
 
     @property
     def correction(self) -> DhNumbers | None:
-        """What the factory's calibration adds to the nominal numbers."""
+        """The corrections that the factory's calibration adds to the nominal numbers."""
         return None if self.calibrated is None else self.calibrated.minus(self.nominal)
 
 

@@ -176,7 +176,7 @@ class Witness:
 
 
 def unfit(state: UrState, *, moving: bool) -> AcquisitionError | None:
-    """Why this controller cannot move, or None. `moving`: it was able to a moment ago."""
+    """The reason why this controller cannot move, or None. `moving`: it was able to a moment ago."""
     kind, text = SAFETY_MODES.get(state.safety_mode, (SafetyStop, f"safety mode {state.safety_mode}"))
     if kind is not None:
         return kind(text, raw=state.shown)

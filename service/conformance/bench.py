@@ -26,7 +26,7 @@ class SimulatedRobot(Protocol):
         ...
 
     def pace(self, deg_s: float) -> None:
-        """How fast every later motion is, whatever the driver asks for."""
+        """Set the speed of every later motion, whatever the driver asks for."""
         ...
 
     def fall_short(self, share: float) -> None:
@@ -63,7 +63,7 @@ class StepsClock(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class _Bench:
-    """What benches of robots and of instruments have in common.
+    """The common part of the benches of robots and of instruments.
 
     driver: its name as declared (entry point group `truepose.drivers`). url: the address for the driver; `{port}` is
     that of the proxy, `{device}` the simulator (`{device.other_port}`). end: the bytes that end an answer on the wire;

@@ -1,4 +1,4 @@
-"""What every driver promises, whatever it moves or measures."""
+"""The promises of every driver, whatever it moves or measures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an instrument's driver promises beyond the faults of its wire: when it measures, and which target."""
+"""The promises of an instrument's driver beyond the faults of its wire: when it measures, and which target."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class InstrumentTrial:
 
     @property
     def declared(self) -> InstrumentDriver:
-        """What the driver says of itself. Raises ConfigError for one that nobody declares."""
+        """The declaration of the driver. Raises ConfigError for one that nobody declares."""
         return instrument_driver(self.bench.driver)
 
     def url(self, port: int) -> str:

@@ -1,4 +1,4 @@
-"""What a robot's driver promises beyond the faults of its wire: when it moves, where it stops, what it believes."""
+"""The promises of a robot's driver beyond the faults of its wire: when it moves, where it stops, what it believes."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class Promise:
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one promise. holds: None where it does not, and the wire cannot do better. seconds: it took."""
+    """The finding on one promise. holds: None where it does not, and the wire cannot do better. seconds: it took."""
 
     promise: str
     holds: bool | None
@@ -66,7 +66,7 @@ def bench_of(driver: str) -> Bench:
 
 
 def promises_of(bench: Bench) -> list[Promise]:
-    """What the suite tries of it, in order."""
+    """The promises that the suite tries of it, in order."""
     if isinstance(bench, RobotBench):
         named = [Promise(text, partial(_on_robot, bench, act)) for text, act in robot.PROMISES.items()]
         rig = partial(robot.rig, bench)
@@ -113,7 +113,7 @@ def tried(driver: str) -> Iterator[Finding]:
 
 
 def _received(ours: Connection, promises: Iterable[Promise], limit_s: float) -> Iterator[Finding]:
-    """What the child found, up to where it hangs or ends."""
+    """The findings of the child, up to where it hangs or ends."""
     for promise in promises:
         begin = time.monotonic()
         if not ours.poll(limit_s):

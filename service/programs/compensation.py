@@ -34,8 +34,7 @@ class TargetOutcome:
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
     the file can hold; turned: rad, the largest change of a joint that turns; slid: mm, of one that slides, NaN where
-    none does; left: what this arm cannot correct, as a
-    sentence part. Positions are those of the target's tool point.
+    none does; left: what this arm cannot correct, as a sentence part. Positions are those of the target's tool point.
     """
 
     target: Target

@@ -171,7 +171,7 @@ class FanucProgram:
         raise ValueError(f"its {what} {number} is not in the program: give {option} {number}=x,y,z,w,p,r")
 
     def _first_group(self, match: re.Match[str]) -> tuple[int, int]:
-        """Where the values of group 1 are; a body without groups is group 1."""
+        """The span of the values of group 1; a body without groups is group 1."""
         begin, end = match.span("body")
         groups = list(_GROUP.finditer(self.text, begin, end))
         if not groups:

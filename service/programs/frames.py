@@ -37,7 +37,7 @@ class KnownFrames:
     external_apart: bool = False
 
     def note_external(self, *, used: bool) -> tuple[str, ...]:
-        """What to know beside a target. Raises ValueError for external axes that may change where the tool is."""
+        """The notes beside a target. Raises ValueError for external axes that may change where the tool is."""
         if used and not self.external_apart:
             raise ValueError(
                 "it positions an external axis, which may carry the robot or the work (--external-apart: it does not)"

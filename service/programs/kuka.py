@@ -65,7 +65,7 @@ class _Number:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the numbers of a target are, and the frame in which it counts."""
+    """The places of a target's numbers in the text, and the frame in which it counts."""
 
     at: int
     numbers: Mapping[str, _Number] = field(default_factory=dict)
@@ -74,7 +74,8 @@ class _Place:
 
 @dataclass(frozen=True)
 class _Valid:
-    """What is in force at a motion, or at a point by its FDAT: a pose, the number of one, None where nobody knows."""
+    """The tool and base in force at a motion, or at a point by its FDAT: a pose, the number of one, None where
+    nobody knows."""
 
     tool: Array | str | None = None
     base: Array | str | None = None
@@ -260,7 +261,7 @@ class KukaProgram:
         return (self._known.tools if which == "TOOL" else self._known.frames).get(UNNAMED)
 
     def _named(self, value: str, at: int) -> Array | str | None:
-        """What $TOOL or $BASE is set to."""
+        """The value that $TOOL or $BASE is set to."""
         if value.isdecimal():
             return value
         if value.upper() == "$NULLFRAME":

@@ -137,7 +137,7 @@ def _other_elbow(branch: str) -> str:
 
 
 def leaves_window(target: Target, angles: Array, joints: Collection[int] | None = None) -> str:
-    """Which joint, of `joints` where given, is outside the turns that the program asks for, as a sentence part; ''
+    """The joint, of `joints` where given, that is outside the turns that the program asks for, as a sentence part; ''
     where none is."""
     for joint, (begin, end) in target.windows.items():
         if (joints is None or joint in joints) and not begin <= angles[joint] <= end:

@@ -50,32 +50,22 @@ _ELBOW: list[Row] = [
 ]
 _ELBOW_LOADS = [(2, 60.0, 300.0, 0.0, 50.0), (3, 45.0, 80.0, 30.0, 0.0), (4, 20.0, 0.0, 0.0, -250.0)]
 
-SCARA = _text(
-    "scara",
-    "mdh",
-    [
-        (0.0, 0.0, 0.0, 200.0, -130.0, 130.0),
-        (0.0, 325.0, 0.0, 0.0, -145.0, 145.0),
-        (0.0, 275.0, 0.0, 50.0, -200.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, -350.0, 350.0),
-    ],
-    slides=[3],
-    parallel=[2, 3, 4],
-    loads=[(3, 2.0, 0.0, 0.0, 50.0), (4, 3.0, 20.0, 0.0, 20.0)],
-)
-SCARA_DH = _text(
-    "scara-dh",
-    "dh",
-    [
-        (0.0, 325.0, 0.0, 200.0, -130.0, 130.0),
-        (0.0, 275.0, 0.0, 0.0, -145.0, 145.0),
-        (0.0, 0.0, 0.0, 50.0, -200.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, -350.0, 350.0),
-    ],
-    slides=[3],
-    parallel=[2, 3, 4],
-    loads=[(3, 2.0, 0.0, 0.0, 50.0), (4, 3.0, 20.0, 0.0, 20.0)],
-)
+
+def _scara(name: str, convention: str, lengths: Sequence[float]) -> str:
+    """A SCARA whose links have the lengths `a`, mm, by the convention."""
+    moves = ((200.0, -130.0, 130.0), (0.0, -145.0, 145.0), (50.0, -200.0, 0.0), (0.0, -350.0, 350.0))
+    return _text(
+        name,
+        convention,
+        [(0.0, a, 0.0, d, low, high) for a, (d, low, high) in zip(lengths, moves, strict=True)],
+        slides=[3],
+        parallel=[2, 3, 4],
+        loads=[(3, 2.0, 0.0, 0.0, 50.0), (4, 3.0, 20.0, 0.0, 20.0)],
+    )
+
+
+SCARA = _scara("scara", "mdh", (0.0, 325.0, 275.0, 0.0))
+SCARA_DH = _scara("scara-dh", "dh", (325.0, 275.0, 0.0, 0.0))
 # The wrist is held level by rods: its tilt is not driven, it follows joints 2 and 3. The controller counts joint 3 from
 # the horizontal (a parallelogram drives it), so the angle in the elbow is q3 - q2, and that in the wrist -q3. No
 # motor drives the wrist: its limits leave it no room.

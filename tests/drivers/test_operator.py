@@ -17,7 +17,7 @@ from drivers import (
     TerminalOperator,
     UnknownPrompt,
 )
-from tests.drivers.waiting import PATIENCE_S, in_thread
+from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 SEAT = Prompt("p1", "Seat the SMR in T1 and press confirm", (Answer.CONFIRM, Answer.SKIP, Answer.ABORT))
 
@@ -62,7 +62,8 @@ def test_terminal_refuses_without_a_terminal() -> None:
 def test_remote_answer_reaches_the_one_who_asks() -> None:
     operator = RemoteOperator()
     asked = in_thread(lambda: operator.ask(SEAT))
-    assert operator.wait_pending(PATIENCE_S) == SEAT
+    until(lambda: operator.pending)
+    assert operator.pending == SEAT
     with pytest.raises(UnknownPrompt):
         operator.answer("p0", Answer.CONFIRM)
     with pytest.raises(UnknownPrompt, match="redo"):
@@ -79,7 +80,7 @@ def test_remote_answer_reaches_the_one_who_asks() -> None:
 def test_remote_closed_is_not_a_confirmation() -> None:
     operator = RemoteOperator()
     asked = in_thread(lambda: operator.ask(SEAT))
-    assert operator.wait_pending(PATIENCE_S)
+    until(lambda: operator.pending)
     operator.close()
     with pytest.raises(NoOperator):
         asked.result(PATIENCE_S)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from acquisition.campaign.campaign import read_campaign
@@ -14,7 +13,7 @@ from acquisition.loop.loop import close_loop
 from acquisition.record.export import export
 from acquisition.run.run import Run
 from calib.data.read import read_dataset
-from calib.fit.identify import identify
+from tests.end_to_end.fits import rms_held_out
 from tests.end_to_end.simulated import campaign_file, cell_file, stepped_cell
 
 
@@ -54,12 +53,7 @@ def test_measured_exported_identified(tmp_path: Path) -> None:
             assert float(row[f"j{k}_read_deg"]) == pytest.approx(float(row[f"j{k}_deg"]), abs=0.0006)
     dataset = read_dataset(out)
     assert dataset.header.coupling == "fanuc-j23"
-    found = identify(dataset)
-    assert found.converged
-    assert 0.8 < found.noise_scale < 1.2
-    held = dataset.validation_rows
-    miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
-    assert np.sqrt(np.mean(miss**2)) < 0.1
+    assert rms_held_out(dataset) < 0.1
 
 
 def test_the_loop_is_closed_on_coupled_joints(tmp_path: Path) -> None:

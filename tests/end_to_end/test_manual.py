@@ -23,9 +23,9 @@ from acquisition.record.store import Store
 from acquisition.run.run import Run
 from calib.data.read import read_dataset
 from calib.diagnose import diagnose
-from calib.fit.identify import identify
 from calib.text.toml_text import read_toml
 from tests.calib.machines import TRACK
+from tests.end_to_end.fits import rms_held_out
 from tests.end_to_end.simulated import ROOT, campaign_file, stepped_cell
 
 EXAMPLE = ROOT / "examples" / "manual"
@@ -88,12 +88,7 @@ def test_a_campaign_by_hand_is_measured_and_identified(
         assert np.mean([q in planned for q in told]) < 0.1
         np.testing.assert_allclose(told, np.round(told, 2), atol=1e-9)  # what a pendant can show
     dataset = read_dataset(out)
-    found = identify(dataset)
-    assert found.converged
-    assert 0.8 < found.noise_scale < 1.2
-    held = dataset.validation_rows
-    miss = np.linalg.norm(found.predict(dataset.conditions.take(held)) - dataset.points[held], axis=1)
-    assert np.sqrt(np.mean(miss**2)) < 0.1
+    assert rms_held_out(dataset) < 0.1
 
 
 def a_scara(folder: Path) -> dict[str, object]:

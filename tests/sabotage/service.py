@@ -174,7 +174,7 @@ CHANGES = (
     ),
     Change(
         "service/worker.py",
-        '            SESSION.write_text(str(PATIENT), encoding="ascii")\n',
+        '            own.write_text(str(min(of_service + PATIENT, 19)), encoding="ascii")\n',
         "            pass\n",
         "workers take the processors from a service that has to hear a stop",
         ("tests/service/test_priority.py",),

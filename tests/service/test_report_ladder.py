@@ -6,7 +6,6 @@ import html
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from acquisition.record import Verification
@@ -68,7 +67,6 @@ def test_the_verified_robot_is_the_last_rung(sound: Diagnosis) -> None:
         refused=(),
         nests_off_mm=0.0,
         approach="from below",
-        distances_mm=np.full(12, 0.0234),
     )
     page = diagnosis_report(sound, documents.of_diagnosis(sound), verified=driven)
     last = table_of(page).split("<tr")[-1]

@@ -1,4 +1,4 @@
-"""What every block of a campaign has, whatever its kind: its set, targets, approach and settling, and its recipe.
+"""The common part of a campaign's blocks of every kind: set, targets, approach and settling, and recipe.
 
 A recipe turns a block into visits of the robot for one cell. A pose is reached over its approach point q - side x
 length (Nubiola, thesis 2.5), the length that of its block or drawn with the pose, or over a point that the recipe

@@ -53,7 +53,7 @@ class BallbarChecks:
         return self._store.database.path.parent / STAGE_1
 
     def expected(self, planned: Planned) -> tuple[float, float] | None:
-        """How long a leg must be, and give or take how much, mm; None before stage 2, and of what is no leg."""
+        """The length expected of a leg and its tolerance, mm; None before stage 2, and for a reading that is no leg."""
         if planned.base_target is None or not planned.visit.joints_deg or not self.path.is_file():
             return None
         saved, rms_mm = self._stage

@@ -143,7 +143,7 @@ class SecondStage:
 
 
 def _rms_mm(fitted: Identification) -> float:
-    """What the legs of a fit miss its model by, mm."""
+    """The RMS of the residuals of a fit's legs, mm."""
     readings = fitted.readings
     frames = Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
     lengths = readings.observed.lengths

@@ -1,1 +1,1 @@
-"""Who may move the robot and who stops it: orders, lease, the lock on a robot."""
+"""The right to move the robot, and to stop it: orders, lease, the lock on a robot."""

@@ -77,7 +77,7 @@ class Control:
             self._station = reason
 
     def take_new_station(self) -> str | None:
-        """Why the nests are to be measured now; None, or None from now on."""
+        """The reason to measure the nests now, which is forgotten with this call; None where there is none."""
         with self._mutex:
             reason, self._station = self._station, None
             return reason

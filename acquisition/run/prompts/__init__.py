@@ -1,1 +1,1 @@
-"""What a run asks a person to do, and the answers."""
+"""Prompts of a run to a person, and the answers."""

@@ -111,7 +111,7 @@ class Recorder:
                 )
 
     def _errors(self) -> list[AcquisitionError]:
-        """What ended a stream, and what that means for its device is known to the rig."""
+        """The errors that ended streams; the rig notes what each means for the state of its device."""
         found = []
         for role, future in self._readers.items():
             try:

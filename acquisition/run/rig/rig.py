@@ -135,7 +135,7 @@ class Rig:
         return self.move(joints_deg)
 
     def attend(self, ask: Asking) -> None:
-        """What a device cannot know of itself, because a person works it, it asks through this."""
+        """Let manual devices put their questions to a person through `ask`."""
         for _, device in self._both():
             if isinstance(device, Attended):
                 device.attend(ask)
@@ -160,7 +160,7 @@ class Rig:
         return self._devices.hands
 
     def at_rest(self) -> JointReading:
-        """What the robot reads back once it has come to rest. Raises AcquisitionError, Stopping."""
+        """The joints that the robot reads back once it has come to rest. Raises AcquisitionError, Stopping."""
         return until_still(self.position, self._control.settle)
 
     def may_have_moved(self) -> None:

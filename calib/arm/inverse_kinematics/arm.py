@@ -1,4 +1,4 @@
-"""What an arm of a known structure does: all branches of a batch of poses at once."""
+"""The interface of arms of a known structure: they solve all branches of a batch of poses at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Arm(Protocol):
 
     @property
     def kind(self) -> str:
-        """How it is solved and what its structure is, for people: "in closed form, SCARA"."""
+        """The method of solution and the structure, in words: "in closed form, SCARA"."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Which structure an arm has, and all branches of its poses."""
+"""Inverse kinematics of a robot: its structure is found, and all branches of poses are solved."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ class SevenAxes:
 
 
 def _centre(zero: ZeroPose, first: int) -> Array:
-    """Where three axes meet, (3,) mm. Raises DataError where they do not, or are not square."""
+    """The point in which three axes meet, (3,) mm. Raises DataError where they do not, or are not square."""
     for k in (first, first + 1):
         if not square(zero.axes[k], zero.axes[k + 1]):
             raise zero.refused(f"axes {k + 1} and {k + 2} are not square")

@@ -24,12 +24,12 @@ class Standing:
 
     @property
     def kind(self) -> str:
-        """That of the arm, and what it stands on."""
+        """The kind of the arm, and that joint 1 is not solved for."""
         return f"{self.arm.kind}; joint 1 stays where it stands"
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """Those of the arm."""
+        """The branches of the arm."""
         return self.arm.branches
 
     def solve(self, poses: Array, seed: Array) -> Solutions:

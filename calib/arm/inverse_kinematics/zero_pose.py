@@ -1,4 +1,4 @@
-"""Where the axes of a nominal arm lie at its zero pose, whatever the convention: what every structure is found from."""
+"""The axes of a nominal arm at its zero pose, whatever the convention: from them its structure is found."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class ZeroPose:
         return poses, np.concatenate([linear, np.where(turns, axes, 0.0)], axis=2).transpose(0, 2, 1)
 
     def refused(self, why: str) -> DataError:
-        """What is raised for an arm that none of the structures fits."""
+        """The error for an arm that none of the structures fits."""
         return DataError(
             f"the robot '{self.name}' has no inverse kinematics in closed form here: {why}.",
             do="Arms with a wrist, with three parallel axes (UR, palletizers) or with parallel axes alone (SCARA) have "
@@ -109,7 +109,7 @@ def square(one: Array, other: Array) -> bool:
 
 
 def meeting(p: Array, u: Array, q: Array, v: Array) -> tuple[Array, float]:
-    """Where two lines that are square to each other come closest: the point on the first, and the gap, mm."""
+    """The point of a line that is closest to another line, square to it, and their gap, mm."""
     at = p + ((q - p) @ u) * u
     off = q - at
     return at, float(np.linalg.norm(off - (off @ v) * v))

@@ -11,7 +11,7 @@ from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Temperature
+from calib.model.regressors import Regressor, Temperature
 from calib.scan.fixed import Candidate
 
 KINDS = (
@@ -27,18 +27,17 @@ KINDS = (
 )
 
 
-def arm_lengths(robot: Robot) -> list[tuple[str, float]]:
-    """The slots of all link lengths with their nominal lengths, mm."""
+def lengths_with(robot: Robot, warmth: Regressor) -> list[tuple[str, Regressor, float]]:
+    """The slots of all link lengths, which grow by their nominal lengths, mm, times `warmth`."""
     lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [
         (f"d{k + 1}", d) for k, d in enumerate(robot.d)
     ]
-    return [(slot, length) for slot, length in lengths if length != 0.0]
+    return [(slot, warmth, length) for slot, length in lengths if length != 0.0]
 
 
 def thermal_growth(robot: Robot, reference_c: float) -> Effect:
     """The arm grows with the air temperature; parameter expansion, 1e-6/K."""
-    warmth = Temperature(reference_c)
-    places = [(slot, warmth, length) for slot, length in arm_lengths(robot)]
+    places = lengths_with(robot, Temperature(reference_c))
     return effect(
         "thermal_growth",
         "thermal",

@@ -12,7 +12,7 @@ import numpy as np
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.effects.thermal.thermal_growth import arm_lengths
+from calib.effects.thermal.thermal_growth import lengths_with
 from calib.model.effect import Effect, effect
 from calib.model.regressors import WarmUp
 from calib.scan.shapes import Shapes
@@ -35,8 +35,7 @@ KINDS = (
 
 def warm_up(robot: Robot, time_constant_s: float) -> Effect:
     """The arm warms up with a time constant in s; parameter expansion, ppm, what it has grown by in the end."""
-    warmth = WarmUp(time_constant_s)
-    places = [(slot, warmth, length) for slot, length in arm_lengths(robot)]
+    places = lengths_with(robot, WarmUp(time_constant_s))
     return effect(
         "warm_up",
         "thermal",

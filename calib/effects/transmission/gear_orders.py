@@ -40,7 +40,7 @@ KINDS = (
 
 
 def half_octave(order: float) -> int:
-    """Which half octave an order lies in: 0 from 1, 1 from 1.41, 2 from 2, and so on."""
+    """The half octave in which an order lies: 0 from 1, 1 from 1.41, 2 from 2, and so on."""
     return int(2.0 * math.log2(order) + 1e-9)
 
 

@@ -1,9 +1,8 @@
 """The layout of a sheet: which line names the columns, which gives units, where the readings are, and what is neither.
 
-A table is a run of rows whose numbers stand in the same columns, below a row of words. Lines above it are a preamble, a
-row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark
-below is
-left aside and said. Two tables on one sheet are never one.
+A table is a run of rows whose numbers stand in the same columns, below a row of words. Lines above it are a preamble,
+a row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark
+below is left aside and said. Two tables on one sheet are never one.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ class Layout:
         return tuple(row.line for row in self.rows)
 
     def spoilt(self, row: int, name: str) -> str:
-        """Why a cell holds no value, or ''."""
+        """The reason why a cell holds no value, or ''."""
         return self.sheet.spoilt.get((self.lines[row], self.names.index(name)), "")
 
     @cached_property

@@ -1,8 +1,7 @@
 """Numbers as people's programs write them: decimal points or commas, thousands apart, a unit behind.
 
-Which mark is which is told by all numbers of a table together. Where `1,234` may be one and a bit or a thousand
-and more,
-nobody can tell, and the reader of the table has to say it.
+Which mark is which is told by all numbers of a table together. Where `1,234` may be one and a bit or a thousand and
+more, nobody can tell, and the reader of the table has to say it.
 """
 
 from __future__ import annotations
@@ -66,7 +65,6 @@ class Notation:
         return value if math.isfinite(value) else None
 
 
-POINT, COMMA = Notation("."), Notation(",")
 _OTHER = {".": ",", ",": "."}
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from calib.errors import DataError
 from calib.foreign.files.number import is_number
-from calib.text.csv_text import LONGEST_LINE, refuse_wide, rows_of
+from calib.text.csv_text import refuse_wide, rows_of, taken
 from calib.text.text_file import decoded, read_bytes
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}
@@ -62,15 +62,7 @@ class Sheet:
 def text_sheet(path: Path, separator: str | None = None) -> Sheet:
     """The sheet that a file of text holds. Raises DataError (file, line) for what is no text."""
     text, said = _text(path)
-    lines = text.split("\n")
-    for number, line in enumerate(lines, start=1):
-        if len(line) > LONGEST_LINE:
-            raise DataError(
-                f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
-                do="Check whether it is a table.",
-                file=path,
-                line=number,
-            )
+    lines = list(taken(text.split("\n"), path, "Check whether it is a table."))
     if lines and (match := re.fullmatch(r"sep=(.)", lines[0].strip())):  # a line for Excel
         lines[0] = ""
         separator = next((name for name, mark in SEPARATORS.items() if mark == match[1]), separator)
@@ -118,7 +110,7 @@ def _tableness_by(text: str, path: Path, separator: str) -> tuple[int, int]:
 
 
 def _tableness(rows: list[Row]) -> tuple[int, int]:
-    """How much of a table rows are: those of the commonest width that hold numbers, and their numbers."""
+    """A score of rows as a table: how many have the commonest width and hold numbers, and how many numbers."""
     numbers = [
         (len(row.cells), sum(map(is_number, row.cells)))
         for row in rows

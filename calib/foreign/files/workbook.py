@@ -1,9 +1,8 @@
 """Workbooks (.xlsx): the values of cells as Excel last saved them, what is merged, and cells that hold no value.
 
 Read with openpyxl. A merged cell over several rows is the value of each; over several columns, a group of names. A
-formula
-counts by its saved value; one that was never computed, and an error such as #DIV/0!, is no value. Dates are dates, also
-where a spreadsheet has made one of a number.
+formula counts by its saved value; one that was never computed, and an error such as #DIV/0!, is no value. Dates are
+dates, also where a spreadsheet has made one of a number.
 """
 
 from __future__ import annotations

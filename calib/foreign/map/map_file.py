@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tomli_w
 
@@ -25,7 +25,6 @@ from calib.text.toml_text import read_toml
 
 FORMAT = "truepose-map/1"
 UNDECIDED = "?"
-By = Literal["name", "order", "time"]
 BY = ("name", "order", "time")
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
 _NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
@@ -49,9 +48,8 @@ _FILE = (
 @dataclass(frozen=True)
 class FileMap:
     """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the
-    same of
-    x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of readings
-    that hold."""
+    same of x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of
+    readings that hold."""
 
     names: tuple[str, ...]
     columns: Mapping[str, str]
@@ -77,8 +75,7 @@ class FileMap:
 @dataclass(frozen=True)
 class Map:
     """The map of one file, or of one with joints and one with points. header: keys of the data set's header as
-    they will
-    be written; by, within_s: how the points are matched to the joints."""
+    they will be written; by, within_s: how the points are matched to the joints."""
 
     files: tuple[FileMap, ...]
     header: Mapping[str, Any]

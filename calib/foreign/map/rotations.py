@@ -1,10 +1,8 @@
 """Conventions by which three numbers are an orientation, by the names that people know them by.
 
-`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are
-in the order
-in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X, Y, Z),
-Staubli (Rx,
-Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
+`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are in
+the order in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X,
+Y, Z), Staubli (Rx, Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What the columns of a table mean: by their names, the row of units and the numbers; what is open is a question."""
+"""The meaning of columns, from their names, the row of units and the numbers; what these leave open is a question."""

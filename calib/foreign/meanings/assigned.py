@@ -1,4 +1,4 @@
-"""What is known of the columns of one table as it grows: the map, what was found, and questions that are open."""
+"""The state of one table while its columns are assigned: the map so far, the findings and the open questions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a column was taken for, in which unit, and why; `read_as` is '' for one that is left aside."""
+    """The finding about a column: what it is read as, its unit and why; `read_as` is '' for one that is left aside."""
 
     column: str
     read_as: str
@@ -41,7 +41,7 @@ class Finding:
 
 @dataclass
 class Assigned:
-    """The map of one table as it grows, what was found and what is asked."""
+    """One table while its columns are assigned: its map so far, the findings and the questions."""
 
     layout: Layout
     answers: Answers
@@ -66,11 +66,11 @@ class Assigned:
         return answer
 
     def reason(self, key: str) -> str:
-        """Why an answer stands."""
+        """The reason for which an answer is taken."""
         return "only so the robot reaches the points" if key in self.told else "as answered"
 
     def take(self, column: str, read_as: str, unit: str = "", why: str = "its name") -> None:
-        """Note what a column was taken for."""
+        """Note as what a column is read."""
         self.found[column] = Finding(column, read_as, unit, why)
 
     def aside(self, column: str, why: str) -> None:
@@ -88,7 +88,7 @@ class Assigned:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Of every column, in their order."""
+        """The findings of all columns, in their order."""
         return tuple(self.found[name] for name in self.layout.names if name in self.found)
 
     def values(self, columns: Sequence[str]) -> Array:

@@ -1,9 +1,8 @@
-"""What the columns of one table are: by their names, the row of units and the numbers; what is open is a question.
+"""Columns of one table are assigned to quantities by their names, the row of units and the numbers, or by asking.
 
 A unit is what the name, the row of units, the cells or the preamble say. Where none does it is asked, unless the
-numbers
-leave one possibility (angles above two turns are degrees); where numbers cannot be what the name says it is asked
-as well.
+numbers leave one possibility (angles above two turns are degrees); where numbers cannot be what the name says it is
+asked as well.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ _YASKAWA = ("s", "l", "u", "r", "b", "t")
 def assign(
     layout: Layout, answers: Answers, prefix: str = "", told: frozenset[str] = frozenset()
 ) -> Assigned:
-    """What every column of a table is, as far as can be told. prefix: of the keys of questions, for a second file;
-    told: answers that the robot gave."""
+    """The assignment of every column of a table, as far as it is known. prefix: of the keys of questions, for a
+    second file; told: answers that the robot gave."""
     to = Assigned(layout, answers, prefix, told)
     meanings = {name: meaning_of(name) for name in layout.names}
     plain = {

@@ -62,7 +62,8 @@ def units_of_columns(
 
 
 def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -> tuple[str, bool] | None:
-    """Why the units of numbers (n, c) are open, and whether something states them; None where they are not."""
+    """The reason why the units of numbers (n, c) are open, and whether something states them; None where they are
+    not."""
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if any(unit == "?" for unit in units):
         return (

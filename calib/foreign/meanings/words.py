@@ -1,8 +1,8 @@
 """Words that people name columns by, English and German: what a name means, as far as it can be told.
 
 `Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
-target; `A`,
-`B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside by the map.
+target; `A`, `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside
+by the map.
 """
 
 from __future__ import annotations
@@ -19,220 +19,43 @@ Kind = Literal[
 ]  # fmt: skip
 Role = Literal["", "measured", "nominal", "read", "own"]
 
-_NOMINAL = frozenset(
-    [
-        "nom",
-        "nominal",
-        "soll",
-        "cmd",
-        "command",
-        "commanded",
-        "theo",
-        "theoretical",
-        "cad",
-        "ref",
-        "reference",
-        "programmed",
-        "prog",
-        "desired",
-        "setpoint",
-        "planned",
-        "target",
-        "ziel",
-        "vorgabe",
-    ]
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_NOMINAL = _words(
+    "nom nominal soll cmd command commanded theo theoretical cad ref reference programmed prog desired "
+    "setpoint planned target ziel vorgabe"
 )
-_MEASURED = frozenset(
-    [
-        "meas",
-        "measured",
-        "ist",
-        "act",
-        "actual",
-        "gemessen",
-        "mess",
-        "messwert",
-        "messung",
-        "measurement",
-        "tracker",
-        "laser",
-        "smr",
-        "lt",
-        "instrument",
-        "leica",
-        "faro",
-        "api",
-        "read",
-        "readback",
-        "feedback",
-        "fb",
-    ]
+_MEASURED = _words(
+    "meas measured ist act actual gemessen mess messwert messung measurement tracker laser smr lt "
+    "instrument leica faro api read readback feedback fb"
 )
 _OWN = frozenset(["tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"])
-_DEVIATION = frozenset(
-    [
-        "dev",
-        "deviation",
-        "delta",
-        "diff",
-        "difference",
-        "error",
-        "err",
-        "abw",
-        "abweichung",
-        "fehler",
-        "residual",
-    ]
+_DEVIATION = _words("dev deviation delta diff difference error err abw abweichung fehler residual")
+_SPREAD = _words("sigma std stdev unc uncertainty u unsicherheit stabw rms tol tolerance toleranz")
+_FILL = _words(
+    "pos position coord coordinate koord koordinate value wert point punkt in of the joint joints achse "
+    "achsen axis axes gelenk gelenke winkel angle angles gelenkwinkel achswinkel robax frame wcs world "
+    "welt"
 )
-_SPREAD = frozenset(
-    [
-        "sigma",
-        "std",
-        "stdev",
-        "unc",
-        "uncertainty",
-        "u",
-        "unsicherheit",
-        "stabw",
-        "rms",
-        "tol",
-        "tolerance",
-        "toleranz",
-    ]
-)
-_FILL = frozenset(
-    [
-        "pos",
-        "position",
-        "coord",
-        "coordinate",
-        "koord",
-        "koordinate",
-        "value",
-        "wert",
-        "point",
-        "punkt",
-        "in",
-        "of",
-        "the",
-        "joint",
-        "joints",
-        "achse",
-        "achsen",
-        "axis",
-        "axes",
-        "gelenk",
-        "gelenke",
-        "winkel",
-        "angle",
-        "angles",
-        "gelenkwinkel",
-        "achswinkel",
-        "robax",
-        "frame",
-        "wcs",
-        "world",
-        "welt",
-    ]
-)
-_JOINT = frozenset(
-    [
-        "j",
-        "gelenkwinkel",
-        "achswinkel",
-        "joint",
-        "axis",
-        "achse",
-        "gelenk",
-        "axe",
-        "theta",
-        "th",
-        "θ",
-        "q",
-        "a",
-        "rax",
-        "ax",
-        "s",
-        "phi",
-        "robax",
-    ]
-)
+_JOINT = _words("j gelenkwinkel achswinkel joint axis achse gelenk axe theta th θ q a rax ax s phi robax")
 _EXTERNAL = frozenset(["e", "ext", "external", "eax", "extern", "zusatzachse", "track"])
 _ROS = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _UR = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _YASKAWA = {"s": 1, "l": 2, "u": 3, "r": 4, "b": 5, "t": 6}
-_GROUP = frozenset(
-    [
-        "t",
-        "tool",
-        "werkzeug",
-        "smr",
-        "target",
-        "marker",
-        "ball",
-        "prism",
-        "prisma",
-        "reflektor",
-        "reflector",
-        "kugel",
-        "m",
-        "p",
-        "punkt",
-        "point",
-        "nest",
-        "messpunkt",
-    ]
+_GROUP = _words(
+    "t tool werkzeug smr target marker ball prism prisma reflektor reflector kugel m p punkt point nest "
+    "messpunkt"
 )
-_TIME = frozenset(
-    ["time", "timestamp", "zeit", "zeitstempel", "t", "datetime", "uhrzeit", "date", "datum", "stamp"]
+_TIME = _words("time timestamp zeit zeitstempel t datetime uhrzeit date datum stamp")
+_ID = _words(
+    "id nr no number nummer index # name point punkt punktname pose messpunkt reading label pointname "
+    "feature bezeichnung messung measurement idx n count sample punktnr"
 )
-_ID = frozenset(
-    [
-        "id",
-        "nr",
-        "no",
-        "number",
-        "nummer",
-        "index",
-        "#",
-        "name",
-        "point",
-        "punkt",
-        "punktname",
-        "pose",
-        "messpunkt",
-        "reading",
-        "label",
-        "pointname",
-        "feature",
-        "bezeichnung",
-        "messung",
-        "measurement",
-        "idx",
-        "n",
-        "count",
-        "sample",
-        "punktnr",
-    ]
-)
-_TARGET = frozenset(
-    ["target", "smr", "marker", "reflector", "reflektor", "ziel", "tool", "werkzeug", "prisma", "prism"]
-)
-_STATUS = frozenset(
-    [
-        "status",
-        "valid",
-        "gültig",
-        "gueltig",
-        "ok",
-        "quality",
-        "qualität",
-        "state",
-        "zustand",
-        "flag",
-        "result",
-    ]
-)
+_TARGET = _words("target smr marker reflector reflektor ziel tool werkzeug prisma prism")
+_STATUS = _words("status valid gültig gueltig ok quality qualität state zustand flag result")
 _TEMPERATURE = frozenset(["temp", "temperature", "temperatur", "lufttemperatur"])
 _ANGLES = {
     "rx": ("rx", "ry", "rz"),
@@ -252,9 +75,8 @@ _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a name means. index: of a joint (0 where counted from 0), or which of x, y, z; family: of angles, how
-    they are
-    named; group: the target that it belongs to; unit: as the name has it."""
+    """The meaning of a column's name. index: of a joint (0 where counted from 0), or which of x, y, z; family: of
+    angles, how they are named; group: the target that it belongs to; unit: as the name has it."""
 
     kind: Kind
     index: int = 0
@@ -265,7 +87,7 @@ class Meaning:
 
 
 def meaning_of(name: str) -> Meaning:
-    """What the name of a column means."""
+    """The meaning of a column's name."""
     if len(name) > LONGEST:
         return Meaning("other")
     bare, unit = split(re.sub(r"#\d+$", "", name))

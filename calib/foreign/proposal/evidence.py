@@ -1,10 +1,8 @@
-"""What the nominal robot says of readings: how near it comes to them, and which answer to an open question lets it.
+"""The evidence of the nominal robot: how near it comes to readings, and with which answer to an open question.
 
-An answer is believed where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of
-the extent of
-the readings and every other answer misses five times as much; for conventions of orientation the same with angles.
-A robot
-that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
+An answer is believed where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of the
+extent of the readings and every other answer misses five times as much; for conventions of orientation the same with
+angles. A robot that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
 """
 
 from __future__ import annotations
@@ -38,7 +36,7 @@ _TOO_GOOD_MM = 0.005
 
 @dataclass(frozen=True)
 class Fit:
-    """How near the nominal robot in its best place comes to readings. miss: median distance, mm; extent: of the
+    """The distance of readings from the nominal robot in its best place. miss: median distance, mm; extent: of the
     points, mm;
     turn: median angle of the orientations from the nominal tool's, rad, NaN where none were measured."""
 
@@ -55,7 +53,7 @@ class Fit:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """The fit in words."""
         turned = f" and {self.turn / DEG:.2f} deg" if np.isfinite(self.turn) else ""
         how = "median of the nominal robot in its best place, tool fitted"
         return f"these fit {self.robot} to {self.miss:.3g} mm{turned} ({how})"
@@ -77,7 +75,7 @@ class Fit:
 
 
 def fit_of(readings: Readings, robot: Robot) -> Fit | None:
-    """How the nominal robot fits readings whose joints are in its order; None for fewer than 8 of them."""
+    """The fit of the nominal robot to readings whose joints are in its order; None for fewer than 8 of them."""
     rows = np.flatnonzero(
         np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected])
     )

@@ -1,9 +1,8 @@
 """The proposal of a map: what was found in files that nobody has seen before, and what must be decided.
 
 `propose` is asked again with every answer. Questions that the nominal robot can tell (units, conventions, which of
-two sets of
-columns) are tried on it: where exactly one answer lets it reach the readings, that answer is taken and the reason said.
-Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
+two sets of columns) are tried on it: where exactly one answer lets it reach the readings, that answer is taken and
+the reason said. Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
 """
 
 from __future__ import annotations
@@ -168,7 +167,7 @@ def _of_file(part: Assigned) -> list[str]:
 def _match(
     parts: Sequence[Assigned], answers: Mapping[str, str], questions: list[Question]
 ) -> tuple[str, float, list[str]]:
-    """How two tables belong together, and what is said of it."""
+    """The rule by which two tables are matched, the seconds for one by time, and sentences about it."""
     if len(parts) == 1:
         return "", 0.0, []
     joints = [part for part in parts if part.made.with_joints]

@@ -1,8 +1,8 @@
 """Points of one file matched to the joints of another: by the name of the pose, by the order of the rows, or by time.
 
 By name, a point may carry its target behind the pose's name (`P12_T2`), and several points of one pose are several
-readings. By
-order only where the map says so. By time, a point belongs to the nearest row of joints within `within_s`.
+readings. By order only where the map says so. By time, a point belongs to the nearest row of joints within
+`within_s`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def with_target(name: str, poses: set[str]) -> tuple[str, str]:
 def matched(
     joints: Readings, points: Readings, made: Map, layouts: Sequence[Layout], map_path: Path | str
 ) -> Matched:
-    """What belongs together. Raises DataError where that cannot be told."""
+    """The rows of two files that belong together. Raises DataError where the files do not tell."""
     if made.by == "name":
         return _by_name(joints, points, layouts, map_path)
     if made.by == "order":

@@ -1,6 +1,5 @@
 """The readings of one foreign file by its map. Every cell that the map needs is a number, or the file is refused
-by line and
-column with what is there; nothing is filled in but what the map says."""
+by line and column with what is there; nothing is filled in but what the map says."""
 
 from __future__ import annotations
 
@@ -202,7 +201,7 @@ class File:
         return np.array(out, dtype=np.float64)
 
     def _rejected(self) -> tuple[str, ...]:
-        """Why each row does not count, '' where it does."""
+        """The reason why each row does not count, '' where it does."""
         if "status" not in self.made.columns:
             return ("",) * len(self.layout.rows)
         cells = self.layout.cells[self._plain("status").name]

@@ -21,9 +21,8 @@ from calib.units import DEG
 @dataclass(frozen=True)
 class Readings:
     """n readings. joints (n, N) by `axes` (`j1`, `e1`), in rad, or mm where `units` says `mm`; points (n, 3) mm,
-    NaN where
-    not measured; turns (n, 4) quaternions, scalar first, or NaN; texts: quantity -> (n,) names; numbers: further
-    quantities (n,); rejected: (n,) why a reading does not count, or ''."""
+    NaN where not measured; turns (n, 4) quaternions, scalar first, or NaN; texts: quantity -> (n,) names; numbers:
+    further quantities (n,); rejected: (n,) why a reading does not count, or ''."""
 
     joints: Array
     axes: tuple[str, ...]

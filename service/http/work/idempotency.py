@@ -42,6 +42,11 @@ def reply(status: int, content: dict[str, Any], *, location: str = "", retry_aft
     return JSONResponse(content, status, headers)
 
 
+def begun(collection: str, job: dict[str, Any]) -> JSONResponse:
+    """202 with a job of a collection, and where to look."""
+    return reply(202, job, location=f"{collection}/{job['id']}", retry_after=1)
+
+
 def fingerprint(request: Sequence[object]) -> str:
     """The hash of a request: where it goes and what it says. A large one takes as long as reading it."""
     text = json.dumps(request, sort_keys=True, default=_plain)

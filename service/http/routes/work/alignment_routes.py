@@ -18,7 +18,7 @@ from service.http.state import Here
 from service.http.wire.bodies import AlignmentShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 from service.results.files.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, Order
 
 router = APIRouter(route_class=JsonRoute, tags=["alignments"])
@@ -103,8 +103,7 @@ def create_alignment(
     streams = robot_csv.file.read(), tracker_csv.file.read()
 
     def work() -> JSONResponse:
-        job = here.jobs.align(*streams, order, name or "alignment")
-        return reply(202, job, location=f"{ALIGNMENTS}/{job['id']}", retry_after=1)
+        return begun(ALIGNMENTS, here.jobs.align(*streams, order, name or "alignment"))
 
     # The files count, not the body: its boundaries differ every time it is sent.
     hashes = [hashlib.sha256(part).hexdigest() for part in streams]

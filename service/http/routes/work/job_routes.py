@@ -16,7 +16,7 @@ from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
 from service.http.wire.problems import not_found
 from service.http.work.certifying import certificate_of
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 from service.kept_dataset import CSV
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
@@ -33,8 +33,8 @@ def _add(here: Service, kind: str, collection: str, body: ToJudge, key: str) -> 
         cell = here.settings.cell
         if cell is not None and cell.robot.model.name not in built_in_robots():
             cell = None  # its robot is in a file of its own, which a job does not have
-        job = here.jobs.add(kind, dataset, here.datasets.path(body.dataset_id) / CSV, cell, body.limits)
-        return reply(202, job, location=path_of(collection, job["id"]), retry_after=1)
+        path = here.datasets.path(body.dataset_id) / CSV
+        return begun(path_of(collection), here.jobs.add(kind, dataset, path, cell, body.limits))
 
     return here.keys.once(key, (collection, body), work)
 

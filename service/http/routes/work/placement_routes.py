@@ -13,7 +13,7 @@ from service.http.state import Here
 from service.http.wire.bodies import PlacementsAsked, PlacementsShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 from service.results.cell.placements import Order, wanted_of
 
 router = APIRouter(route_class=JsonRoute, tags=["placements"])
@@ -36,8 +36,7 @@ def create_placements(
         )
 
     def work() -> JSONResponse:
-        job = here.jobs.place(cell, order)
-        return reply(202, job, location=f"{PLACEMENTS}/{job['id']}", retry_after=1)
+        return begun(PLACEMENTS, here.jobs.place(cell, order))
 
     return here.keys.once(idempotency_key, (PLACEMENTS, body), work)
 

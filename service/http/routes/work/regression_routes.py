@@ -12,7 +12,7 @@ from service.http.wire.bodies import RegressionAsked, RegressionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.datasets import CSV
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 
 router = APIRouter(route_class=JsonRoute, tags=["regressions"])
 REGRESSIONS = path_of("regressions")
@@ -37,8 +37,9 @@ def create_regression(
             "both": body.compare,
             "diagnosed": body.diagnose,
         }
-        job = here.jobs.regress(dataset, here.datasets.path(body.dataset_id) / CSV, order)
-        return reply(202, job, location=f"{REGRESSIONS}/{job['id']}", retry_after=1)
+        return begun(
+            REGRESSIONS, here.jobs.regress(dataset, here.datasets.path(body.dataset_id) / CSV, order)
+        )
 
     return here.keys.once(idempotency_key, (REGRESSIONS, body), work)
 

@@ -13,7 +13,7 @@ from service.http.wire.bodies import SelectionAsked, SelectionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 
 router = APIRouter(route_class=JsonRoute, tags=["selections"])
 SELECTIONS = path_of("selections")
@@ -41,8 +41,7 @@ def create_selection(here: Here, body: SelectionAsked, idempotency_key: Idempote
             "wanted_u": body.wanted_u_mm or None,
             "seed": body.seed,
         }
-        job = here.jobs.select(cell, order)
-        return reply(202, job, location=f"{SELECTIONS}/{job['id']}", retry_after=1)
+        return begun(SELECTIONS, here.jobs.select(cell, order))
 
     return here.keys.once(idempotency_key, (SELECTIONS, body), work)
 

@@ -14,7 +14,7 @@ from service.http.wire.bodies import ValidationAsked, ValidationShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
-from service.http.work.idempotency import reply
+from service.http.work.idempotency import begun
 from service.kept_dataset import CSV
 
 router = APIRouter(route_class=JsonRoute, tags=["validations"])
@@ -40,8 +40,9 @@ def create_validation(
             "everything": body.everything,
             "limits": None if limits is None else asdict(limits),
         }
-        job = here.jobs.validate(dataset, here.datasets.path(body.dataset_id) / CSV, model, order)
-        return reply(202, job, location=f"{VALIDATIONS}/{job['id']}", retry_after=1)
+        return begun(
+            VALIDATIONS, here.jobs.validate(dataset, here.datasets.path(body.dataset_id) / CSV, model, order)
+        )
 
     return here.keys.once(idempotency_key, (VALIDATIONS, body), work)
 

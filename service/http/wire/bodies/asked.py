@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
-from service.http.wire.bodies.told import Body, DescribedAs, Name, told
+from service.http.wire.bodies.told import Body, DescribedAs, Name, told, told_limit
 from service.http.wire.bodies.zones import AcceptZones
 from service.results.judgement.acceptance import Limits
 
@@ -210,25 +210,13 @@ DatasetId = Annotated[
 ]
 AcceptRms = Annotated[
     float,
-    told(
-        "Limit of the RMS error on readings held out, mm; 0: none. The verdict is in `result.acceptance`.",
-        0.05,
-        ge=0.0,
-        le=1e4,
-        allow_inf_nan=False,
-        strict=False,
+    told_limit(
+        "Limit of the RMS error on readings held out", 0.05, " The verdict is in `result.acceptance`."
     ),
 ]
 AcceptMax = Annotated[
     float,
-    told(
-        "Limit of the largest error on readings held out, mm; 0: none.",
-        0.15,
-        ge=0.0,
-        le=1e4,
-        allow_inf_nan=False,
-        strict=False,
-    ),
+    told_limit("Limit of the largest error on readings held out", 0.15),
 ]
 
 

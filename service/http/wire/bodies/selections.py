@@ -9,7 +9,7 @@ from pydantic import Field
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE
 from service.http.wire.bodies.results import Dropped, Share, Warnings
-from service.http.wire.bodies.told import Answered, Body, Joints, told
+from service.http.wire.bodies.told import Answered, Body, Joints, told, told_limit
 
 
 class SelectionAsked(Body):
@@ -37,14 +37,7 @@ class SelectionAsked(Body):
     ] = SHARE
     wanted_u_mm: Annotated[
         float,
-        told(
-            "The predicted U that is wanted, mm; 0: none.",
-            0.1,
-            ge=0.0,
-            le=1e4,
-            allow_inf_nan=False,
-            strict=False,
-        ),
+        told_limit("The predicted U that is wanted", 0.1),
     ] = 0.0
     seed: Annotated[int, told("Draws the candidates and the starts; no unit.", 1, ge=0, le=2**53)] = 1
 

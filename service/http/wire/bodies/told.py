@@ -14,6 +14,11 @@ def told(words: str, example: Any, **limits: Any) -> Any:
     return Field(description=words, examples=[example], **limits)
 
 
+def told_limit(words: str, example: float, more: str = "") -> Any:
+    """The description of a length, mm, that is wanted or allowed, where 0 stands for none; `more`: another sentence."""
+    return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False, strict=False)
+
+
 class Body(BaseModel):
     """A request; strict, and nothing that nobody reads."""
 

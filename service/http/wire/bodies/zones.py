@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from service.http.wire.bodies.told import Body, told
+from service.http.wire.bodies.told import Body, told, told_limit
 from service.results.judgement.zones import FARTHEST, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
@@ -31,25 +31,11 @@ class ZoneAsked(Body):
     ]
     accept_rms_mm: Annotated[
         float,
-        told(
-            "Limit of the RMS error in it, mm; 0: none.",
-            0.1,
-            ge=0.0,
-            le=1e4,
-            allow_inf_nan=False,
-            strict=False,
-        ),
+        told_limit("Limit of the RMS error in it", 0.1),
     ] = 0.0
     accept_max_mm: Annotated[
         float,
-        told(
-            "Limit of the largest error in it, mm; 0: none.",
-            0.25,
-            ge=0.0,
-            le=1e4,
-            allow_inf_nan=False,
-            strict=False,
-        ),
+        told_limit("Limit of the largest error in it", 0.25),
     ] = 0.0
 
     @model_validator(mode="after")
