@@ -7,6 +7,7 @@ the archive that is XML, keeps nothing of it, and refuses document types: no ent
 
 from __future__ import annotations
 
+import io
 import zipfile
 import zlib
 from contextlib import suppress
@@ -29,10 +30,10 @@ UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)
 _PIECE = 1 << 20
 
 
-def refuse_bomb(path: Path) -> None:
-    """Raise DataError (file) for what is no archive, or one that would become too large."""
+def refuse_bomb(data: bytes, path: Path) -> None:
+    """Raise DataError (file) for bytes that are no archive, or one that would become too large."""
     try:
-        with zipfile.ZipFile(path) as packed:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(part.file_size for part in packed.infolist())
             if size > MOST_UNPACKED:
                 raise _too_large(path, f"is {size / 2**20:.0f} MB unpacked")
