@@ -8,6 +8,8 @@ the archive that is XML, keeps nothing of it, and refuses document types: no ent
 from __future__ import annotations
 
 import io
+import lzma
+import struct
 import zipfile
 import zlib
 from contextlib import suppress
@@ -25,7 +27,8 @@ _MOST_SHARED = 20_000_000  # characters of formulas written out
 _DEEPEST = 100
 _ROWS, _COLUMNS = 1 << 20, 1 << 14  # of a sheet, as Excel has them
 _CELL = frozenset({"c", "v", "f", "row"})
-UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)
+UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError)
+UNREADABLE += (ValueError, IndexError, OverflowError)
 """What reading a damaged, encrypted or oddly packed archive ends in."""
 _PIECE = 1 << 20
 
@@ -43,6 +46,8 @@ def refuse_bomb(data: bytes, path: Path) -> None:
                     while piece := stream.read(_PIECE):
                         if not count.goes_on(piece):
                             break
+    except DataError:
+        raise
     except UNREADABLE as error:
         raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
 
