@@ -13,6 +13,8 @@ from typing import TextIO
 from drivers.errors import Busy, NoOperator, Refused
 from drivers.interfaces import Answer, Prompt, Typed
 
+_SHOWN = 60  # characters of what was typed
+_NO_TEXT = "\ufffd"
 _LETTERS = {answer.value[0]: answer for answer in Answer}
 
 
@@ -57,21 +59,32 @@ class TerminalOperator:
             if prompt.entry is None
             else f"{' '.join(prompt.entry.names)} [{prompt.entry.unit}], or {keys}"
         )
+        before = ""
         while True:
-            self._writer.write(f"{prompt.text}\n  Type {keys}, then Enter: ")
-            self._writer.flush()
-            line = self._reader.readline()
-            if not line:
-                raise NoOperator("input of the terminal ended", device="operator", command=prompt.id)
+            line = self._line(f"{before}{prompt.text}\n  Type {keys}, then Enter: ", prompt)
             word = line.strip().lower()
             answer = _LETTERS.get(word[:1]) if word else None
             if answer in expects and answer is not None and word in (answer.value, answer.value[0]):
                 return answer
             if prompt.entry is not None and any(map(str.isdigit, word)):
                 return Typed(line.strip())
-            self._writer.write(
-                f"  {word!r} is not one of these. " if word else "  Enter alone answers nothing. "
-            )
+            before = "  Enter alone answers nothing. "
+            if word:
+                before = f"  {word[:_SHOWN]!r}{'...' * (len(word) > _SHOWN)} is not one of these. "
+
+    def _line(self, question: str, prompt: Prompt) -> str:
+        """What is typed; a mark for what is no text. Raises NoOperator where the terminal ends, or is lost."""
+        try:
+            self._writer.write(question)
+            self._writer.flush()
+            line = self._reader.readline()
+        except UnicodeDecodeError:
+            return _NO_TEXT
+        except (OSError, ValueError) as error:  # its window was closed, its connection was cut
+            raise NoOperator("the terminal is gone", device="operator", command=prompt.id) from error
+        if not line:
+            raise NoOperator("input of the terminal ended", device="operator", command=prompt.id)
+        return line
 
 
 class RemoteOperator:

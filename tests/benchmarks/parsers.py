@@ -9,22 +9,29 @@ from __future__ import annotations
 import gc
 import math
 import tempfile
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 
 from calib.arm.robot import load_robot
 from calib.convert import IMPORTERS
 from calib.errors import DataError
+from calib.foreign import propose
+from calib.robot_file import import_dh, import_urdf
 from calib.text.columns import Columns
 from calib.text.csv_text import rows_of
 from calib.text.json_text import parse_json
 from calib.text.toml_text import parse_toml
+from calib.watch import read_history
 from drivers.bridge import mbp
 from drivers.errors import ProtocolError
+from drivers.manual.typed import Mistyped
+from drivers.manual.typed import rows_of as rows_typed
 from service.programs import KnownFrames
 from service.programs.read import parse
 from tests.benchmarks.clock import line, seconds
@@ -141,6 +148,7 @@ FANUC: Mapping[str, Shape] = {
     ),
     "groups": lambda n: _LS.format("", "P[1]{" + "GP2:" * n + "};"),
 }
+_FRAMES = "$TOOL={X 1,Y 2,Z 3,A 4,B 5,C 6}\n$BASE=$NULLFRAME\n"
 KUKA: Mapping[str, Shape] = {
     "points": lambda n: "DECL E6POS XP1={X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 35}\n" * (n // 50),
     "open aggregates": lambda n: "PTP " + "{" * n,
@@ -149,6 +157,12 @@ KUKA: Mapping[str, Shape] = {
     "quotes": lambda n: '"' * n,
     "blanks": lambda n: "DECL" + " " * n,
     "names": lambda n: "PTP " + "a:" * (n // 2),
+    "declared and used": lambda n: (
+        _FRAMES + "DECL E6POS P1={X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 35}\nPTP P1\n" * (n // 1000)
+    ),
+    "declared and used with frames": lambda n: (
+        (_FRAMES + "DECL E6POS P1={X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 35}\nPTP P1\n") * (n // 1000)
+    ),
     "tools": lambda n: "$TOOL={X 1,Y 2,Z 3,A 4,B 5,C 6}\nPTP P1\n" * (n // 40),
 }
 YASKAWA: Mapping[str, Shape] = {
@@ -161,9 +175,76 @@ VAL3: Mapping[str, Shape] = {
     "comments": lambda n: "<Database>" + "<!--" * (n // 4),
     "dashes": lambda n: "<Database><!--" + "-" * n,
     "attributes": lambda n: '<Database><Data name="a" type="jointRx"><Value ' + 'a="1" ' * (n // 6) + ">",
+    "a word": lambda n: '<Database><Data name="a" type="jointRx"><Value ' + "a:" * (n // 2) + ">",
     "values": lambda n: (
         '<Database><Data name="a" type="jointRx">' + '<Value key="0" j1="1"/>' * (n // 23) + "</Data>"
     ),
+}
+OWN: Mapping[str, Shape] = {
+    "rows": lambda n: _HEAD + "P1;1;2;3;4;5;6;7;8;9.5\n" * (n // 20),
+    "rows apart by blanks": lambda n: _HEAD.replace(";", " ") + "P1 1 2 3 4 5 6 7 8 9.5\n" * (n // 20),
+    "tables": lambda n: (_HEAD + "P1;1;2;3;4;5;6;7;8;9.5\n" * 3) * (n // 100),
+    "cells of a line": lambda n: "1 " * (n // 4) + "\n" + _OWN,
+    "lines of the preamble": lambda n: "a b\n" * (n // 4) + _OWN,
+    "marks behind a unit": lambda n: "unit" + "-" * (n // 5) + "\n" + _OWN,
+    "blanks in a bracket": lambda n: "a[" + " " * (n // 5) + "b;" + _OWN,
+    "blanks in a name": lambda n: "a" + " \t" * (n // 10) + "b;" + _OWN,
+    "brackets in a name": lambda n: "([{" * (n // 15) + ";" + _OWN,
+    "marks in the name of a point": lambda n: _OWN.replace("P3", "P" + "-" * (n // 5)),
+    "targets in the name of a point": lambda n: _OWN.replace("P3", "P" + "-T1" * (n // 15)),
+    "an open quote": lambda n: _OWN + '"' + "x\n" * n,
+    "quotes": lambda n: '"' * (n // 5) + "\n" + _OWN,
+    "comments": lambda n: "#" * (n // 5) + "\n" + _OWN,
+    "digits": lambda n: _OWN.replace("9.5", "9" * (n // 5), 1),
+    "one coordinate a line": lambda n: (
+        "Name;Axis;Meas;Nom;Dev\n" + "P;X;1;2;3\n;Y;1;2;3\n;Z;1;2;3\n" * (n // 60)
+    ),
+}
+_HEAD = "Name;J1 [deg];J2 [deg];J3 [deg];J4 [deg];J5 [deg];J6 [deg];X [mm];Y [mm];Z [mm]\n"
+_OWN = _HEAD + "".join(f"P{i};1;2;3;4;5;{i};7;8;9.5\n" for i in range(20))
+SHEET: Mapping[str, Shape] = {
+    "rows": lambda n: '<row><c t="n"><v>1</v></c><c><v>2</v></c><c><v>3</v></c></row>' * (n // 100),
+    "a far cell": lambda n: f'<row r="{n}"><c r="ALK{n}"><v>1</v></c></row>',
+    "merged far": lambda n: f'</sheetData><mergeCells><mergeCell ref="A1:ALK{n}"/></mergeCells><sheetData>',
+    "a shared formula": lambda n: (
+        f'<row><c><f t="shared" si="0" ref="A1:A{n}">{"A1+" * (n // 60)}1</f></c></row>'
+        + '<row><c><f t="shared" si="0"/></c></row>' * (n // 600)
+    ),
+    "open rows": lambda n: "<row>" * (n // 5),
+    "a long text": lambda n: f'<row><c t="inlineStr"><is><t>{"x" * n}</t></is></c></row>',
+}
+URDF: Mapping[str, Shape] = {
+    "links": lambda n: "<robot>" + "".join(f'<link name="a{i}"/>' for i in range(n // 10)) + "</robot>",
+    "a chain": lambda n: _robot(n // 60, lambda i: i),
+    "a comb": lambda n: _robot(n // 60, lambda i: max(0, i - n // 120)),
+    "a ring": lambda n: _robot(n // 60, lambda i: i).replace('parent link="a1"', f'parent link="a{n // 60}"'),
+    "open elements": lambda n: "<robot>" + "<link>" * (n // 6),
+    "an axis": lambda n: _robot(3, lambda i: i).replace(
+        "<child", f'<axis xyz="{"1 " * (n // 2)}"/><child', 1
+    ),
+    "a name": lambda n: _robot(3, lambda i: i).replace("a2", "a" * n),
+}
+DH: Mapping[str, Shape] = {
+    "columns": lambda n: "alpha,a,theta,d" + ",x" * (n // 200) + "\n0,0,0,0\n",
+    "blanks in a heading": lambda n: "alpha [" + " " * (n // 5) + "deg],a,theta,d\n0,0,0,0\n",
+    "a term": lambda n: "alpha,a,theta,d\n" + "-" * (n // 5) + ",0,0,0\n",
+    "rows": lambda n: "alpha,a,theta,d\n" + "0,0,0,0\n" * (n // 8),
+}
+WATCHES: Mapping[str, Shape] = {
+    "lines": lambda n: _WATCH.replace("[]", "[0.5,1.5]") * (n // 100),
+    "residuals": lambda n: _WATCH.replace("[]", "[" + "1.5," * n + "1]"),
+    "brackets": lambda n: _WATCH.replace("[]", "[" * n),
+    "digits": lambda n: _WATCH.replace("[]", "[" + "9" * n + "]"),
+}
+_WATCH = (
+    '{"format":"truepose-watch-history/1","data_sha256":"a","baseline_sha256":"b","poses_sha256":"c",'
+    '"verdict":"unchanged","residual":[]}\n'
+)
+TYPED: Mapping[str, Shape] = {
+    "numbers": lambda n: "1 " * n,
+    "digits": lambda n: "9" * n,
+    "blanks": lambda n: " " * n + "1",
+    "names": lambda n: "X=" * n,
 }
 MBP: Mapping[str, Shape] = {
     "fields": lambda n: "1 OK " + "a=1 " * n,
@@ -192,6 +273,12 @@ def run() -> bool:
             (f"program {Path(name).suffix}", shapes, partial(_of_maker, name))
             for name, shapes in others.items()
         ),
+        ("own file", OWN, partial(_of_file, lambda path: propose([path], {}))),
+        ("workbook", SHEET, _workbook),
+        ("URDF", URDF, partial(_of_file, import_urdf)),
+        ("table of DH numbers", DH, partial(_of_file, lambda path: import_dh(path, "dh"))),
+        ("history of watches", WATCHES, partial(_of_file, read_history)),
+        ("typed numbers", TYPED, _typed),
         ("a bridge's line", MBP, lambda text: mbp.parse(text.encode())),
     ):
         for shape, text in shapes.items():
@@ -229,6 +316,38 @@ def _of_file(read: Callable[[Path], object], text: str) -> object:
         path = Path(folder) / "data.csv"
         path.write_text(text, "utf-8")
         return read(path)
+
+
+def _workbook(text: str) -> object:
+    """The proposal for a workbook whose sheet has these rows."""
+    with tempfile.TemporaryDirectory() as folder:
+        good, path = Path(folder) / "good.xlsx", Path(folder) / "data.xlsx"
+        openpyxl.Workbook().save(good)
+        with zipfile.ZipFile(good) as given, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+            for name in given.namelist():
+                part = given.read(name)
+                if name == "xl/worksheets/sheet1.xml":
+                    part = part.replace(b"<sheetData></sheetData>", f"<sheetData>{text}</sheetData>".encode())
+                    assert text.encode() in part
+                packed.writestr(name, part)
+        return propose([path], {})
+
+
+def _robot(count: int, parent: Callable[[int], int]) -> str:
+    """A URDF of fixed joints: the link of each, a1 and further, is carried by the link of this number."""
+    links = "".join(f'<link name="a{i}"/>' for i in range(count + 1))
+    joints = "".join(
+        f'<joint name="j{i}" type="fixed"><parent link="a{parent(i)}"/><child link="a{i + 1}"/></joint>'
+        for i in range(count)
+    )
+    return f"<robot>{links}{joints}</robot>"
+
+
+def _typed(text: str) -> object:
+    try:
+        return rows_typed(text, ("X", "Y", "Z"), "mm")
+    except Mistyped:
+        return None
 
 
 def _of_maker(name: str, text: str) -> object:

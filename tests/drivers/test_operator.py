@@ -59,6 +59,36 @@ def test_terminal_refuses_without_a_terminal() -> None:
         assert caught.value.exit_code == 4
 
 
+def lost() -> str:
+    raise OSError(5, "Input/output error")
+
+
+def test_a_terminal_that_is_lost_is_nobody() -> None:
+    """Its window is closed, or its connection cut, while the question stands there: nobody may wait for ever."""
+    for name in ("readline", "write"):
+        reader, writer = Terminal("c\n"), io.StringIO()
+        setattr(reader if name == "readline" else writer, name, lambda *_: lost())
+        with pytest.raises(NoOperator, match="gone"):
+            TerminalOperator(reader, writer).ask(SEAT)
+
+
+def test_what_is_no_text_or_too_much_of_it_is_asked_for_again() -> None:
+    class Pasted(io.TextIOWrapper):
+        def isatty(self) -> bool:
+            return True
+
+    pasted = b"\xff\xfe\x80 1\n" + b"x" * 1_000_000 + b"\nc\n"
+    shown = io.StringIO()
+    reader = Pasted(io.BufferedReader(io.BytesIO(pasted), 16), encoding="utf-8")
+    reader._CHUNK_SIZE = 8  # type: ignore[attr-defined]  # as a terminal gives it: line by line
+    assert TerminalOperator(reader, shown).ask(SEAT) is Answer.CONFIRM
+    assert "'\N{REPLACEMENT CHARACTER}' is not one of these" in shown.getvalue()
+    assert f"'{'x' * 60}'... is not one of these" in shown.getvalue()
+    assert len(shown.getvalue()) < 2000
+    TerminalOperator(Terminal("\0\nc\n"), shown := io.StringIO()).ask(SEAT)
+    assert "'\\x00' is not one of these" in shown.getvalue()
+
+
 def test_remote_answer_reaches_the_one_who_asks() -> None:
     operator = RemoteOperator()
     asked = in_thread(lambda: operator.ask(SEAT))

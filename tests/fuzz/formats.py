@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,14 +12,18 @@ from pathlib import Path
 
 import numpy as np
 import tomli_w
+from openpyxl import Workbook
 
 from acquisition import read_campaign, read_cell
 from acquisition.campaign.blocks.poses import read_poses
 from calib.arm.robot import BUILT_IN, load_robot
+from calib.array import Array
 from calib.convert import IMPORTERS
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
+from calib.errors import DataError
 from calib.fit.identify import identify
+from calib.foreign import converted, propose, read_map, text_of
 from calib.model.stated import StatedConditions
 from calib.motion.read import read_joints, read_points
 from calib.regression.features import evaluate, turns
@@ -25,18 +31,32 @@ from calib.regression.mls_svr import Linear, fit
 from calib.regression.regression import Regression, Wanted
 from calib.robot_file import import_dh, import_urdf
 from calib.saved.model_file import SavedModel, load_model, save_model
+from calib.watch import read_history
+from drivers.errors import ConfigError
+from drivers.manual.typed import Mistyped
+from drivers.manual.typed import rows_of as typed_rows
 from mocks.campaign import make_campaign
 from service.programs import KnownFrames, compensate
 from service.programs.read import read_program
 from tests.calib.campaigns import write_files
 from tests.calib.test_dh_import import SAME
 from tests.calib.test_urdf_import import six, urdf
-from tests.fuzz.mutations import Mutation, spoil_bytes, spoil_cells, spoil_json, spoil_lines, spoil_toml
+from tests.fuzz.mutations import (
+    Mutation,
+    spoil_bytes,
+    spoil_cells,
+    spoil_history,
+    spoil_json,
+    spoil_lines,
+    spoil_packed,
+    spoil_toml,
+)
 from tests.service.maker_programs import PROGRAMS, a_model
 from tests.service.robot_programs import LS, RAPID, SCRIPT, model_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF, DH_TABLE = urdf(*six()), SAME["multiples of pi, metres"]
+ANSWERS = {"robot": "abb-irb120"}
 ANYTHING: tuple[Mutation, ...] = (spoil_bytes, spoil_lines)
 
 
@@ -62,6 +82,10 @@ def formats(folder: Path) -> dict[str, Format]:
     lengths = header | {"base_targets": {"B1": [300.0, 0.0, 0.0]}, "series": {"main": {"tool_targets": {}}}}
     lengths |= {"loads": [{"link": 6, "mass_kg": 2.0, "cog_mm": [1.0, 2.0, 3.0]}]}
     example = EXAMPLES / "irb120_faro"
+    own = _own_table(np.degrees(dataset.conditions.joints), dataset.points)
+    (folder / "own.csv").write_text(own, encoding="utf-8")
+    kept = text_of(propose([folder / "own.csv"], ANSWERS).made)
+    (folder / "map.toml").write_text(kept, encoding="utf-8")
     irb, fanuc, ur = (model_of(name) for name in ("abb-irb120", "fanuc-lrmate200ic", "ur5"))
     found = [
         Format("data.csv", data.read_bytes(), cells, read_dataset),
@@ -91,6 +115,16 @@ def formats(folder: Path) -> dict[str, Format]:
             )
             for name, (maker, text) in PROGRAMS.items()
         ),
+        Format("own.csv", own.encode(), ANYTHING, partial(_own, folder)),
+        Format("own.xlsx", _workbook(own), (*ANYTHING, spoil_packed), partial(_own, folder)),
+        Format(
+            "map.toml",
+            kept.encode(),
+            table,
+            lambda path: converted(read_map(path), [folder / "own.csv"], path, folder),
+        ),
+        Format("history.jsonl", _history(), (*ANYTHING, spoil_history), read_history),
+        Format("typed.txt", b"X 12.5 mm; Y -3.5 mm Z=7", ANYTHING, _typed),
         Format("published.csv", _published(), cells, IMPORTERS["ipa-ur10"]),
         Format("cleaned.csv", cleaned(), cells, IMPORTERS["ipa-ur10"]),
         Format("robot.csv", _stream(7), cells, lambda path: read_joints(path, load_robot("ur5"))),
@@ -110,8 +144,50 @@ def _regression(dataset: Dataset) -> Regression:
     return Regression(Wanted("residuals", "turns"), (0.0, 0.0, 125.0), joints, trained, 0.01)
 
 
-def _header(path: Path) -> object:
-    return read_dataset(path.with_suffix(".csv"))
+def _own_table(joints: Array, points: Array) -> str:
+    """Some readings as people export them: names and units in one line, semicolons between."""
+    names = ["Name", *(f"J{k} [deg]" for k in range(1, 7)), *(f"{axis} [mm]" for axis in "XYZ")]
+    rows = [[f"P{i}", *(f"{x:.3f}" for x in (*joints[i], *points[i]))] for i in range(20)]
+    return "\n".join(";".join(row) for row in [names, *rows]) + "\n"
+
+
+def _workbook(text: str) -> bytes:
+    """A sheet of these cells, some merged, one a formula."""
+    book, out = Workbook(), io.BytesIO()
+    sheet = book.active
+    assert sheet is not None
+    for row in (line.split(";") for line in text.splitlines()):
+        sheet.append([float(cell) if cell[-1:].isdecimal() and "P" not in cell else cell for cell in row])
+    sheet.append(["mean", "=AVERAGE(B2:B21)"])
+    sheet.merge_cells("A23:C23")
+    book.save(out)
+    return out.getvalue()
+
+
+def _own(folder: Path, path: Path) -> object:
+    """What `truepose convert` does with a file that nobody has seen, and with one of a kind that has a map."""
+    try:
+        return converted(read_map(folder / "map.toml"), [path], "map.toml", folder)
+    except DataError:
+        return propose([path], ANSWERS)
+
+
+def _by_map(folder: Path, path: Path) -> object:
+    return converted(read_map(path), [folder / "own.csv"], path, folder)
+
+
+def _history() -> bytes:
+    marks = dict.fromkeys(("data_sha256", "baseline_sha256", "poses_sha256"), "0123")
+    line = {"format": "truepose-watch-history/1", **marks, "verdict": "unchanged", "residual": [0.5, -1.25]}
+    return (json.dumps(line) + "\n").encode() * 3
+
+
+def _typed(path: Path) -> object:
+    """What the manual drivers make of what a person pastes."""
+    try:
+        return typed_rows(path.read_bytes().decode("utf-8", "replace"), ("X", "Y", "Z"), "mm")
+    except Mistyped as error:
+        raise ConfigError(f"mistyped: {error.words}") from error
 
 
 def _corrected(saved: SavedModel, path: Path) -> object:

@@ -9,6 +9,7 @@ import csv
 import io
 import json
 import tomllib
+import zipfile
 from collections.abc import Callable
 from copy import deepcopy
 from random import Random
@@ -138,6 +139,17 @@ def spoil_lines(data: bytes, rng: Random) -> bytes:
     return b"".join(lines)
 
 
+def spoil_packed(data: bytes, rng: Random) -> bytes:
+    """An archive with one of its parts spoiled, packed anew."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as given, zipfile.ZipFile(out, "w") as packed:
+        chosen = rng.choice(given.namelist())
+        for name in given.namelist():
+            part = given.read(name)
+            packed.writestr(name, spoil_bytes(part, rng) if name == chosen else part)
+    return out.getvalue()
+
+
 def spoil_value(value: Any, rng: Random) -> Any:
     """One value of a tree replaced, removed, doubled, renamed, or moved; in place where it can be."""
     holders = [value]
@@ -169,6 +181,14 @@ def spoil_json(data: bytes, rng: Random) -> bytes:
     for _ in range(rng.choice((1, 1, 2))):
         value = spoil_value(value, rng) if value else value
     return json.dumps(value).encode()
+
+
+def spoil_history(data: bytes, rng: Random) -> bytes:
+    """Lines of JSON, one of them with a value spoiled."""
+    lines = data.splitlines()
+    k = rng.randrange(len(lines))
+    lines[k] = spoil_json(lines[k], rng)
+    return b"\n".join(lines)
 
 
 def spoil_toml(data: bytes, rng: Random) -> bytes:

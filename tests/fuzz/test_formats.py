@@ -30,7 +30,7 @@ NAMES = (
     *("program.mod", "program.ls", "program.script", "published.csv", "cleaned.csv"),
     *("maker.dat", "maker.src", "maker.jbi", "maker.dtx"),
     *("robot.csv", "tracker.csv", "points.txt"),
-    *("arm.urdf", "table.csv"),
+    *("arm.urdf", "table.csv", "own.csv", "own.xlsx", "map.toml", "history.jsonl", "typed.txt"),
 )
 
 

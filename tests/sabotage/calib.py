@@ -9,7 +9,44 @@ _HEXAPOD = ("tests/calib/test_hexapod_pose.py",)
 _VALIDATION = ("tests/calib/test_validation.py", "tests/calib/test_validation_iso9283.py")
 _REGRESSION = ("tests/calib/test_regression.py", "tests/service/test_regress_command.py")
 
+_HOSTILE = ("tests/calib/test_hostile_files.py",)
+
 CHANGES = (
+    Change(
+        "calib/foreign/workbook.py",
+        " or size[0] * size[1] > MOST_CELLS:",
+        ":",
+        "two cells of a workbook become a sheet of three hundred million",
+        _HOSTILE,
+    ),
+    Change(
+        "calib/foreign/packed.py",
+        'if name in ("mergeCell", "hyperlink"):',
+        'if name == "hyperlink":',
+        "a range is merged over all of a sheet",
+        _HOSTILE,
+    ),
+    Change(
+        "calib/foreign/packed.py",
+        "        self._parser.StartDoctypeDeclHandler = self._refuse_document_type\n",
+        "",
+        "a workbook may declare entities",
+        _HOSTILE,
+    ),
+    Change(
+        "calib/robot_file/urdf.py",
+        "    _refuse_rings(joints, path)\n",
+        "",
+        "links of a URDF may carry one another",
+        _HOSTILE,
+    ),
+    Change(
+        "calib/watch/history.py",
+        "type(x) in (int, float) and abs(x) < _LARGEST",
+        "type(x) in (int, float)",
+        "a residual of any size is averaged with others",
+        _HOSTILE,
+    ),
     Change(
         "calib/data/visits.py",
         "begins | turned | ~(still | same_move)",

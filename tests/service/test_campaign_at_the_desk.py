@@ -268,15 +268,19 @@ def test_the_event_log_is_json_lines(measured: Path, tmp_path: Path, capsys: Out
 def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
     tmp_path: Path, capsys: Output
 ) -> None:
-    record = str(tmp_path / "record")
-    with started("campaign", "run", *files(tmp_path, count=8, time_scale=20.0), "--simulate") as process:
+    """It runs for as long as nobody answers its question."""
+    record, (master, slave) = str(tmp_path / "record"), pty.openpty()
+    words = ["campaign", "run", *files(tmp_path, one_smr=True), "--simulate"]
+    with started(*words, stdin=slave) as process:
         assert process.stderr is not None
         for line in process.stderr:
-            if "of 24 readings" in line:
+            if "Seat the SMR in N1" in line:
                 break
         refused(["restation", record], 4, "Press Ctrl-C there", capsys)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE_S)
+    os.close(master)
+    os.close(slave)
     assert process.returncode == 130
     assert main(["campaign", "restation", record, "--reason", "a forklift", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "paused"

@@ -58,10 +58,7 @@ def mine(service: Served) -> Iterator[str]:
     answer = take(service, "anna")
     assert answer.status_code == 200, answer.text
     yield answer.json()["lease_id"]
-    answer = service.client.post(
-        "/cell/lease/takeover", json={"holder": "tests", "reason": "the test has ended"}
-    )
-    service.client.delete("/cell/lease", headers={"Lease-Id": answer.json()["lease_id"]})
+    service.free()
 
 
 # -- by HTTP --------------------------------------------------------------------------------------------------

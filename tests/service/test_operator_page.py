@@ -36,6 +36,15 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield running
 
 
+@pytest.fixture(autouse=True)
+def nobody_holds_the_lease(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Afterwards, whatever came of the test: the service is that of all."""
+    service = request.getfixturevalue("service") if "service" in request.fixturenames else None
+    yield
+    if service is not None:
+        service.free()
+
+
 def test_it_needs_no_token_and_says_what_it_may_do(service: Served) -> None:
     answer = service.anybody.get("/")
     assert answer.status_code == 200
@@ -71,6 +80,15 @@ def test_it_loads_nothing_and_writes_no_markup_from_data() -> None:
 ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'false'"
 
 
+def entered(page: Page) -> bool:
+    """Whether the desk is open; the token is given again where the service was too slow for the page."""
+    if page.value("document.querySelector('#desk').hidden && document.querySelector('#token').value === ''"):
+        page.value("document.querySelector('#token').focus()")
+        page.type(TOKEN)
+        page.press("Enter")
+    return page.value("!document.querySelector('#desk').hidden")
+
+
 def enter(page: Page) -> None:
     until(lambda: page.value("document.activeElement.id") == "token")
     page.type(TOKEN)
@@ -80,13 +98,13 @@ def enter(page: Page) -> None:
 
 @contextmanager
 def at_the_page(folder: Path) -> Iterator[tuple[Served, Page]]:
-    """A service whose cell has one SMR, and a page at it that has been entered."""
+    """A service whose cell has one SMR, and a page at it that has been entered, as impatient as for a person."""
     cell = cell_file(folder, time_scale=40.0, one_smr=True)
     with (
         served(folder / "record", "--cell", str(cell), "--simulate") as service,
-        browser(f"{service.url}/", folder / "browser") as page,
+        browser(f"{service.url}/", folder / "browser", patient=False) as page,
     ):
-        enter(page)
+        until(lambda: entered(page))
         yield service, page
 
 
@@ -157,12 +175,11 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
             each for each in page.told if each["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")
         ]
         assert not violations, violations
-        body = {"holder": "carl", "reason": "end of the test"}
-        carl = service.client.post("/cell/lease/takeover", json=body).json()
+        body = {"holder": "carl", "reason": "end of the test", "seconds": 300.0}
+        service.client.post("/cell/lease/takeover", json=body)
         until(lambda: "held by carl, who has taken it over" in page.text("#trouble"))  # bert is told
         assert page.text("#holder") == "carl holds it."
         assert page.value("sessionStorage.length") == 1
-        service.client.delete("/cell/lease", headers={"Lease-Id": carl["lease_id"]})
 
 
 def goes_on_when_loaded_again(service: Served, page: Page) -> None:
@@ -321,7 +338,6 @@ def test_an_answer_too_early_does_not_count_and_one_too_late_passes_quietly(
         until(lambda: "is not being asked" in page.text("#trouble"))  # this one has to be known
         page.press("Escape")
         service.until(f"/runs/{run}", "stopped")
-    service.client.delete("/cell/lease")
 
 
 @in_a_browser

@@ -4,6 +4,7 @@ here would take it hours), brackets that exhaust the stack, and numbers that no 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,45 @@ def test_what_nobody_wrote_is_refused_by_its_line(case: str) -> None:
     suffix, text, words = REFUSED[case]
     with pytest.raises(DataError, match=words):
         read(suffix, text)
+
+
+POINT = "DECL E6POS P1={X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 35}\n"
+ODD = {
+    "a status beyond all numbers": (
+        ".src",
+        "KUKA",
+        "$TOOL={X 1,Y 2,Z 3,A 4,B 5,C 6}\n$BASE=$NULLFRAME\n" + POINT.replace("S 2", "S 1E999") + "PTP P1\n",
+        "only one of S and T",
+    ),
+    "a tool of infinite number": (
+        ".src",
+        "KUKA",
+        "DECL FDAT FP1={TOOL_NO 1E999,BASE_NO 0,IPO_FRAME #BASE}\n" + POINT.replace("P1=", "XP1="),
+        "tool is not in this file",
+    ),
+    "one point declared and used again and again": (
+        ".src",
+        "KUKA",
+        "$TOOL={X 1,Y 2,Z 3,A 4,B 5,C 6}\n$BASE=$NULLFRAME\n" + (POINT + "PTP P1\n") * 4_000,
+        "",
+    ),
+    "a word without an end": (
+        ".dtx",
+        "Staubli",
+        '<Database><Data name="a" type="jointRx"><Value ' + "a" * 900_000 + "/></Data></Database>",
+        "no j1",
+    ),
+}
+
+
+@pytest.mark.timeout(120)  # the last two took a minute and hours
+@pytest.mark.parametrize("case", sorted(ODD))
+def test_an_odd_program_of_another_maker_is_read_in_time(case: str) -> None:
+    suffix, maker, text, why = ODD[case]
+    robot = replace(load_robot("abb-irb120"), maker=maker)
+    targets = parse(text, Path(f"p{suffix}"), robot, KnownFrames()).targets
+    assert targets
+    assert all(why in (target.refused or "") for target in targets)
 
 
 def robtarget(position: str = "[380,0,520]", conf: str = "[0,0,0,0]") -> str:

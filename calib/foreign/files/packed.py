@@ -7,6 +7,9 @@ the archive that is XML, keeps nothing of it, and refuses document types: no ent
 
 from __future__ import annotations
 
+import io
+import lzma
+import struct
 import zipfile
 import zlib
 from contextlib import suppress
@@ -24,15 +27,16 @@ _MOST_SHARED = 20_000_000  # characters of formulas written out
 _DEEPEST = 100
 _ROWS, _COLUMNS = 1 << 20, 1 << 14  # of a sheet, as Excel has them
 _CELL = frozenset({"c", "v", "f", "row"})
-UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)
+UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError)
+UNREADABLE += (ValueError, IndexError, OverflowError)
 """What reading a damaged, encrypted or oddly packed archive ends in."""
 _PIECE = 1 << 20
 
 
-def refuse_bomb(path: Path) -> None:
-    """Raise DataError (file) for what is no archive, or one that would become too large."""
+def refuse_bomb(data: bytes, path: Path) -> None:
+    """Raise DataError (file) for bytes that are no archive, or one that would become too large."""
     try:
-        with zipfile.ZipFile(path) as packed:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(part.file_size for part in packed.infolist())
             if size > MOST_UNPACKED:
                 raise _too_large(path, f"is {size / 2**20:.0f} MB unpacked")
@@ -42,6 +46,8 @@ def refuse_bomb(path: Path) -> None:
                     while piece := stream.read(_PIECE):
                         if not count.goes_on(piece):
                             break
+    except DataError:
+        raise
     except UNREADABLE as error:
         raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
 

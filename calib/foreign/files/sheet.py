@@ -66,9 +66,7 @@ def text_sheet(path: Path, separator: str | None = None) -> Sheet:
     if lines and (match := re.fullmatch(r"sep=(.)", lines[0].strip())):  # a line for Excel
         lines[0] = ""
         separator = next((name for name, mark in SEPARATORS.items() if mark == match[1]), separator)
-    tried = [separator] if separator else list(SEPARATORS)
-    few = "\n".join(lines[:_LOOKED_AT])
-    best = max(tried, key=lambda name: _tableness_by(few, path, name)) if len(tried) > 1 else tried[0]
+    best = separator or _separator("\n".join(lines[:_LOOKED_AT]), path)
     return Sheet(path, "", tuple(_rows("\n".join(lines), path, best)), best, said)
 
 
@@ -101,12 +99,18 @@ def wide_blanks(path: Path, line: int) -> list[str]:
     return [cell for cell in _WIDE.split(text[mark.end() if mark else 0 :].strip()) if cell]
 
 
-def _tableness_by(text: str, path: Path, separator: str) -> tuple[int, int]:
-    """How much of a table lines are whose cells are apart by this; nothing where that makes too many columns."""
-    try:
-        return _tableness(_rows(text, path, separator))
-    except DataError:
-        return 0, 0
+def _separator(text: str, path: Path) -> str:
+    """What makes a table of the text. Raises DataError where nothing does, and something makes too many columns."""
+    found: dict[str, tuple[int, int]] = {}
+    refusal: DataError | None = None
+    for name in SEPARATORS:
+        try:
+            found[name] = _tableness(_rows(text, path, name))
+        except DataError as error:
+            refusal = error
+    if refusal is not None and not any(rows for rows, _ in found.values()):
+        raise refusal
+    return max(found, key=lambda name: found[name])
 
 
 def _tableness(rows: list[Row]) -> tuple[int, int]:

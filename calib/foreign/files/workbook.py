@@ -8,6 +8,7 @@ dates, also where a spreadsheet has made one of a number.
 from __future__ import annotations
 
 import datetime
+import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -26,12 +27,12 @@ _ERRORS = (KeyError, IndexError, ValueError, TypeError, AttributeError, Arithmet
 
 def workbook_sheets(path: Path) -> list[Sheet]:
     """Every visible sheet that holds anything. Raises DataError for what is no workbook, or is too large."""
-    _refuse_unread(path)
+    data = _bytes(path)
     with warnings.catch_warnings():
         warnings.simplefilter(
             "ignore"
         )  # of parts of a workbook that hold no cells: styles, filters, printers
-        values, formulas = _load(path, values=True), _load(path, values=False)
+        values, formulas = _load(path, data, values=True), _load(path, data, values=False)
     out = []
     for sheet in values.worksheets:
         if sheet.sheet_state == "visible":
@@ -43,7 +44,7 @@ def workbook_sheets(path: Path) -> list[Sheet]:
     return out
 
 
-def _load(path: Path, *, values: bool) -> Any:
+def _load(path: Path, data: bytes, *, values: bool) -> Any:
     import openpyxl  # of no use to whoever has no workbook, and slow to import
     from openpyxl.utils import exceptions
 
@@ -54,7 +55,7 @@ def _load(path: Path, *, values: bool) -> Any:
     )
     odd += (exceptions.IllegalCharacterError, exceptions.InvalidFileException)
     try:
-        return openpyxl.load_workbook(path, data_only=values)
+        return openpyxl.load_workbook(io.BytesIO(data), data_only=values)
     except (*_ERRORS, *UNREADABLE, *odd) as error:
         raise DataError(
             f"cannot be read as a workbook ({type(error).__name__}).",
@@ -63,11 +64,13 @@ def _load(path: Path, *, values: bool) -> Any:
         ) from error
 
 
-def _refuse_unread(path: Path) -> None:
+def _bytes(path: Path) -> bytes:
+    """The file, where it can become a workbook within bounds. Raises DataError."""
     if path.suffix.lower() == ".xls":
         raise DataError("is a workbook of before 2007.", do="Save it as .xlsx.", file=path)
-    read_bytes(path, _MOST_BYTES)
-    refuse_bomb(path)
+    data = read_bytes(path, _MOST_BYTES)
+    refuse_bomb(data, path)
+    return data
 
 
 def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:

@@ -19,6 +19,7 @@ import tomli_w
 
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
+from calib.foreign.files.sheet import SEPARATORS
 from calib.foreign.map.rotations import FOR_PEOPLE, sequence_of
 from calib.text.toml_table import TomlTable
 from calib.text.toml_text import read_toml
@@ -28,6 +29,7 @@ UNDECIDED = "?"
 BY = ("name", "order", "time")
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
 _NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
+_TOGETHER = (("x", "y", "z"), ("rot_1", "rot_2", "rot_3"), ("rot_w", "rot_x", "rot_y", "rot_z"))
 _NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
 UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
 _FILE = (
@@ -116,6 +118,9 @@ def read_map(path: Path) -> Map:
     table.only(("format", "file", "header", "match"))
     match = table.table("match")
     match.only(("by", "within_s"))
+    header = table.table("header")
+    header.table("tool_targets")
+    header.table("model").names("fit")
     files = table.tables("file")
     if not 1 <= len(files) <= 2:
         raise table.refuse(
@@ -123,7 +128,7 @@ def read_map(path: Path) -> Map:
         )
     return Map(
         tuple(_file(each) for each in files),
-        table.table("header").values,
+        header.values,
         match.text("by", "", (*BY, UNDECIDED, "")),
         match.number("within_s", 0.0, low=0.0),
     )
@@ -137,6 +142,12 @@ def _file(table: TomlTable) -> FileMap:
             raise columns.refuse(
                 quantity, "is no quantity.", "There are j1 .., x, y, z and those of docs/files.md."
             )
+    for group in _TOGETHER:
+        if len(missing := [quantity for quantity in group if quantity not in columns.values]) not in (
+            0,
+            len(group),
+        ):
+            raise columns.refuse(missing[0], "is missing.", f"Name all of {', '.join(group)}, or none.")
     targets = table.table("targets")
     axes = {name: targets.table(name) for name in targets.values}
     for each in axes.values():
@@ -152,7 +163,7 @@ def _file(table: TomlTable) -> FileMap:
         columns={quantity: columns.text(quantity) for quantity in columns.values},
         targets={name: {axis: each.text(axis) for axis in ("x", "y", "z")} for name, each in axes.items()},
         sheet=table.text("sheet", ""),
-        separator=table.text("separator", ""),
+        separator=table.text("separator", "", (*SEPARATORS, "")),
         decimal=table.text("decimal", ".", (".", ",", UNDECIDED)),
         thousands=table.text("thousands", "", (".", ",", "")),
         lines=None if lines is None else (int(lines[0]), int(lines[1])),
