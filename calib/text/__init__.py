@@ -3,6 +3,7 @@
 from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
 from calib.text.files import replace_file
+from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
 from calib.text.program import written_by
 from calib.text.text_file import decoded, read_bytes, read_text
@@ -19,6 +20,8 @@ __all__ = [
     "Vector",
     "decoded",
     "did_you_mean",
+    "meant_by",
+    "no_formula",
     "parse_json",
     "parse_toml",
     "parse_xml",

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import openpyxl
 import pytest
-from calib.foreign.layout import layout_of
-from calib.foreign.matching import with_target
-from calib.foreign.sheet import text_sheet
-from calib.foreign.unit_words import split
-from calib.foreign.words import meaning_of
-from calib.foreign.workbook import workbook_sheets
 
 from calib.errors import DataError
 from calib.foreign import propose, read_map
+from calib.foreign.files.layout import layout_of
+from calib.foreign.files.sheet import text_sheet
+from calib.foreign.files.unit_words import split
+from calib.foreign.files.workbook import workbook_sheets
+from calib.foreign.meanings.words import meaning_of
+from calib.foreign.readings.matching import with_target
 from calib.robot_file import import_urdf
 from calib.watch import read_history
 from tests.calib.test_urdf_import import six, urdf
