@@ -77,6 +77,8 @@ class Cell:
         self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock, coupled=robot.name.startswith("fanuc"))
         self.ur_clock = DeviceClock(self.clock)
         self.ur = UrController(self.arm, self.ur_clock, self.world)
+        if cell.serial:
+            self.abb.serial = self.ur.serial = cell.serial
         self.faro = FaroBridge(self.tracker, self.clock)
         self.ctrack = CTrackBridge(CTrackDevice(self.world, self.arm, self.clock, nests, cell.normals))
         self.qc20w = BallbarBridge(BallbarDevice(self.world, self.arm, self.clock, nests, cell.ballbar_mm))

@@ -113,6 +113,13 @@ class Work:
                 for row in connection.execute(question)
             ]
 
+    def programs(self, task: str) -> list[str]:
+        """The versions that have results of a task, the one that finished one last at the end."""
+        c = tables.result.c
+        question = sa.select(c.program).where(c.task == task).group_by(c.program)
+        with self._reading() as connection:
+            return list(connection.execute(question.order_by(sa.func.max(c.finished_at))).scalars())
+
     def _done(self, connection: sa.Connection, jobs: Sequence[Job]) -> set[Job]:
         column, keys = tables.result.c.key, {job.key: job for job in jobs}
         wanted, found = list(keys), set[Job]()

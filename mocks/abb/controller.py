@@ -39,6 +39,7 @@ class AbbController:
         self.arm = arm
         self.clock = clock
         self.stock = stock
+        self.serial = "120-500000"
         self.lose_first_reply = False
         self.speed = [100.0, 50.0]  # mm/s, deg/s: what open_abb starts with
         self._one_main = asyncio.Lock()
@@ -169,7 +170,7 @@ class AbbController:
         if code == 8:
             self.speed = values[:2]
         if code == 98:
-            return True, "120-500000*6.08.0134*IRB 120-3/0.6"
+            return True, f"{self.serial}*6.08.0134*IRB 120-3/0.6"
         return True, ""
 
     async def _numbered(self, code: int, values: list[float], *, background: bool, text: str = "") -> str:

@@ -51,6 +51,7 @@ class UrController:
         self.clock = clock
         self.world = world
         self.servo = Servo(arm)
+        self.serial = SERIAL
         self.software: tuple[int, int, int, int] = (3, 15, 8, 106339)
         self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
         self._registers: Past[dict[int, int]] = Past(arm.now, {})
@@ -258,7 +259,7 @@ class UrController:
 
     def _dashboard(self, command: str) -> str:
         answers = {
-            "get serial number": SERIAL,
+            "get serial number": self.serial,
             "get robot model": MODELS.get(self.world.robot.name, (0, "UNKNOWN"))[1],
             "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),
             "programState": "PLAYING" if self.runtime_state == PLAYING else "STOPPED",

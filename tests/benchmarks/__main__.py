@@ -31,6 +31,7 @@ from tests.benchmarks import (
     machines,
     misread,
     nests,
+    outbox,
     overhead,
     pairs,
     parsers,
@@ -70,6 +71,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "ballbar": (ballbar.run, 20),
     "watch": (watch.run, 100),
     "fleet_store": (fleet_store.run, 100_000),
+    "outbox": (outbox.run, 10_000),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),
@@ -78,7 +80,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
 }
 """Name -> function, and the number of campaigns that it takes, where it takes one."""
 
-APART = ("campaign", "demo", "path", "peers", "real_data")
+APART = ("campaign", "demo", "outbox", "path", "peers", "real_data")
 """Run by name only: kills, demos and the path take minutes, peers are installed first, the real data lie elsewhere."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from service.commands.fleet.demo import demo_command
+from service.commands.fleet.diagnose import diagnose_command
 from service.commands.fleet.migrate import migrate_command
 from service.commands.fleet.outbox import app as outbox
 from service.commands.fleet.send import send_command
@@ -13,4 +15,6 @@ app = typer.Typer(help="Keep in one place what the cells of a plant know of thei
 app.command("send")(send_command)
 app.add_typer(outbox, name="outbox", no_args_is_help=True)
 app.command("serve")(serve_command)
+app.command("diagnose")(diagnose_command)
+app.command("demo")(demo_command)
 app.command("migrate")(migrate_command)

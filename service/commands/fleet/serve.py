@@ -12,11 +12,10 @@ import typer
 
 from service import exit_codes
 from service.commands.serve import refuse_host
+from service.commands.stores import VARIABLE
 from service.json_log import json_log
 from service.private import owner_only
 from service.token_file import lasting_tokens
-
-STORE = "TRUEPOSE_STORE"
 
 
 @owner_only()
@@ -25,9 +24,9 @@ def serve_command(
         str,
         typer.Option(
             metavar="URL",
-            envvar=STORE,
+            envvar=VARIABLE,
             show_envvar=False,
-            help=f"sqlite:///FILE or postgresql://USER@HOST/NAME; or in {STORE}, which other users do not see.",
+            help=f"sqlite:///FILE or postgresql://USER@HOST/NAME; or in {VARIABLE}, which other users do not see.",
         ),
     ],
     token_file: Annotated[

@@ -1,0 +1,133 @@
+"""A batch of data sets, as a worker does it: claimed in the store, diagnosed one by one, each result kept at once.
+
+What a worker has finished survives the worker, its scheduler and the command that asked for it.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from calib.diagnose import MOST_EFFECTS, Diagnosis, diagnose
+from calib.errors import DataError
+from fleet.diagnose import statement
+from fleet.diagnose.errors import EngineGone
+from fleet.diagnose.program import this_program
+from fleet.diagnose.source import Source, Unseen, opened
+from fleet.errors import StoreError, StoreGone
+from fleet.store import Job, Store, Work, utc_now
+
+TASK = "diagnose"
+LEASE_S = 20.0
+"""How long a claim holds without being renewed: so long a lost worker's data sets wait for another command."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to do with data sets. store: address for the results; owner: name of this run of the command; most: effects
+    that may be added; expected: the program that shall compute."""
+
+    store: str = field(repr=False)  # may hold a password
+    owner: str
+    most: int = MOST_EFFECTS
+    expected: str = field(default_factory=this_program)
+    lease_s: float = LEASE_S
+
+    @property
+    def task(self) -> str:
+        """The task with its settings, as the store keys it."""
+        return f"{TASK} most={self.most}"
+
+    def job(self, source: Source) -> Job:
+        """The job of one data set."""
+        return Job(self.task, source.hash, self.expected)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a batch, in data sets. found: had a result already; twice: computed, though a result of somebody
+    else was there when it came; seconds: processor time of the diagnoses; held: somebody else works on them; unseen:
+    their files are others here, with the reason."""
+
+    done: int
+    refused: int
+    found: int
+    twice: int
+    seconds: float
+    held: tuple[Source, ...]
+    unseen: tuple[tuple[Source, str], ...]
+
+
+def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagnosis] = diagnose) -> Outcome:
+    """Do a batch. Raises EngineGone on a worker of another program, before anything is read; StoreError where results
+    cannot be kept.
+
+    find: the diagnosis; tests give a shorter one.
+    """
+    if this_program() != order.expected:
+        raise EngineGone(
+            f"a worker runs TruePose {this_program()}, this is {order.expected}.", do="Install the same there."
+        )
+    jobs = {order.job(source): source for source in sources}
+    refused = twice = done = 0
+    seconds = 0.0
+    unseen: list[tuple[Source, str]] = []
+    with Store.open(order.store) as store:
+        mine = store.work.claim(list(jobs), order.owner, utc_now(), order.lease_s)
+        with _renewed(store.work, mine, order):
+            for job in mine:
+                begin = time.thread_time()
+                try:
+                    result = _statement(jobs[job], store, order.most, find)
+                except Unseen as error:
+                    unseen.append((jobs[job], str(error)))
+                    continue
+                spent = time.thread_time() - begin
+                content = json.dumps(result, allow_nan=False).encode()
+                if store.work.finish(job, order.owner, content, utc_now(), spent):
+                    done += 1
+                    refused += result["verdict"] == statement.REFUSED
+                else:
+                    twice += 1
+                seconds += spent
+        others = set(jobs) - set(mine)
+        found = store.work.done(list(others))
+    held = tuple(source for job, source in jobs.items() if job in others - found)
+    return Outcome(done, refused, len(found), twice, seconds, held, tuple(unseen))
+
+
+def _statement(source: Source, store: Store, most: int, find: Callable[..., Diagnosis]) -> dict[str, Any]:
+    """What is kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
+    try:
+        with opened(source, store) as dataset:
+            return statement.of_diagnosis(source.name, find(dataset, most=most))
+    except StoreError:  # says nothing about the data
+        raise
+    except DataError as error:
+        return statement.of_refusal(source.name, error)
+
+
+@contextmanager
+def _renewed(work: Work, jobs: Sequence[Job], order: Order) -> Iterator[None]:
+    """The claims renewed while they are worked on, as long as this process lives."""
+    over = threading.Event()
+
+    def renew() -> None:
+        while not over.wait(order.lease_s / 3.0):
+            try:
+                work.claim(jobs, order.owner, utc_now(), order.lease_s)
+            except StoreGone:  # the result will say so, if the store stays away
+                continue
+
+    thread = threading.Thread(target=renew, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -1,0 +1,130 @@
+"""What another version of the program says of the same data sets: verdict, named effects, held-out error.
+
+The readings are the same, so nothing here is chance: whatever differs comes from the program.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from calib.errors import DataError
+from fleet.diagnose.program import release
+from fleet.store import Result
+
+WORTH = 0.01
+"""Share by which the held-out error must differ to be told; sizes of effects by their standard error."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """What one version says. effects: label -> (size, standard error, unit); rms: held out, mm, None without one."""
+
+    verdict: str
+    effects: Mapping[str, tuple[float, float, str]]
+    rms: float | None
+
+
+@dataclass(frozen=True)
+class Change:
+    """One data set of which the versions say different things."""
+
+    data: str
+    name: str
+    was: Side
+    now: Side
+
+    @property
+    def gone(self) -> list[str]:
+        """Effects that are no longer named."""
+        return [label for label in self.was.effects if label not in self.now.effects]
+
+    @property
+    def new(self) -> list[str]:
+        """Effects that were not named before."""
+        return [label for label in self.now.effects if label not in self.was.effects]
+
+    @property
+    def resized(self) -> list[str]:
+        """Effects whose size differs by more than its standard error."""
+        both = [label for label in self.now.effects if label in self.was.effects]
+        return [label for label in both if _resized(self.was.effects[label], self.now.effects[label])]
+
+    @property
+    def ratio(self) -> float | None:
+        """The held-out error now over that before; None where one of them is missing."""
+        return None if not self.was.rms or self.now.rms is None else self.now.rms / self.was.rms
+
+    @property
+    def worth_telling(self) -> bool:
+        """Whether the versions differ in what a person would act on."""
+        said = self.was.verdict != self.now.verdict or self.gone or self.new or self.resized
+        ratio = self.ratio
+        return bool(said) or (ratio is not None and abs(ratio - 1.0) > WORTH)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """The data sets that both versions have judged, and those of them that differ, the worst first."""
+
+    since: tuple[str, ...]
+    program: str
+    compared: int
+    missing: int  # judged now, not before
+    ratio: float | None  # median of the held-out errors, now over before
+    changed: tuple[Change, ...]
+
+
+def changes_between(before: Iterable[Result], now: Sequence[Result], program: str) -> Changes:
+    """What has changed. before: results of other versions, oldest first, of which the newest of a data set counts."""
+    last = {result.job.data: result for result in before}
+    both = [_change(last[each.job.data], each) for each in now if each.job.data in last]
+    ratios = [each.ratio for each in both if each.ratio is not None]
+    return Changes(
+        since=tuple(sorted({last[each.data].job.program for each in both})),
+        program=program,
+        compared=len(both),
+        missing=len(now) - len(both),
+        ratio=median(ratios) if ratios else None,
+        changed=tuple(
+            sorted((each for each in both if each.worth_telling), key=lambda each: -(each.ratio or 1.0))
+        ),
+    )
+
+
+def named(version: str, programs: Sequence[str], present: str) -> list[str]:
+    """The programs that a person means by a version: one of this name, else all builds of this release but the present
+    one. Raises DataError where the store has none."""
+    found = [each for each in programs if each == version]
+    found = found or [each for each in programs if release(each) == version and each != present]
+    if not found:
+        others = sorted(each for each in programs if each != present)
+        raise DataError(
+            f"'{version}' has no results in this store.",
+            do=f"Those it has are of {', '.join(others)}." if others else "It has none but of this version.",
+            key="--changed-since",
+        )
+    return found
+
+
+def _change(before: Result, now: Result) -> Change:
+    table = json.loads(now.content)
+    return Change(now.job.data, str(table["name"]), _side(json.loads(before.content)), _side(table))
+
+
+def _side(table: Mapping[str, Any]) -> Side:
+    held_out = table.get("error_after_mm")
+    return Side(
+        verdict=table["verdict"],
+        effects={e["label"]: (e["value"], e["std"], e["unit"]) for e in table.get("effects", ())},
+        rms=None if held_out is None else held_out["rms"],
+    )
+
+
+def _resized(was: tuple[float, float, str], now: tuple[float, float, str]) -> bool:
+    if None in (*was, *now):
+        return was != now
+    return abs(now[0] - was[0]) > max(was[1], now[1])

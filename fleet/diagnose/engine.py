@@ -1,0 +1,68 @@
+"""Where data sets are diagnosed: processes of this computer, or the workers of a scheduler (Dask).
+
+Whoever reaches a Dask scheduler has programs run on its workers, and what they send is unpickled here. So the
+processes of this computer speak TLS with a key that lives as long as the command, on 127.0.0.1, without pages; and an
+address elsewhere that is not tls:// is said.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from dask import config
+from distributed import Client, LocalCluster, Security
+
+from fleet.diagnose.errors import EngineGone
+
+LOOPBACK = "127.0.0.1"
+CONNECT_S = 10
+_PLAIN = {
+    "distributed.scheduler.http.routes": [],  # pages that nobody asked for
+    "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second
+}
+
+
+def processors() -> int:
+    """How many processes this one may have at work at once."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def local(workers: int) -> Iterator[Client]:
+    """So many processes of this computer, one thread each, for the time of the block."""
+    with config.set(_PLAIN):
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            dashboard_address=f"{LOOPBACK}:0",
+            worker_dashboard_address=f"{LOOPBACK}:0",
+            scheduler_kwargs={"dashboard": False},
+            security=Security.temporary(),
+            silence_logs=logging.CRITICAL,
+        )
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Client]:
+    """The scheduler at an address. Raises EngineGone where none answers."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise EngineGone(
+            f"no scheduler answers ({error}).",
+            do="Start it ('dask scheduler'), or check the address.",
+            file=address,
+        ) from error
+    with client:
+        yield client

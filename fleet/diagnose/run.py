@@ -1,0 +1,162 @@
+"""Many data sets diagnosed by many workers: dealt out in batches, told as they come back.
+
+What is done stands in the store, written by the workers; this end only deals out. So it may be ended at any time, and
+the same call later does what is left.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from distributed import Client, Future, KilledWorker, wait
+from distributed.client import FuturesCancelledError
+from distributed.comm.core import CommClosedError
+
+from fleet.diagnose.batch import Order, work_off
+from fleet.diagnose.crew import Crew, resource
+from fleet.diagnose.errors import EngineGone
+from fleet.diagnose.source import Source
+from fleet.diagnose.tally import Tally
+from fleet.errors import StoreError
+
+BATCH_S = 5.0
+"""So long a batch shall take: a thousand times what the scheduler spends on it, and little is lost with a worker."""
+AHEAD = 2  # batches for every worker: the next one is there when one is done
+PATIENCE_S = 60.0  # without a worker
+LOOK_S = 1.0
+_AGAIN = "What is done is kept: see to it, then run the same command again."
+
+
+def size_of(left: int, workers: int, seconds_each: float | None) -> int:
+    """Data sets of the next batch: as many as take `BATCH_S`, one before that is known, and few towards the end, when
+    nobody shall wait for the last one."""
+    if seconds_each is None:
+        return 1
+    share = left // (2 * AHEAD * max(workers, 1))
+    return max(1, min(share, round(BATCH_S / max(seconds_each, 1e-3))))
+
+
+class Run:
+    """One call: the data sets that wait, and the batches that are out."""
+
+    def __init__(
+        self, client: Client, order: Order, sources: Sequence[Source], tell: Callable[[str], None]
+    ) -> None:
+        """sources: without a result yet; tell: hears sentences about workers."""
+        self._client, self._order, self._tell = client, order, tell
+        self._crew = Crew(client, order.expected)
+        self._waiting = deque(sources)
+        self._alone: deque[Source] = (
+            deque()
+        )  # each by itself: of a batch that failed, to find the one that does it
+        self._held: list[Source] = []  # somebody else works on them; asked again later
+        self._out: dict[Future, tuple[Source, ...]] = {}
+        self._begin = time.monotonic()
+        self._looked = self._manned = self._asked = self._begin
+        self.tally = Tally(len(sources))
+
+    def run(self, progress: Callable[[Tally], None]) -> Tally:
+        """Diagnose them all; progress: hears how far it is after every batch.
+
+        Raises EngineGone where the scheduler or all workers are gone, StoreError where results cannot be kept: what is
+        done is kept, and the same call later does the rest.
+        """
+        try:
+            self._look()
+            while self._waiting or self._alone or self._held or self._out:
+                self._deal()
+                for future in self._ended():
+                    self._take(future)
+                    progress(self._counted())
+                if time.monotonic() - self._looked >= LOOK_S:
+                    self._look()
+        except (FuturesCancelledError, CommClosedError) as error:
+            raise EngineGone("the scheduler is gone.", do=_AGAIN) from error
+        return self._counted()
+
+    @property
+    def in_hand(self) -> list[Source]:
+        """What was given out and has not come back."""
+        return [source for batch in self._out.values() for source in batch]
+
+    def _look(self) -> None:
+        """See who is there, and ask again for what somebody else holds."""
+        for sentence in self._crew.look():
+            self._tell(sentence)
+        self._looked = now = time.monotonic()
+        if self._crew.at_work:
+            self._manned = now
+        elif now - self._manned > PATIENCE_S:
+            refused = "".join(f" {address}: {why}." for address, why in self._crew.refused.items())
+            raise EngineGone(f"no worker has come for {PATIENCE_S:.0f} s.{refused}", do=_AGAIN)
+        if self._held and now - self._asked >= self._order.lease_s / 3.0:
+            if not (self._waiting or self._out):
+                self._tell(
+                    f"{len(self._held)} data sets are another call's, which works on them or has just ended"
+                )
+            self._asked = now
+            self._alone.extend(self._held)
+            self._held.clear()
+
+    def _deal(self) -> None:
+        """Give every worker as much as it can have."""
+        while len(self._out) < AHEAD * len(self._crew.at_work):
+            if self._alone:
+                batch = (self._alone.popleft(),)
+            elif self._waiting:
+                size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
+                batch = tuple(self._waiting.popleft() for _ in range(size))
+            else:
+                return
+            future = self._client.submit(
+                work_off, batch, self._order, resources={resource(self._order.expected): 1.0}, pure=False
+            )
+            self._out[future] = batch
+            self.tally.batches += 1
+
+    def _ended(self) -> list[Future]:
+        """The batches that have ended, after a wait for one."""
+        if not self._out:
+            time.sleep(LOOK_S / 10.0)  # for a worker, or for what somebody else holds
+            return []
+        try:
+            ended: Any = wait(list(self._out), timeout=LOOK_S, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            return []
+        return list(ended.done)
+
+    def _take(self, future: Future) -> None:
+        batch = self._out.pop(future)
+        error: Any = future.exception()
+        if isinstance(error, (StoreError, EngineGone)):
+            raise error
+        if error is not None:
+            first, *others = batch
+            if others:
+                self._alone.extend(batch)
+            else:
+                self.tally.failed[first.name] = _in_words(error)
+            return
+        outcome: Any = future.result()
+        tally = self.tally
+        tally.done += outcome.done
+        tally.refused += outcome.refused
+        tally.twice += outcome.twice
+        tally.seconds += outcome.seconds
+        tally.found += outcome.found
+        tally.failed |= {source.name: why for source, why in outcome.unseen}
+        self._held += outcome.held
+
+    def _counted(self) -> Tally:
+        self.tally.elapsed = time.monotonic() - self._begin
+        self.tally.workers, self.tally.lost = len(self._crew.at_work), self._crew.lost
+        return self.tally
+
+
+def _in_words(error: BaseException) -> str:
+    if isinstance(error, KilledWorker):
+        return "its worker ended each time that it was tried: too little memory?"
+    return f"the program failed ({type(error).__name__}: {error})"

@@ -1,0 +1,88 @@
+"""`truepose fleet diagnose`: many data sets by many workers, every result once, in the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.diagnose import MOST_EFFECTS
+from calib.errors import DataError
+from fleet.diagnose import EngineGone
+from service import exit_codes
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed.fleet_tables import FleetProgress, shown
+from service.printed.terminal import Terminal
+from service.private import owner_only
+from service.results.fleet_diagnosed import FleetDiagnosed, Question
+
+STORE = "TRUEPOSE_STORE"
+
+
+@owner_only()
+def diagnose_command(
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[DATA...]",
+            help="Data sets, and folders of them; their headers lie beside them. Without any: those of the store.",
+        ),
+    ] = None,
+    store: Annotated[
+        str,
+        typer.Option(
+            metavar="URL",
+            envvar=STORE,
+            show_envvar=False,
+            help=f"Of the results: sqlite:///FILE or postgresql://USER@HOST/NAME; or in {STORE}.",
+        ),
+    ] = "",
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="tls://HOST:PORT of a Dask scheduler; else processes of this computer."
+        ),
+    ] = "",
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, max=1024, help="Processes of this computer; default: one a processor."),
+    ] = None,
+    most: Annotated[int, typer.Option(min=0, help="Most effects that may be added.")] = MOST_EFFECTS,
+    changed_since: Annotated[
+        str,
+        typer.Option(metavar="VERSION", help="Show what another version of TruePose said of them."),
+    ] = "",
+    json: options.Json = None,
+) -> None:
+    """Diagnose many data sets. What has a result of this version already is not done again."""
+    given = tuple(data or ())
+    options.check_outputs({"--json": json}, inputs=given)
+    if not store:
+        raise DataError(
+            "is missing: results are kept in a store.",
+            do=f"Give sqlite:///FILE, or an address in {STORE}.",
+            key="--store",
+        )
+    if scheduler and workers is not None:
+        raise DataError(
+            "goes without --scheduler, which has workers of its own.", do="Leave one out.", key="--workers"
+        )
+    asked = Question(given, store, workers, scheduler, most, changed_since)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        try:
+            found = FleetDiagnosed.of(
+                asked, terminal.say, lambda text: terminal.note(f"truepose: {text}"), FleetProgress(terminal)
+            )
+        except EngineGone as error:
+            terminal.rest()
+            terminal.note(f"truepose: {error}")
+            raise typer.Exit(exit_codes.NOT_AVAILABLE) from error
+        options.write_result(found.document(), json, terminal)
+        terminal.rest()
+        for each in shown(found):
+            terminal.out.print(each)
+    if found.tally.failed:
+        terminal.note(f"truepose: {len(found.tally.failed)} of the data sets have no result.")
+        raise typer.Exit(exit_codes.FAILED)

@@ -1,0 +1,128 @@
+"""Many data sets diagnosed, as tables on a terminal, and how far they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.console import RenderableType
+
+from fleet.diagnose import Change, Changes, Tally
+from service import wording
+from service.printed.tables import grid
+from service.printed.terminal import Terminal, duration
+from service.results.fleet_diagnosed import FleetDiagnosed
+
+LINES = 20  # of progress in a log
+SHOWN = 20  # rows of a list; the JSON has all
+
+
+class FleetProgress:
+    """Tells how far a call is, with its price."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal = terminal
+        self._step = -1
+
+    def __call__(self, tally: Tally) -> None:
+        step = (tally.total - tally.left) * LINES // max(tally.total, 1)
+        if self._terminal.live or step != self._step:
+            self._step = step
+            self._terminal.say(line(tally))
+
+
+def line(tally: Tally) -> str:
+    """How far it is, in one line: data sets, price of one, time left."""
+    parts = [f"{tally.total - tally.left:,} of {tally.total:,} data sets"]
+    if tally.seconds_each is not None:
+        parts.append(f"{tally.seconds_each:.2f} s of processor time each")
+    parts.append(wording.counted(tally.workers, "worker"))
+    if tally.seconds_left is not None:
+        parts.append(f"{duration(tally.seconds_left)} left")
+    return ", ".join(parts)
+
+
+def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
+    """Verdicts, refusals, what failed, what has changed, the price."""
+    table = grid(
+        f"{wording.counted(len(found.tables), 'data set')}, TruePose {found.program}",
+        "verdict",
+        "data sets",
+        "held out before, mm",
+        "after, mm",
+    )
+    for verdict, count, before, after in found.verdicts:
+        table.add_row(wording.VERDICT_NAMES.get(verdict, verdict), f"{count:,}", _mm(before), _mm(after))
+    table.caption = "Medians of the RMS error on held-out readings: base model, and with the effects found."
+    yield table
+    yield from _listed(
+        "Cannot be used", [f"{each['name']}: {each['what']} {each['do']}" for each in found.refused]
+    )
+    yield from _listed("Without a result", [f"{name}: {why}" for name, why in found.tally.failed.items()])
+    if found.changes is not None:
+        yield from changed(found.changes)
+    yield _price(found.tally)
+
+
+def changed(found: Changes) -> Iterable[RenderableType]:
+    """What another version said."""
+    same = found.compared - len(found.changed)
+    versions = ", ".join(found.since) or "no other version"
+    ratio = "" if found.ratio is None else f"; held-out errors now over before: median {found.ratio:.3f}"
+    missing = f"; {found.missing} have no earlier result" if found.missing else ""
+    table = grid(
+        f"Since {versions}: {len(found.changed)} of {found.compared} data sets differ, {same} do not{ratio}{missing}",
+        "data set",
+        "verdict",
+        "effects",
+        "held out, mm",
+        left=3,
+    )
+    for each in found.changed[:SHOWN]:
+        table.add_row(each.name, _from_to(each.was.verdict, each.now.verdict), _effects(each), _errors(each))
+    if len(found.changed) > SHOWN:
+        table.caption = f"{len(found.changed) - SHOWN} more in the JSON."
+    yield table
+
+
+def _from_to(was: str, now: str) -> str:
+    return now if was == now else f"{was} -> {now}"
+
+
+def _effects(change: Change) -> str:
+    parts = [f"+ {label}" for label in change.new] + [f"- {label}" for label in change.gone]
+    for label in change.resized:
+        was, now = change.was.effects[label], change.now.effects[label]
+        parts.append(f"{label} {was[0]:.3g} -> {now[0]:.3g} {now[2]}")
+    return "\n".join(parts) or "the same"
+
+
+def _errors(change: Change) -> str:
+    return f"{_mm(change.was.rms)} -> {_mm(change.now.rms)}"
+
+
+def _mm(value: float | None) -> str:
+    return "-" if value is None else wording.millimetres(value)
+
+
+def _listed(title: str, lines: list[str]) -> Iterable[RenderableType]:
+    if lines:
+        yield f"{title}: {len(lines)}"
+        yield from (f"  {each}" for each in lines[:SHOWN])
+        if len(lines) > SHOWN:
+            yield f"  {len(lines) - SHOWN} more in the JSON"
+
+
+def _price(tally: Tally) -> str:
+    parts = [f"{tally.done:,} diagnosed now"]
+    if tally.known:
+        parts.append(f"{tally.known:,} had a result")
+    if tally.found:
+        parts.append(f"{tally.found:,} were done meanwhile")
+    if tally.seconds_each is not None:
+        parts.append(
+            f"{tally.seconds_each:.2f} s of processor time each, {duration(tally.elapsed)} in all, "
+            f"scheduler and this command {tally.overhead_s / tally.seconds:.1%} on top"
+        )
+    if tally.lost:
+        parts.append(f"{wording.counted(tally.lost, 'worker')} lost")
+    return f"{', '.join(parts)}."

@@ -1,0 +1,181 @@
+"""Many data sets diagnosed, as a document (`truepose-fleet-run/1`) for programs and for the terminal's tables."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from os import getpid
+from pathlib import Path
+from socket import gethostname
+from statistics import median
+from typing import Any
+
+from calib.errors import DataError
+from fleet.diagnose import (
+    REFUSED,
+    Change,
+    Changes,
+    Order,
+    Side,
+    Tally,
+    changes_between,
+    diagnose_all,
+    in_files,
+    in_store,
+    named,
+)
+from fleet.store import Result, Store, utc_now
+
+FORMAT = "truepose-fleet-run/1"
+
+
+@dataclass(frozen=True)
+class Question:
+    """What to diagnose and where. data: files and folders, nothing for the data sets of the store; workers: processes
+    of this computer, None for one a processor; scheduler: address of one, "" for this computer; since: the version to
+    compare with, "" for none."""
+
+    data: tuple[Path, ...]
+    store: str
+    workers: int | None
+    scheduler: str
+    most: int
+    since: str
+
+
+@dataclass(frozen=True)
+class FleetDiagnosed:
+    """What has come out. tables: the results of the data sets asked for, in their order."""
+
+    place: str
+    program: str
+    tally: Tally
+    tables: tuple[dict[str, Any], ...]
+    changes: Changes | None
+
+    @classmethod
+    def of(
+        cls,
+        asked: Question,
+        say: Callable[[str], None],
+        tell: Callable[[str], None],
+        progress: Callable[[Tally], None],
+    ) -> FleetDiagnosed:
+        """Diagnose what has no result yet. Raises DataError, EngineGone, StoreError.
+
+        say: hears each step; tell: sentences about workers; progress: how far it is, after every batch.
+        """
+        with Store.open(asked.store) as store:
+            order = Order(
+                asked.store, f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}", asked.most
+            )
+            versions = []
+            if asked.since:  # refused before the work, not after it
+                versions = named(asked.since, store.work.programs(order.task), order.expected)
+            say("listing data sets")
+            sources = in_files(asked.data) if asked.data else in_store(store)
+            if not sources:
+                raise DataError("holds no data set.", do="Send some, or name files.", file=store.place)
+            jobs = {order.job(source): source for source in sources}
+            done = store.work.done(list(jobs))
+            say(f"{len(jobs)} data sets, {len(done)} of them have a result of this version")
+            todo = [source for job, source in jobs.items() if job not in done]
+            tally = diagnose_all(
+                todo, order, tell, progress, workers=asked.workers, scheduler=asked.scheduler
+            )
+            tally.total, tally.known = len(jobs), len(done)
+            found = {each.job: each for each in store.work.results(order.task, program=order.expected)}
+            results = [found[job] for job in jobs if job in found]
+            compared = None
+            if asked.since:
+                before = [
+                    each for version in versions for each in store.work.results(order.task, program=version)
+                ]
+                before.sort(key=_finished)
+                compared = changes_between(before, results, order.expected)
+            tables = tuple(json.loads(each.content) for each in results)
+            return cls(store.place, order.expected, tally, tables, compared)
+
+    @property
+    def refused(self) -> list[dict[str, Any]]:
+        """Results of data sets that cannot be used."""
+        return [table for table in self.tables if table["verdict"] == REFUSED]
+
+    @property
+    def verdicts(self) -> list[tuple[str, int, float | None, float | None]]:
+        """Verdict, data sets, median held-out error of base model and with effects (mm); the most frequent first."""
+        rows = []
+        for verdict, count in Counter(table["verdict"] for table in self.tables).most_common():
+            of_it = [table for table in self.tables if table["verdict"] == verdict]
+            rows.append((verdict, count, _median(of_it, "error_before_mm"), _median(of_it, "error_after_mm")))
+        return rows
+
+    def document(self) -> dict[str, Any]:
+        """The document."""
+        tally = self.tally
+        return {
+            "format": FORMAT,
+            "program": self.program,
+            "store": self.place,
+            "data_sets": tally.total,
+            "had_a_result": tally.known,
+            "done": tally.done,
+            "done_by_others": tally.found,
+            "computed_in_vain": tally.twice,
+            "refused": [
+                {key: table[key] for key in ("name", "what", "do", "line", "key")} for table in self.refused
+            ],
+            "failed": [{"name": name, "why": why} for name, why in tally.failed.items()],
+            "verdicts": {verdict: count for verdict, count, *_ in self.verdicts},
+            "processor_seconds": round(tally.seconds, 3),
+            "overhead_seconds": round(tally.overhead_s, 3),
+            "seconds": round(tally.elapsed, 3),
+            "workers": tally.workers,
+            "workers_lost": tally.lost,
+            "changes": None if self.changes is None else _changes(self.changes),
+        }
+
+
+def _finished(result: Result) -> datetime:
+    return result.finished_at
+
+
+def _median(tables: Sequence[dict[str, Any]], key: str) -> float | None:
+    """The median RMS of an error; None where no table has it."""
+    values = [table[key]["rms"] for table in tables if table.get(key)]
+    return median(values) if values else None
+
+
+def _changes(found: Changes) -> dict[str, Any]:
+    return {
+        "since": list(found.since),
+        "compared": found.compared,
+        "missing": found.missing,
+        "median_ratio_of_held_out_errors": found.ratio,
+        "changed": [_change(each) for each in found.changed],
+    }
+
+
+def _change(each: Change) -> dict[str, Any]:
+    return {
+        "data": each.data,
+        "name": each.name,
+        "was": _side(each.was),
+        "now": _side(each.now),
+        "gone": each.gone,
+        "new": each.new,
+        "resized": each.resized,
+        "ratio": each.ratio,
+    }
+
+
+def _side(side: Side) -> dict[str, Any]:
+    table = asdict(side)
+    table["effects"] = [
+        {"label": label, "value": value, "std": std, "unit": unit}
+        for label, (value, std, unit) in side.effects.items()
+    ]
+    return table
