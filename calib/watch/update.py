@@ -24,6 +24,10 @@ from calib.watch.judge import Verdict
 from calib.watch.seen import Seen
 
 
+_PASSING = ("arm_growth", "drift_translation", "drift_rotation")
+"""Causes that are gone when the robot is as warm as it was, or the instrument is."""
+
+
 def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Array, Array]:
     """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
     label of the cause is changed, else the effect is appended."""
@@ -58,6 +62,12 @@ def cause_to_update(verdict: Verdict) -> Cause:
     if verdict.kind == "unexplained":
         raise DataError(
             "what has changed is not known: no parameter can be updated.", do="Recalibrate.", file="--update"
+        )
+    if (likeliest := verdict.causes[0][0]).label.partition(":")[0] in _PASSING:
+        raise DataError(
+            f"the cause is {likeliest.label}, which passes: it is no property of the robot.",
+            do=likeliest.remedy,
+            file="--update",
         )
     if verdict.apart:
         names = ", ".join(cause.label for cause, _ in verdict.causes)

@@ -97,6 +97,9 @@ class Planned:
             drawn, read = drawn_poses(cell, asked.candidates, asked.poses, targets, arrival, rng)
         header = _header_of(cell, file, asked)
         candidates = _visits(cell, drawn, read)
+        moving = np.flatnonzero(np.all(candidates.sides != 0.0, axis=1))
+        drawn, candidates = [drawn[i] for i in moving], candidates.take(moving)
+        balls = [balls[i] for i in moving] if balls else []
         if lengths and not asked.touch:
             keep, candidates = _in_stroke(cell, saved, header, candidates)
             drawn = [_moved(cell, drawn[i], q) for i, q in zip(keep, candidates.joints, strict=True)]
@@ -229,9 +232,15 @@ def _header_of(cell: Cell, file: Path, asked: PlanQuestion) -> Header:
 
 
 def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, str], ...]]) -> Visits:
+    """The visits as the model counts joints; a side is 0 where a joint of the model stays where it is, since two of the
+    controller's turn against each other."""
+    joints = cell.robot.model_angles([pose.joints_deg for pose in poses])
+    moved = joints - cell.robot.model_angles(
+        [np.subtract(pose.joints_deg, np.multiply(pose.sides, 1.0)) for pose in poses]
+    )
     return Visits(
-        cell.robot.model_angles([pose.joints_deg for pose in poses]),
-        np.array([pose.sides for pose in poses], dtype=np.float64),
+        joints,
+        np.where(np.abs(moved) < 1e-9, 0.0, np.sign(moved)),
         np.array([pose.reach_deg for pose in poses]) * DEG,
         tuple(read),
     )
