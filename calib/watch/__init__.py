@@ -10,6 +10,7 @@ from calib.watch.refusals import refuse_unlike
 from calib.watch.seen import Seen
 from calib.watch.sizes import ALONE, SEEN, WANTED, Shown, Smallest
 from calib.watch.stroke import within_stroke
+from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import as_updated, cause_to_update, updated
 from calib.watch.visits import Visits
 
@@ -23,6 +24,7 @@ __all__ = [
     "Seen",
     "Shown",
     "Smallest",
+    "Upkept",
     "Verdict",
     "Visits",
     "append",
@@ -32,11 +34,14 @@ __all__ = [
     "in_display",
     "judge",
     "judged",
+    "keep_up",
+    "later",
     "plan",
     "planned",
     "proposals",
     "read_history",
     "refuse_unlike",
     "updated",
+    "warms_up",
     "within_stroke",
 ]

@@ -1,14 +1,16 @@
 """What it would take to see more: other targets at the same poses, and more rounds of visits.
 
-The readings of a wrist are short of lever, not of choice: of joint 6 every pose shows the same,
-by how much its targets are off the axis. With the lever r, n readings and their noise s a zero is seen from about 5 s / (r sqrt(n)); so more targets,
-targets farther off, or more rounds are what helps, in that order of cost.
+The readings of a wrist are short of lever, not of choice: of joint 6 every pose shows the same, by how much its targets
+are off the axis. With the lever r, n readings and their noise s a zero is seen from about 5 s / (r sqrt(n)); so what
+helps are more targets, targets farther off, or more rounds, in that order of cost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from calib.data.header import Header
 from calib.saved import SavedModel
@@ -44,9 +46,12 @@ def proposals(
     frame_known: bool = True,
 ) -> tuple[Proposal, ...]:
     """Of each choice of targets the fewest rounds of the visits that show every cause from the size that it should be
-    seen at, or the most rounds that were tried; fewest readings first. limit: p-value of an alarm."""
+    seen at, or the most rounds that were tried; fewest readings first, then what comes
+    nearest. limit: p-value of an alarm."""
     found = [_fewest(saved, header, visits, targets, limit, frame_known=frame_known) for targets in choices]
-    return tuple(sorted(found, key=lambda each: (not each.reached, each.readings)))
+    return tuple(
+        sorted(found, key=lambda each: (each.readings, 0.0) if each.reached else (np.inf, each.size))
+    )
 
 
 def _fewest(

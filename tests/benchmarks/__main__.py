@@ -41,6 +41,7 @@ from tests.benchmarks import (
     selection,
     status,
     stop,
+    upkeep,
     watch,
 )
 
@@ -68,6 +69,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "nests": (nests.run, 20),
     "ballbar": (ballbar.run, 20),
     "watch": (watch.run, 100),
+    "upkeep": (upkeep.run, 10),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),
