@@ -18,6 +18,7 @@ from calib.units import to_display
 from calib.watch import Upkept
 from service import exit_codes
 from service.plain import finite
+from service.results.origin import origin_of
 
 FORMAT = "truepose-upkeep/1"
 
@@ -135,6 +136,7 @@ class Upkeep:
         return finite(
             {
                 "format": FORMAT,
+                **origin_of(self.dataset),
                 "thermal": self.thermal,
                 "exit_code": self.exit_code,
                 "in_words": self.in_words,

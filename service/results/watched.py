@@ -12,10 +12,10 @@ from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
-from calib.text import written_by
 from calib.watch import Missed, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
+from service.results.origin import origin_of
 from service.results.upkept import on_its_clock
 
 FORMAT = "truepose-watch/1"
@@ -94,11 +94,11 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict, header = self.verdict, self.dataset.header
+        verdict = self.verdict
         return finite(
             {
                 "format": FORMAT,
-                "program": written_by(),
+                **origin_of(self.dataset),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,
@@ -131,12 +131,6 @@ class Watched:
                 "model": self.model.name,
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
-                "robot": header.robot.name,
-                "device": [dict(each) for each in header.devices],
-                "measured": None
-                if header.occasion is None
-                else {"began": header.occasion.began, "ended": header.occasion.ended},
-                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }

@@ -175,6 +175,27 @@ def test_verdicts_come_with_their_causes(store: Store) -> None:
     assert len(store.verdicts(since=BEGAN + timedelta(days=7))) == 2
 
 
+def test_upkeep_is_a_verdict_with_thermal_parameters(store: Store) -> None:
+    warm = {"name": "thermal.a2", "before": 0.0, "value": 0.12, "u": 0.02, "unit": "mm"}
+    said = {
+        "format": "truepose-upkeep/1",
+        "in_words": "Warmer.",
+        "advice": "Correct targets.",
+        "parameters": [warm],
+    }
+    store.add_all(
+        [
+            of("thermal", {**said, "thermal": True, "instead": []}),
+            of("thermal", {**said, "thermal": False, "instead": ["tool_shift"]}, day=1),
+        ]
+    )
+    first, second = store.verdicts(ROBOT)
+    assert (first.verdict, first.causes) == ("thermal", ())
+    assert (second.verdict, [each.label for each in second.causes]) == ("not thermal", ["tool_shift"])
+    (point,) = store.trend(ROBOT)  # what was not updated is no value
+    assert (point.parameter, point.value, point.u) == ("thermal.a2", 0.12, 0.02)
+
+
 def test_robots_with_what_is_known_of_each(store: Store) -> None:
     store.add_all([model({"d1": 1.0}), watch(day=2), model({"d1": 2.0}, robot=OTHER, day=1)])
     one, two = store.robots()
