@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from datetime import timedelta
+from dataclasses import replace
+from datetime import timedelta, timezone
 
 import pytest
 
@@ -218,6 +219,20 @@ def test_documents_by_robot_kind_and_time_newest_first(store: Store) -> None:
     assert store.documents(RobotKey("120-4711", "irb1600")) == []
 
 
+def test_times_of_every_zone_are_kept_in_utc(store: Store) -> None:
+    east, west = (timezone(timedelta(hours=hours)) for hours in (9, -9))
+    early = replace(model({"d1": 1.0}), measured_at=BEGAN.astimezone(east))
+    late = replace(model({"d1": 1.0}, day=1), measured_at=(BEGAN + timedelta(minutes=1)).astimezone(west))
+    store.add_all([late, early])
+    assert [each.measured_at for each in store.documents()] == [BEGAN + timedelta(minutes=1), BEGAN]
+    assert [point.measured_at for point in store.trend(ROBOT)] == [BEGAN, BEGAN + timedelta(minutes=1)]
+    assert (
+        len(store.documents(since=(BEGAN + timedelta(seconds=1)).astimezone(timezone(timedelta(hours=5)))))
+        == 1
+    )
+    assert store.documents()[0].measured_at.utcoffset() == timedelta(0)
+
+
 def test_many_at_once_keep_everything_once(url: str) -> None:
     """Four programs put the same forty documents in, each in another order, two for each identity."""
     documents = [model({"d1": float(i)}, identity=f"record-{i // 2}") for i in range(40)]
@@ -225,7 +240,7 @@ def test_many_at_once_keep_everything_once(url: str) -> None:
 
     def put(first: int) -> list[str]:
         with Store.open(url) as store:
-            ready.wait()
+            ready.wait(60.0)
             turned = documents[first:] + documents[:first]
             return [each.state for part in (turned[:20], turned[20:]) for each in store.add_all(part)]
 
