@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from calib.effects import (
+    arm_growth,
     backlash,
     backlash_load,
     base_target,
@@ -92,7 +93,7 @@ LIBRARY: tuple[Entry, ...] = (
 )
 
 
-SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale)
+SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale, drift, arm_growth)
 """Files of effects that can set in between two campaigns."""
 
 
@@ -116,7 +117,7 @@ def changes(survey: Survey) -> list[Effect]:
 def kind_of(label: str) -> Kind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
     name = label.partition(":")[0]
-    kinds = {kind.name: kind for entry in (*entries(), gear_orders) for kind in entry.KINDS}
+    kinds = {kind.name: kind for entry in (*entries(), gear_orders, arm_growth) for kind in entry.KINDS}
     return kinds[name]
 
 

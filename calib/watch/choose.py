@@ -25,7 +25,8 @@ _RIDGE = 1e-6
 
 
 def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
-    """The visits to take, of those that `seen` has rows of; visit (q,): to which each row belongs. Ascending."""
+    """The visits to take, of those that `seen` has rows of, each with as many as any other; visit (q,): to which each
+    row belongs. Ascending."""
     sizes = [_NOTICED * to_internal(p.size or 1.0, p.unit) for e in seen.causes for p in e.parameters]
     causes = np.column_stack(seen.columns) * np.array(sizes)
     shared = _shared(seen)

@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import unquote
 
 import sqlalchemy as sa
 from sqlalchemy import event, exc
@@ -56,8 +57,9 @@ def engine_of(url: str) -> sa.Engine:
 
 
 def shown(url: sa.URL) -> str:
-    """An address without its password."""
-    return url.render_as_string(hide_password=True)
+    """An address without its password, for people."""
+    plain = url.set(drivername=url.get_backend_name())
+    return unquote(plain.render_as_string(hide_password=True))
 
 
 def _prepare_sqlite(connection: sqlite3.Connection, _: object) -> None:
@@ -90,6 +92,7 @@ _LATER = "Look at the database and at the network to it, then ask again; nothing
 _FULL = ("disk is full", "No space left", "could not extend file", "disk I/O error")
 _RIGHTS = ("readonly database", "permission denied", "must be owner")
 _NO_DATABASE = ("not a database", "malformed")
+_NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
 
 
 def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
@@ -112,6 +115,12 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
         return StoreError(
             f"is no database, or a damaged one ({first}).",
             do="Give another file, or the backup; documents are in the records of the cells still.",
+            file=place,
+        )
+    if any(mark in words for mark in _NOBODY):
+        return StoreError(
+            f"lets nobody in by this address ({first}).",
+            do="Check user, password and name of the database.",
             file=place,
         )
     if isinstance(error, (exc.OperationalError, exc.InterfaceError, exc.InternalError)):

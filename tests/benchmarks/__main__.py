@@ -43,6 +43,7 @@ from tests.benchmarks import (
     selection,
     status,
     stop,
+    upkeep,
     watch,
 )
 
@@ -72,6 +73,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "watch": (watch.run, 100),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
+    "upkeep": (upkeep.run, 10),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),

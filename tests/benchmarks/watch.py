@@ -24,7 +24,7 @@ from calib.errors import DataError
 from calib.model.model import Design
 from calib.saved import SavedModel, as_saved
 from calib.units import DEG
-from calib.watch import Seen, as_updated, cause_to_update, judge, plan
+from calib.watch import Seen, Visits, as_updated, cause_to_update, judge, plan
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
@@ -85,14 +85,14 @@ def planned_for(saved: SavedModel, dataset: Dataset, world: World) -> Check:
     joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(CANDIDATES)])
     sides = rng.choice((-1.0, 1.0), size=joints.shape)
     reach = np.full(CANDIDATES, 5.0 * DEG)
-    chosen = list(plan(saved, dataset.header, joints, sides, reach, TARGETS, POSES).chosen)
+    chosen = list(plan(saved, dataset.header, Visits.of_points(joints, sides, reach, TARGETS), POSES).chosen)
     return Check(joints[chosen], sides[chosen])
 
 
 def watched(saved: SavedModel, dataset: Dataset, check: Check, world: World, first: int) -> Dataset:
     """The check poses measured in a world; first: number of the first reading, which draws where the arm rests."""
     reach = np.full(POSES, 5.0 * DEG)
-    template = planned(saved, dataset.header, check.joints, check.sides, reach, TARGETS)
+    template = planned(saved, dataset.header, Visits.of_points(check.joints, check.sides, reach, TARGETS))
     points = []
     for i, (joints, side) in enumerate(zip(np.degrees(check.joints), check.sides, strict=True)):
         at, sides = tuple(joints.tolist()), tuple(int(s) for s in side)
@@ -107,7 +107,9 @@ def error_mm(saved: SavedModel, dataset: Dataset, world: World) -> tuple[float, 
     poses = [random_pose(world.robot, world.targets, rng) for _ in range(_JUDGED)]
     sides = rng.choice((-1, 1), size=(_JUDGED, 6))
     at = planned(
-        saved, dataset.header, np.radians(poses), sides.astype(float), np.full(_JUDGED, 5.0 * DEG), TARGETS
+        saved,
+        dataset.header,
+        Visits.of_points(np.radians(poses), sides.astype(float), np.full(_JUDGED, 5.0 * DEG), TARGETS),
     )
     predicted = Design(saved.model, at.conditions).predict(saved.estimate)
     states = [

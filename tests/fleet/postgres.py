@@ -25,7 +25,6 @@ _START_S = 120
 _SETTINGS: Mapping[str, str] = {
     "listen_addresses": "",  # the socket in the folder alone
     "fsync": "off",
-    "synchronous_commit": "off",
     "full_page_writes": "off",
     "autovacuum": "off",
     "max_connections": "40",
@@ -34,8 +33,9 @@ _SETTINGS: Mapping[str, str] = {
 }
 
 
-_KEEPER = '"$0" "$@" & cat > /dev/null; kill -QUIT $!; wait'
-"""Ends the server when the standard input ends, as it does when the tests have ended in whatever way."""
+_KEEPER = '[ "$0" = 0 ] || ulimit -S -f "$0"; "$@" & cat > /dev/null; kill -QUIT $!; wait'
+"""Ends the server when the standard input ends, as it does when the tests have ended in whatever way. Its files may
+have so many blocks, 0 for any."""
 
 
 class Absent(Exception):
@@ -45,8 +45,9 @@ class Absent(Exception):
 class Cluster:
     """A running cluster. `database()` makes an empty database and returns its address."""
 
-    def __init__(self) -> None:
-        """Make and start it. Raises Absent."""
+    def __init__(self, largest_file: int = 0) -> None:
+        """Make and start it. largest_file: bytes, beyond which its disk is full; 0: as it is. Raises Absent."""
+        self._blocks = largest_file // 512
         if os.name != "posix":
             raise Absent("tests start PostgreSQL on a socket in a folder, which this system has not")
         self._as: dict[str, Any] = {} if os.geteuid() else _somebody()
@@ -67,10 +68,10 @@ class Cluster:
         """Start it, and wait until it answers."""
         options = [part for name, value in _SETTINGS.items() for part in ("-c", f"{name}={value}")]
         server = [str(self._programs / "postgres"), "-D", str(self.folder / "data"), "-k", str(self.folder)]
-        log = self.folder / "log"
-        with log.open("a", encoding="utf-8") as said:
-            self._keeper = subprocess.Popen(["sh", "-c", _KEEPER, *server, *options], cwd="/", stdin=subprocess.PIPE,
-                                            stdout=said, stderr=said, start_new_session=True, **self._as)  # fmt: skip
+        command = ["sh", "-c", _KEEPER, str(self._blocks), *server, *options]
+        with (self.folder / "log").open("a", encoding="utf-8") as said:
+            self._keeper = subprocess.Popen(command, cwd="/", stdin=subprocess.PIPE, stdout=said, stderr=said,
+                                            start_new_session=True, **self._as)  # fmt: skip
         until(self._answers, _START_S)
 
     def stop(self) -> None:
