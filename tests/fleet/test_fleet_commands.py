@@ -1,4 +1,8 @@
-"""`truepose fleet send`, `outbox` and `serve` as a person uses them; the files of examples/fleet. These would catch: an exit code that hides documents that were not sent, a sender that does not end, and an example with an old option."""
+"""`truepose fleet send`, `outbox` and `serve` as a person uses them; the files of examples/fleet.
+
+These would catch: an exit code that hides documents that were not sent, a sender that does not end, and an example with
+an option that there is no more.
+"""
 
 from __future__ import annotations
 
