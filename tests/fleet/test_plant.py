@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +55,9 @@ def about(document: Document, **other: str) -> dict[str, str]:
     } | other
 
 
-def put(client: TestClient, document: Document, headers: Mapping[str, str] = CELL, **other: str) -> Response:
+def put(client: TestClient, document: Document, **other: str) -> Response:
     path = f"/api/v1/documents/{other.pop('hash', document.hash)}"
-    return client.put(path, content=document.content, params=about(document, **other), headers=dict(headers))
+    return client.put(path, content=document.content, params=about(document, **other), headers=CELL)
 
 
 def test_a_document_is_acknowledged_kept_and_read_back(client: TestClient) -> None:
