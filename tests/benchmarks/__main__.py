@@ -43,6 +43,7 @@ from tests.benchmarks import (
     stop,
     upkeep,
     watch,
+    watch_plans,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -69,6 +70,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "nests": (nests.run, 20),
     "ballbar": (ballbar.run, 20),
     "watch": (watch.run, 100),
+    "watch_plans": (watch_plans.run, 500),
     "upkeep": (upkeep.run, 10),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
