@@ -72,7 +72,7 @@ def _lever(found: Planned) -> list[str]:
     help."""
     if not any(each.reached for each in found.proposals):
         return [
-            "More readings do not reach it: what the baseline is uncertain by, or leaves on its own validation readings,"
+            "More readings do not reach it: what the baseline is uncertain by, or leaves on its validation readings,"
             " stays. Calibrate with more poses, and diagnose."
         ]
     missed = [c for c in found.plan.shown.causes if c.share is not None and c.share < SEEN and c.wanted]

@@ -26,7 +26,7 @@ MOST = 50  # documents in a table
 
 @app.command("list")
 def list_command(folder: Folder, json: options.Json = None) -> None:
-    """List what waits, what was set aside and which files were not taken, each with the reason."""
+    """List what waits, and what cannot be sent. What was set aside, and files not taken, have a reason each."""
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, _opened(folder) as outbox:
         waiting, aside = outbox.entries("waiting"), outbox.entries("aside")
@@ -62,7 +62,7 @@ def retry_command(
         typer.Argument(metavar="[HASH...]", help="Only these, by the first letters; default: all."),
     ] = None,
 ) -> None:
-    """Let what was set aside be sent again, and files that were not taken be looked at again."""
+    """Let what was set aside be sent again. Files that were not taken are looked at again."""
     with Terminal() as terminal, _opened(folder) as outbox:
         aside = outbox.entries("aside")
         for wanted in hashes or []:
