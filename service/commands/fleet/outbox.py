@@ -19,7 +19,7 @@ from service.printed.terminal import Terminal
 from service.private import owner_only
 
 app = typer.Typer(help="Look at what waits to be sent, and let what was refused be sent again.")
-Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder that is sent.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that is sent.")]
 SHORT = 12  # letters of a hash that people type
 MOST = 50  # documents in a table
 
@@ -59,7 +59,7 @@ def retry_command(
     folder: Folder,
     hashes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[HASH...]", help="Only these, by the first letters; default: all."),
+        typer.Argument(metavar="HASH", help="Only these, by the first letters; default: all."),
     ] = None,
 ) -> None:
     """Let what was set aside be sent again. Files that were not taken are looked at again."""
