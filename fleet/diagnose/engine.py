@@ -20,6 +20,7 @@ from fleet.diagnose.errors import EngineGone
 LOOPBACK = "127.0.0.1"
 CONNECT_S = 10
 _PLAIN = {
+    "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.http.routes": [],  # pages that nobody asked for
     "distributed.worker.http.routes": [],
     "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second
