@@ -53,6 +53,7 @@ class Run:
         self._waiting = deque(sources)
         self._alone: deque[Source] = deque()  # of batches that failed; they wait to be given by themselves
         self._strikes = Counter[Source]()  # how often it was out when workers were lost
+        self._by_itself: Future | None = None  # the last one given so
         self._held: list[Source] = []  # somebody else works on them; asked again later
         self._out: dict[Future, tuple[Source, ...]] = {}
         self._begin = time.monotonic()
@@ -115,23 +116,25 @@ class Run:
                 self._strikes.update(batch)
                 for source in batch:
                     strikes = self._strikes[source]
-                    if strikes > STRIKES and len(batch) == 1:
+                    if strikes > STRIKES and future is self._by_itself:
                         self.tally.failed[source.name] = _ENDS_WORKERS
                     else:
                         (self._waiting if strikes < STRIKES else self._alone).append(source)
 
     def _deal(self) -> None:
         """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile."""
-        while self._alone and not self._out:
-            self._give((self._alone.popleft(),))
+        if self._alone and not self._out:
+            self._by_itself = self._give((self._alone.popleft(),))
         while not self._alone and self._waiting and len(self._out) < AHEAD * len(self._crew.at_work):
             size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
             self._give(tuple(self._waiting.popleft() for _ in range(size)))
 
-    def _give(self, batch: tuple[Source, ...]) -> None:
+    def _give(self, batch: tuple[Source, ...]) -> Future:
         one = {resource(self._order.expected): 1.0}
-        self._out[self._client.submit(work_off, batch, self._order, resources=one, pure=False)] = batch
+        future = self._client.submit(work_off, batch, self._order, resources=one, pure=False)
+        self._out[future] = batch
         self.tally.batches += 1
+        return future
 
     def _ended(self) -> list[Future]:
         """The batches that have ended, after a wait for one."""
@@ -155,11 +158,10 @@ class Run:
         if isinstance(error, (StoreError, EngineGone)):
             raise error
         if error is not None:
-            first, *others = batch
-            if others:
-                self._alone.extend(batch)
+            if future is self._by_itself:
+                self.tally.failed[batch[0].name] = _in_words(error)
             else:
-                self.tally.failed[first.name] = _in_words(error)
+                self._alone.extend(batch)
             return
         tally = self.tally
         tally.done += outcome.done
