@@ -56,6 +56,7 @@ class Run:
         self._by_itself: Future | None = None  # the last one given so
         self._held: list[Source] = []  # somebody else works on them; asked again later
         self._out: dict[Future, tuple[Source, ...]] = {}
+        self._lost_before: dict[Future, int] = {}  # workers, when it was given
         self._begin = time.monotonic()
         self._looked = self._manned = self._asked = self._begin
         self.tally = Tally(len(sources))
@@ -113,7 +114,8 @@ class Run:
             if future.status == "pending" and future.key not in somewhere:
                 del self._out[future]
                 future.cancel()
-                self._strikes.update(batch)
+                if self._crew.lost > self._lost_before.pop(future):
+                    self._strikes.update(batch)
                 for source in batch:
                     strikes = self._strikes[source]
                     if strikes > STRIKES and future is self._by_itself:
@@ -123,7 +125,7 @@ class Run:
 
     def _deal(self) -> None:
         """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile."""
-        if self._alone and not self._out:
+        if self._alone and not self._out and self._crew.at_work:
             self._by_itself = self._give((self._alone.popleft(),))
         while not self._alone and self._waiting and len(self._out) < AHEAD * len(self._crew.at_work):
             size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
@@ -133,6 +135,7 @@ class Run:
         one = {resource(self._order.expected): 1.0}
         future = self._client.submit(work_off, batch, self._order, resources=one, pure=False)
         self._out[future] = batch
+        self._lost_before[future] = self._crew.lost
         self.tally.batches += 1
         return future
 
@@ -155,6 +158,7 @@ class Run:
         except (TimeoutError, KilledWorker):
             return
         batch = self._out.pop(future)
+        del self._lost_before[future]
         if isinstance(error, (StoreError, EngineGone)):
             raise error
         if error is not None:
