@@ -47,7 +47,7 @@ class Way(StrEnum):
 def add_command(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Models, verdicts, diagnoses, data sets, folders of records."),
+        typer.Argument(metavar="FILE", help="Models, verdicts, diagnoses, data sets, folders of records."),
     ],
     store: StoreOption = None,
     cell: Annotated[

@@ -59,7 +59,7 @@ def retry_command(
     folder: Folder,
     hashes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="HASH", help="Only these, by the first letters; default: all."),
+        typer.Argument(metavar="ID", help="Only these, by the first letters of the hash; default: all."),
     ] = None,
 ) -> None:
     """Let what was set aside be sent again. Files that were not taken are looked at again."""
