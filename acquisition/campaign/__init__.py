@@ -2,14 +2,16 @@
 
 from acquisition.campaign.blocks.block import DECIMALS
 from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
+from acquisition.campaign.check_poses import Arrival, drawn_poses, stance_poses, touch_poses
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
 from acquisition.campaign.placements import Hexapod, Placement, Reached, best_first, grid
-from acquisition.campaign.plan import Visit
+from acquisition.campaign.plan import Visit, make_plan
 from acquisition.campaign.poses import Pose, draw_poses
 
 __all__ = [
     "DECIMALS",
+    "Arrival",
     "Campaign",
     "Hexapod",
     "Placement",
@@ -19,8 +21,12 @@ __all__ = [
     "best_first",
     "campaign_from",
     "draw_poses",
+    "drawn_poses",
     "grid",
+    "make_plan",
     "placement_picture",
     "read_campaign",
     "setup_of",
+    "stance_poses",
+    "touch_poses",
 ]

@@ -38,6 +38,7 @@ from calib.effects.slides import (
 )
 from calib.effects.survey import Survey, compliance_of
 from calib.effects.thermal import (
+    arm_growth,
     thermal_growth,
     thermal_joint,
     warm_up,
@@ -105,7 +106,7 @@ LIBRARY: tuple[Entry, ...] = (
 )
 
 
-SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale)
+SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale, drift, arm_growth)
 """Files of effects that can set in between two campaigns."""
 
 
@@ -129,7 +130,7 @@ def changes(survey: Survey) -> list[Effect]:
 def kind_of(label: str) -> Kind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
     name = label.partition(":")[0]
-    kinds = {kind.name: kind for entry in (*entries(), gear_orders) for kind in entry.KINDS}
+    kinds = {kind.name: kind for entry in (*entries(), gear_orders, arm_growth) for kind in entry.KINDS}
     return kinds[name]
 
 

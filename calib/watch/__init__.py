@@ -4,31 +4,47 @@ from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
 from calib.watch.missed import Missed, missed
-from calib.watch.plan import Plan, plan
+from calib.watch.plan import Plan, judged, plan
 from calib.watch.planned import planned
+from calib.watch.proposals import Proposal, proposals
 from calib.watch.refusals import refuse_unlike
 from calib.watch.seen import Seen
-from calib.watch.sizes import ALONE, SEEN
+from calib.watch.sizes import ALONE, SEEN, WANTED, Shown, Smallest
+from calib.watch.stroke import within_stroke
+from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import as_updated, cause_to_update, updated
+from calib.watch.visits import Visits
 
 __all__ = [
     "ALONE",
     "RATE",
     "SEEN",
+    "WANTED",
     "Missed",
     "Plan",
+    "Proposal",
     "Seen",
+    "Shown",
+    "Smallest",
+    "Upkept",
     "Verdict",
+    "Visits",
     "append",
     "as_updated",
     "baseline_hash",
     "cause_to_update",
     "in_display",
     "judge",
+    "judged",
+    "keep_up",
+    "later",
     "missed",
     "plan",
     "planned",
+    "proposals",
     "read_history",
     "refuse_unlike",
     "updated",
+    "warms_up",
+    "within_stroke",
 ]

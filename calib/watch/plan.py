@@ -1,59 +1,80 @@
-"""The plan of a watch: which poses to visit from which sides, and what they will show."""
+"""The plan of a watch: which visits to make from which sides, and what they will show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.array import Array
 from calib.data.header import Header
 from calib.errors import DataError
 from calib.saved import SavedModel
+from calib.units import DEG
 from calib.watch.choose import choose
 from calib.watch.judge import RATE
+from calib.watch.lack import scatter_beyond
 from calib.watch.planned import planned
-from calib.watch.seen import Seen, scatter_beyond
-from calib.watch.sizes import Smallest, smallest
+from calib.watch.seen import Seen
+from calib.watch.sizes import Shown, shown
+from calib.watch.visits import Visits
 
 FEWEST = 4
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The chosen of some candidates, by index; what is seen of each cause; labels of causes that are never seen."""
+    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show."""
 
     chosen: tuple[int, ...]
-    seen: tuple[Smallest, ...]
-    unseen: tuple[str, ...]
+    visits: Visits
+    shown: Shown
 
 
 def plan(
     saved: SavedModel,
     header: Header,
-    joints: Array,
-    sides: Array,
-    reach: Array,
-    targets: Sequence[str],
+    candidates: Visits,
     count: int,
     rate: float = RATE,
+    *,
+    times: int = 1,
+    frame_known: bool = True,
 ) -> Plan:
-    """Choose `count` of V candidate visits: joints and sides (V, N), rad, reach (V,), rad; `targets` are read at each.
+    """Choose `count` of the candidates and visit each so many times, every other time from the opposite sides.
 
-    header: what the readings would be taken with. Raises DataError for fewer poses than can tell anything, or more than
-    there are candidates.
+    header: what the readings would be taken with; every candidate has as many readings as any other. frame_known False:
+    where the instrument or the artefact stands will not be compared.
+    Raises DataError for fewer visits than can tell anything, or more than there are candidates.
     """
-    if not FEWEST <= count <= len(joints):
-        raise DataError(f"is {count}.", do=f"Give {FEWEST} to {len(joints)} poses.", key="--poses")
-    candidates = planned(saved, header, joints, sides, reach, targets)
-    lack = scatter_beyond(saved, candidates)
-    scatter = float(np.hypot(header.noise.repeatability, lack))
+    if not FEWEST <= count <= len(candidates):
+        raise DataError(f"is {count}.", do=f"Give {FEWEST} to {len(candidates)} poses.", key="--poses")
+    would = planned(saved, header, candidates)
+    lack = scatter_beyond(saved, would)
     # what the model lacks is drawn anew with each pose, as the repeatability is with each visit
-    rougher = replace(header, noise=replace(header.noise, repeatability=scatter))
-    seen = Seen.of(saved, replace(candidates, header=rougher), lack=0.0)
-    visit = np.tile(seen.readings.conditions.visit, 3)
-    chosen = choose(seen, visit, count)
-    few = planned(saved, header, joints[chosen], sides[chosen], reach[chosen], targets)
-    found, unseen = smallest(Seen.of(saved, few, lack=lack), rate)
-    return Plan(tuple(chosen), found, unseen)
+    noise = header.noise
+    rougher = replace(
+        noise,
+        repeatability=float(np.hypot(noise.repeatability, lack)),
+        repeatability_mm=float(np.hypot(noise.repeatability_mm, lack / DEG)),
+    )
+    would = replace(would, header=replace(header, noise=rougher))
+    seen = Seen.of(saved, would, frame_known=frame_known, lack=0.0)
+    chosen = choose(seen, seen.visit, count)
+    visits = candidates.take(chosen).again(times)
+    return Plan(
+        tuple(chosen), visits, judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
+    )
+
+
+def judged(
+    saved: SavedModel,
+    header: Header,
+    visits: Visits,
+    rate: float = RATE,
+    *,
+    frame_known: bool = True,
+    lack: float | None = None,
+) -> Shown:
+    """What some visits will show. lack: as `Seen.of`."""
+    seen = Seen.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)
+    return shown(seen, rate)

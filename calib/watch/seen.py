@@ -23,13 +23,13 @@ from calib.data.dataset import Dataset
 from calib.effects import Survey, changes, compliance_of
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import Readings, readings_of
-from calib.fit.uncertainty import predict_with_covariance
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
-from calib.model.regressors import Time, WarmUp
-from calib.model.stated import AFTER_EVERYTHING
 from calib.saved import SavedModel
+from calib.watch.baseline import in_series, without_drifts
 from calib.watch.frame import frame_covariance, frame_effect
+from calib.watch.lack import scatter_beyond
+from calib.watch.placed import placed
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,9 @@ class Seen:
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
-        model, dataset = _in_series(saved.model, dataset)
-        estimate, covariance = _without_drifts(model, saved)
+        model, dataset = saved.model, in_series(saved.model, dataset)
+        estimate, covariance = without_drifts(saved)
+        dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
         design = Design(model, readings.conditions)
         causes = _causes(model, estimate, saved, dataset, readings)
@@ -84,7 +85,7 @@ class Seen:
         lack = scatter_beyond(saved, dataset) if lack is None else lack
         lasting = np.column_stack([of_parameters @ _root(covariance), of_frame])
         if lack > 0.0:
-            lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, joints)[measured]])
+            lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, model)[measured]])
         passing = of_frame
         if not frame_known:
             where = next(c for e, c in zip(causes, of_causes, strict=True) if e.label == "base_shift")
@@ -114,6 +115,21 @@ class Seen:
         """(k n,) rows that were measured."""
         return _measured(self.readings)
 
+    @cached_property
+    def visit(self) -> NDArray[np.int64]:
+        """(q,) to which visit each row belongs."""
+        visit = self.readings.conditions.visit
+        return np.tile(visit, len(self.measured) // len(visit))[self.measured]
+
+    def lever_mm(self, joint: int) -> float | None:
+        """How far the axis of a joint is from the targets, root mean square over the readings; None of a slide."""
+        robot = self.model.robot
+        if joint in robot.slides:
+            return None
+        slot = robot.joint_slots[joint - 1]
+        frames = Design(self.model, self.readings.conditions).frames(self.estimate, (slot,))
+        return float(np.sqrt(np.mean(np.sum(frames.velocities((slot,)) ** 2, axis=1))))
+
     def exact(self, cause: Effect, values: Array) -> Array:
         """(q,) residual where a cause has some values (p,), through the whole chain."""
         model = replace(self.model, effects=(*self.model.effects, *_apart((cause,))))
@@ -131,54 +147,6 @@ class Seen:
 
 
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
-
-
-def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
-    """By how much, rad, the joints would have to scatter more than declared for the errors that the calibration found
-    on readings it had not seen; without such readings, for those of its fit. Nothing where these are as declared."""
-    model, dataset = _in_series(saved.model, dataset)
-    estimate, covariance = _without_drifts(model, saved)
-    rows = dataset.fit_rows & dataset.pointed
-    if not rows.any():
-        return 0.0
-    conditions, noise = dataset.conditions.take(rows), dataset.header.noise
-    joints = model.robot.joint_slots
-    design = Design(model, conditions)
-    frames = design.frames(estimate, joints)
-    of_joints = float(np.mean(np.sum(frames.velocities(joints) ** 2, axis=(0, 1))))
-    instrument = noise.of_points(dataset.points[rows], dataset.u_point[rows])
-    known = float(np.mean(np.trace(instrument, axis1=1, axis2=2))) + noise.repeatability**2 * of_joints
-    if saved.held_out_rms_mm is None:
-        beyond = (max(saved.noise_scale, 1.0) ** 2 - 1.0) * known
-    else:
-        uncertain = predict_with_covariance(model, estimate, covariance, conditions)[1]
-        beyond = saved.held_out_rms_mm**2 - known - float(np.mean(np.trace(uncertain, axis1=1, axis2=2)))
-    return float(np.sqrt(max(beyond, 0.0) / of_joints))
-
-
-def _in_series(model: RobotModel, dataset: Dataset) -> tuple[RobotModel, Dataset]:
-    """The model of the one series of a data set, whatever both call it, and the readings after all that the model says
-    happened during the calibration."""
-    conditions = dataset.conditions
-    conditions = replace(
-        conditions,
-        series_names=(next(iter(model.targets)),),
-        order=np.full(len(conditions), AFTER_EVERYTHING),
-    )
-    return model, replace(dataset, conditions=conditions)
-
-
-def _without_drifts(model: RobotModel, saved: SavedModel) -> tuple[Array, Array]:
-    """The estimate without what the instrument did with time in its own campaign."""
-    gone = {
-        term.parameter
-        for effect in model.effects
-        if effect.owner == "instrument"
-        for term in effect.terms
-        if isinstance(term.regressor, Time | WarmUp)
-    }
-    kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
-    return saved.estimate * kept, saved.covariance * np.outer(kept, kept)
 
 
 def _causes(
@@ -229,11 +197,12 @@ def _measured(readings: Readings) -> NDArray[np.bool_]:
     return np.any(readings.observed.whiten != 0.0, axis=1).reshape(-1)
 
 
-def _by_joint(readings: Readings, frames: Frames, joints: Sequence[str]) -> Array:
-    """(k n, N V) whitened change of the readings where one joint of one of V visits is off by a rad."""
-    columns = readings.observed.columns(frames, joints)
-    _, visit = np.unique(readings.conditions.visit, return_inverse=True)
-    each = visit.reshape(-1) == np.arange(visit.max() + 1)[:, None]
+def _by_joint(readings: Readings, frames: Frames, model: RobotModel) -> Array:
+    """(k n, N V) whitened change of the readings where one joint is off by a rad in one of V poses, in all visits to
+    it; a slide by as many mm as others deg."""
+    robot, pose = model.robot, readings.conditions.pose
+    columns = robot.steps[:, None, None] * readings.observed.columns(frames, robot.joint_slots)
+    each = pose == np.arange(pose.max() + 1)[:, None]
     apart = (columns[:, None] * each[None, :, None, :]).reshape(-1, *columns.shape[1:])
     whitened = readings.observed.by_visit(apart)
     return whitened.reshape(len(whitened), -1).T

@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import chndtrinc
 
 from calib.array import Array
+from calib.model.effect import Effect
 from calib.units import to_internal
 from calib.watch.judge import RATE, odds_of
 from calib.watch.odds import Odds
@@ -24,10 +25,18 @@ _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which
 _DRAWS = 400
 
 
+WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift": 0.1}
+"""Sizes that a watch should see, by the name of the cause, deg and mm: a tenth of what a new arm is off by."""
+
+
 @dataclass(frozen=True)
 class Smallest:
     """What is seen of one cause: smallest size and its unit; from which size it is named alone, None where that takes
-    more than ten times as much; always: labels of causes that no size tells from it."""
+    more than ten times as much; always: labels of causes that no size tells from it.
+
+    wanted: the size that should be seen, None where none is stated; share: of watches in which that is seen;
+    lever_mm: of a joint's cause how far its axis is from the targets, root mean square, else None.
+    """
 
     label: str
     meaning: str
@@ -35,34 +44,79 @@ class Smallest:
     alone: float | None
     unit: str
     always: tuple[str, ...]
+    wanted: float | None = None
+    share: float | None = None
+    lever_mm: float | None = None
 
 
-def smallest(seen: Seen, rate: float = RATE) -> tuple[tuple[Smallest, ...], tuple[str, ...]]:
-    """Smallest change seen of every cause, and the labels of those that these poses do not show at all."""
+@dataclass(frozen=True)
+class Shown:
+    """What some visits show: every cause; labels of those that they do not show at all; limit: the p-value of an alarm;
+    readings: how many there are."""
+
+    causes: tuple[Smallest, ...]
+    unseen: tuple[str, ...]
+    limit: float
+    readings: int
+
+
+def shown(seen: Seen, rate: float = RATE) -> Shown:
+    """Smallest change seen of every cause."""
     whiten, odds = odds_of(seen)
     limit = odds.limit(rate)
     rng = np.random.default_rng(7)
     noise = rng.normal(size=(_DRAWS, odds.rows))
     out = []
     for index, cause in enumerate(odds.causes):
-        columns = whiten @ seen.columns[seen.causes.index(cause.effect)]
         effect = cause.effect
-        unit = effect.parameters[0].unit
-        same = [k for k, p in enumerate(effect.parameters) if p.unit == unit]
-        one = columns[:, same] * to_internal(1.0, unit)
-        values, vectors = np.linalg.eigh(one.T @ one)
-        if values[0] < 1e-12:
+        worst = _worst(seen, effect, whiten)
+        if worst is None:
             continue
-        size = float(np.sqrt(needed(cause.freedom, limit) / values[0]))
+        strength, moved = worst
+        needs = needed(cause.freedom, limit)
+        size = float(np.sqrt(needs / strength))
         always = tuple(odds.causes[d].effect.label for d in odds.always(index))
-        alone = None if always else _alone(odds, index, one @ vectors[:, 0] * size, noise)
+        alone = None if always else _alone(odds, index, moved * size, noise)
+        name, _, joint = effect.label.partition(":j")
+        wanted = WANTED.get(name) if effect.parameters[0].unit in ("deg", "mm") else None
+        beyond = stats.chi2.isf(limit, cause.freedom)
         out.append(
             Smallest(
-                effect.label, effect.meaning, size, None if alone is None else alone * size, unit, always
+                effect.label,
+                effect.meaning,
+                size,
+                None if alone is None else alone * size,
+                effect.parameters[0].unit,
+                always,
+                wanted,
+                None if wanted is None else float(stats.ncx2.sf(beyond, cause.freedom, wanted**2 * strength)),
+                seen.lever_mm(int(joint)) if joint else None,
             )
         )
     found = {each.label for each in out}
-    return tuple(out), tuple(e.label for e in seen.causes if e.label not in found)
+    unseen = tuple(e.label for e in seen.causes if e.label not in found)
+    return Shown(tuple(out), unseen, limit, len(seen.readings.conditions))
+
+
+def seen_from(seen: Seen, limit: float) -> dict[str, float]:
+    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` without its draws."""
+    whiten, odds = odds_of(seen)
+    out = {}
+    for cause in odds.causes:
+        worst = _worst(seen, cause.effect, whiten)
+        if cause.effect.label.partition(":")[0] in WANTED and worst is not None:
+            out[cause.effect.label] = float(np.sqrt(needed(cause.freedom, limit) / worst[0]))
+    return out
+
+
+def _worst(seen: Seen, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
+    """Of a cause in the direction that is seen worst, of the parameters of its first unit: the non-centrality of the
+    square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
+    unit = effect.parameters[0].unit
+    same = [k for k, p in enumerate(effect.parameters) if p.unit == unit]
+    one = (whiten @ seen.columns[seen.causes.index(effect)])[:, same] * to_internal(1.0, unit)
+    values, vectors = np.linalg.eigh(one.T @ one)
+    return None if values[0] < 1e-12 else (float(values[0]), one @ vectors[:, 0])
 
 
 def needed(freedom: int, p_limit: float, chance: float = SEEN) -> float:

@@ -10,7 +10,8 @@ and predictions at the poses of the watch are as sure as its readings, whatever 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,17 +24,15 @@ from calib.watch.cause import Cause
 from calib.watch.judge import Verdict
 from calib.watch.seen import Seen
 
+_PASSING = ("arm_growth", "drift_translation", "drift_rotation")
+"""Causes that are gone when the robot is as warm as it was, or the instrument is."""
+
 
 def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Array, Array]:
     """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
     label of the cause is changed, else the effect is appended."""
     effect = next(e for e in seen.causes if e.label == cause.label)
     prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
-    spread = np.linalg.inv(seen.spread())
-    weighed = spread @ seen.columns[seen.causes.index(effect)]
-    normal = np.linalg.inv(seen.columns[seen.causes.index(effect)].T @ weighed + np.diag(prior**-2.0))
-    acts = np.diag(seen.covariance) > 0.0  # not what the instrument did with time in its own campaign
-    shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ weighed @ normal
     model, old = saved.model, len(saved.estimate)
     if any(p.name in model.index for p in effect.parameters):
         goal, place = model, [model.index[p.name] for p in effect.parameters]
@@ -41,11 +40,38 @@ def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Ar
         goal, place = model.append(effect), list(range(old, old + len(effect.parameters)))
     estimate = np.concatenate([saved.estimate, np.zeros(len(goal.parameters) - old)])
     estimate[place] += cause.values
-    into = np.zeros((len(estimate), old + len(place)))
-    into[:old, :old] = np.eye(old)
-    into[place, old + np.arange(len(place))] += 1.0
-    joint = np.block([[saved.covariance, shared], [shared.T, normal]])
-    return goal, estimate, into @ joint @ into.T
+    change = Change.of(seen, seen.columns[seen.causes.index(effect)], prior)
+    return goal, estimate, change.covariance_of(saved, seen, place, len(estimate))
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change x of some parameters as readings see it: C^-1 A (q, p), and its covariance N (p, p), internal units."""
+
+    weighed: Array
+    normal: Array
+
+    @classmethod
+    def of(cls, seen: Seen, columns: Array, prior: Array) -> Change:
+        """columns (q, p), whitened by noise; prior (p,): usual sizes."""
+        weighed: Array = np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64)
+        information = columns.T @ weighed + np.diag(prior**-2.0)
+        return cls(weighed, np.asarray(np.linalg.inv(information), dtype=np.float64))
+
+    def estimate(self, residual: Array) -> Array:
+        """(p,) of a residual (q,), by the derivative."""
+        return self.normal @ (self.weighed.T @ residual)
+
+    def covariance_of(self, saved: SavedModel, seen: Seen, place: Sequence[int], size: int) -> Array:
+        """(size, size) covariance of the estimate once the change is added at some places of it."""
+        acts = np.diag(seen.covariance) > 0.0  # not what the instrument did with time in its own campaign
+        shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ self.weighed @ self.normal
+        old = len(saved.estimate)
+        into = np.zeros((size, old + len(place)))
+        into[:old, :old] = np.eye(old)
+        into[place, old + np.arange(len(place))] += 1.0
+        joint = np.block([[saved.covariance, shared], [shared.T, self.normal]])
+        return into @ joint @ into.T
 
 
 def cause_to_update(verdict: Verdict) -> Cause:
@@ -58,6 +84,12 @@ def cause_to_update(verdict: Verdict) -> Cause:
     if verdict.kind == "unexplained":
         raise DataError(
             "what has changed is not known: no parameter can be updated.", do="Recalibrate.", file="--update"
+        )
+    if (likeliest := verdict.causes[0][0]).label.partition(":")[0] in _PASSING:
+        raise DataError(
+            f"the cause is {likeliest.label}, which passes: it is no property of the robot.",
+            do=likeliest.remedy,
+            file="--update",
         )
     if verdict.apart:
         names = ", ".join(cause.label for cause, _ in verdict.causes)

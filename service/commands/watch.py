@@ -6,23 +6,23 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import RenderableType
 
 import acquisition
 from acquisition import read_campaign, read_cell
-from acquisition.campaign import Pose
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import replace_file
-from calib.watch import ALONE, RATE, SEEN
-from service import exit_codes, wording
+from calib.watch import RATE
+from service import exit_codes
 from service.commands import options
 from service.commands.cell import campaign as campaigns
 from service.files import STANDARD_OUTPUT
-from service.printed import tables
 from service.printed.terminal import Terminal
+from service.printed.watch_tables import plan_tables, upkeep_tables, verdict_tables
 from service.private import owner_only
-from service.results.watched import JudgeQuestion, Planned, PlanQuestion, Watched, refuse_poses
+from service.results.upkept import Upkeep, UpkeepQuestion
+from service.results.watch_plan import Planned, PlanQuestion, refuse_plan
+from service.results.watched import JudgeQuestion, Watched
 
 app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
@@ -54,6 +54,15 @@ NewFrame = Annotated[
 AllowMissing = Annotated[
     bool, typer.Option("--allow-missing", help="Judge although check poses are missing.")
 ]
+RunningS = Annotated[
+    float | None,
+    typer.Option(
+        "--running-s",
+        min=0.0,
+        metavar="S",
+        help="How long the robot had run, from cold, when the readings began; for models that warm up.",
+    ),
+]
 
 
 @app.command("plan")
@@ -75,6 +84,27 @@ def plan_command(
     one_side: Annotated[
         bool, typer.Option("--one-side", help="Arrive from below on every joint: play is not seen.")
     ] = False,
+    rounds: Annotated[
+        int,
+        typer.Option(
+            "--visits", min=1, max=20, help="Visits to each pose, every other time from the opposite sides."
+        ),
+    ] = 1,
+    touch: Annotated[
+        str | None,
+        typer.Option(
+            "--touch", metavar="BALLS", help="Three or four balls of the cell that the one target touches."
+        ),
+    ] = None,
+    touch_mm: Annotated[
+        float, typer.Option("--touch-mm", min=1e-4, max=1.0, help="How well a touch repeats, mm.")
+    ] = 0.02,
+    new_frame: Annotated[
+        bool,
+        typer.Option(
+            "--new-frame", help="Instrument or artefact will stand elsewhere: a moved base is not seen."
+        ),
+    ] = False,
     rate: Rate = RATE,
     seed: Annotated[int, typer.Option(min=0, help="Draws the candidates.")] = 1,
     robot: options.RobotFile = None,
@@ -85,16 +115,26 @@ def plan_command(
     names = (
         None if targets is None else tuple(dict.fromkeys(n.strip() for n in targets.split(",") if n.strip()))
     )
-    asked = PlanQuestion(poses, candidates, names, offset_deg, not one_side, rate, seed)
+    balls = () if touch is None else tuple(dict.fromkeys(n.strip() for n in touch.split(",") if n.strip()))
+    asked = PlanQuestion(
+        poses, candidates, names, offset_deg, not one_side, rate, seed, rounds, balls, touch_mm, not new_frame
+    )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         found = Planned.of(read_cell(cell), cell, saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
-        replace_file(out, found.campaign)
+        for path, text in found.files(out).items():
+            replace_file(path, text)
         terminal.rest()
-        for shown in _plan_tables(found):
+        for shown in plan_tables(found):
             terminal.out.print(shown)
-        terminal.note(f"Next: truepose watch run {model} {cell} {out} --record DIR")
+        if found.driven:
+            terminal.note(f"Next: truepose watch run {model} {cell} {out} --record DIR")
+        else:
+            terminal.note(
+                f"Nothing drives to contact: touch the ball of each row of {out}, write the joints that the controller "
+                f"shows, and empty its status. Then: truepose watch judge {model} {out}"
+            )
 
 
 @app.command("run")
@@ -109,6 +149,7 @@ def run_command(
     history: HistoryFile = None,
     update: Update = None,
     rate: Rate = RATE,
+    running_s: RunningS = None,
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
@@ -130,14 +171,11 @@ def run_command(
             do="Name a new folder.",
             file=f"--record {record}",
         )
-    visits = [visit for visit in acquisition.checked_plan(the_cell, the_campaign) if visit.kind == "pose"]
-    poses = [Pose(visit.joints_deg, visit.sides, 0.0) for visit in visits]
-    targets = list(dict.fromkeys(target for visit in visits for target in visit.targets))
-    refuse_poses(the_cell, cell, saved, model, poses, targets)
+    refuse_plan(the_cell, cell, saved, model, acquisition.checked_plan(the_cell, the_campaign))
     with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
         campaigns.execute(run, record, None, simulate=simulate, quiet=json == STANDARD_OUTPUT)
     data = acquisition.export(record, record / "watch.csv")
-    judge_command(model, data, history, update, rate, robot=robot, json=json)
+    judge_command(model, data, history, update, rate, running_s=running_s, robot=robot, json=json)
 
 
 @app.command("judge")
@@ -149,6 +187,7 @@ def judge_command(
     rate: Rate = RATE,
     new_frame: NewFrame = False,
     allow_missing: AllowMissing = False,
+    running_s: RunningS = None,
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
@@ -158,11 +197,11 @@ def judge_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
-        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing)
+        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing, running_s)
         found = Watched.of(read_dataset(data), saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         terminal.rest()
-        for shown in _verdict_tables(found):
+        for shown in verdict_tables(found):
             terminal.out.print(shown)
         if found.updated:
             terminal.note(f"updated model: {update}")
@@ -170,58 +209,34 @@ def judge_command(
         raise typer.Exit(found.exit_code)
 
 
-def _plan_tables(found: Planned) -> list[RenderableType]:
-    readings = wording.counted(len(found.poses) * len(found.targets), "reading")
-    shown = tables.grid(
-        f"{len(found.poses)} poses, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
-        "cause",
-        f"seen in {SEEN:.0%}",
-        f"named alone in {ALONE:.0%}",
-        "never told apart from",
-        left=1,
-    )
-    for each in found.plan.seen:
-        alone = "never" if each.always else "-" if each.alone is None else f"{each.alone:.3g} {each.unit}"
-        shown.add_row(each.label, f"{each.size:.3g} {each.unit}", alone, ", ".join(each.always))
-    shown.caption = (
-        "Of tool and base: shifts in the direction that is seen worst. -: more than ten times what is seen."
-    )
-    lines: list[RenderableType] = [shown]
-    if found.plan.unseen:
-        lines.append(f"Not shown by these targets and sides at all: {', '.join(found.plan.unseen)}.")
-    return lines
-
-
-def _verdict_tables(found: Watched) -> list[RenderableType]:
-    verdict = found.verdict
-    shown: list[RenderableType] = [
-        verdict.in_words,
-        f"What to do: {verdict.advice}",
-    ]
-    table = tables.grid(
-        f"The readings against {found.model.name}, at {verdict.rate:.2g} false alarms",
-        "",
-        "T-squared",
-        "limit",
-        "smallest p",
-        "limit",
-        "alarm",
-    )
-    for each in verdict.questions:
-        name = "this watch" if each.watches == 1 else f"mean over {each.watches} watches"
-        table.add_row(
-            name,
-            f"{each.t_squared:.1f} of {each.rows} values",
-            f"{each.limit:.1f}",
-            wording.chance(each.p_value),
-            f"{each.p_limit:.2g}",
-            "yes" if each.alarm else "no",
-        )
-    shown.append(table)
-    if verdict.causes:
-        causes = tables.grid("Causes", "cause", "weight", "size")
-        for cause, weight in verdict.causes:
-            causes.add_row(cause.label, f"{weight:.2f}", str(cause.size))
-        shown.append(causes)
-    shown.append(tables.warnings(found.notes))
-    return shown
+@app.command("upkeep")
+def upkeep_command(
+    model: Baseline,
+    data: options.Data,
+    update: Annotated[
+        Path | None,
+        typer.Option(
+            "--update", metavar="OUT.json", help="Write the model with its thermal parameters updated."
+        ),
+    ] = None,
+    rate: Rate = RATE,
+    allow_missing: AllowMissing = False,
+    running_s: RunningS = None,
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Update how warm the arm is by a few readings, between watches; nothing else is updated."""
+    options.check_outputs({"--json": json, "--update": update}, inputs=(model, *options.files_of(data)))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        saved = options.read_model(model, robot, options.LARGEST)
+        options.note_without_regression(saved, terminal)
+        asked = UpkeepQuestion(update, rate, running_s, allow_missing)
+        found = Upkeep.of(read_dataset(data), saved, model, asked, terminal.say)
+        options.write_result(found.document(), json, terminal)
+        terminal.rest()
+        for shown in upkeep_tables(found):
+            terminal.out.print(shown)
+        if found.thermal and update is not None:
+            terminal.note(f"updated model: {update}")
+    if found.exit_code != exit_codes.DONE:
+        raise typer.Exit(found.exit_code)

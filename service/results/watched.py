@@ -1,30 +1,24 @@
-"""A watched robot, for the command line: the plan (`truepose-watch-plan/1`) and the verdict (`truepose-watch/1`)."""
+"""A watched robot, for the command line: the verdict (`truepose-watch/1`)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import tomli_w
-
-from acquisition import Cell
-from acquisition.campaign import DECIMALS, Pose, draw_poses
-from acquisition.record import planned_header
 from calib import watch
-from calib.data import Dataset, header_of
+from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
-from calib.text import written_by
-from calib.units import DEG
-from calib.watch import Missed, Plan, Seen, Verdict
+from calib.watch import Missed, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
+from service.results.origin import origin_of
+from service.results.upkept import on_its_clock
 
-FORMAT, PLAN_FORMAT = "truepose-watch/1", "truepose-watch-plan/1"
+FORMAT = "truepose-watch/1"
 CODES = {
     "unchanged": exit_codes.DONE,
     "changed": exit_codes.NOT_MET,
@@ -35,168 +29,17 @@ CODES = {
 
 
 @dataclass(frozen=True)
-class PlanQuestion:
-    """What to plan. targets: names, None for all of the cell; offset_deg: from how far every joint arrives; both: from
-    sides drawn for every joint, else from below; rate: of false alarms."""
-
-    poses: int
-    candidates: int
-    targets: tuple[str, ...] | None
-    offset_deg: float
-    both: bool
-    rate: float
-    seed: int
-
-
-@dataclass(frozen=True)
-class Planned:
-    """The check poses of a cell and what they show."""
-
-    cell: Cell
-    model: Path
-    asked: PlanQuestion
-    targets: tuple[str, ...]
-    poses: tuple[Pose, ...]
-    plan: Plan
-
-    @staticmethod
-    def of(
-        cell: Cell,
-        file: Path,
-        saved: SavedModel,
-        model: Path,
-        asked: PlanQuestion,
-        say: Callable[[str], None] = silent,
-    ) -> Planned:
-        """Draw, choose, predict, for the cell of `file`. Raises DataError, ConfigError."""
-        if cell.instrument.declared.measures_lengths:
-            raise DataError(
-                f"the {cell.instrument.name} measures distances; check poses are planned for points.",
-                do="Measure some of the stances of its campaign again, and judge them with truepose watch judge.",
-                key="instrument.driver",
-            )
-        targets = tuple(cell.tool.targets) if asked.targets is None else asked.targets
-        if unknown := [name for name in targets if name not in cell.tool.targets]:
-            raise DataError(
-                f"'{unknown[0]}' is no target of the cell.",
-                do=f"Use {', '.join(cell.tool.targets)}.",
-                key="--targets",
-            )
-        _refuse_one_sided(saved, model, both=asked.both)
-        header = header_of(planned_header(cell), Path(cell.name), "")
-        say(f"drawing {asked.candidates} candidates")
-        drawn = draw_poses(
-            cell,
-            asked.candidates,
-            np.random.default_rng(asked.seed),
-            -asked.offset_deg,
-            both=asked.both,
-            decimals=DECIMALS,
-            targets=targets,
-            fewest=asked.poses,
-        )
-        say(f"choosing {asked.poses} of {len(drawn)}")
-        found = watch.plan(
-            saved,
-            header,
-            cell.robot.model_angles([pose.joints_deg for pose in drawn]),
-            np.array([pose.sides for pose in drawn], dtype=np.float64),
-            np.array([pose.reach_deg for pose in drawn]) * DEG,
-            targets,
-            asked.poses,
-            asked.rate,
-        )
-        poses = tuple(drawn[i] for i in found.chosen)
-        refuse_poses(cell, file, saved, model, poses, targets)
-        return Planned(cell, model, asked, targets, poses, found)
-
-    @property
-    def campaign(self) -> str:
-        """The campaign, as its file has it."""
-        block = {
-            "kind": "poses",
-            "set": "calibration",
-            "select": "list",
-            "targets": list(self.targets),
-            "joints_deg": [list(pose.joints_deg) for pose in self.poses],
-            "approach_sides": [list(pose.sides) for pose in self.poses],
-        }
-        table = {
-            "format": "truepose-campaign/1",
-            "seed": self.asked.seed,
-            "approach": {"offset_deg": -self.asked.offset_deg, "sides": "both" if self.asked.both else "one"},
-            "block": [block],
-        }
-        return f"# Check poses of {self.model.name}, by truepose watch plan.\n{tomli_w.dumps(table)}"
-
-    def document(self) -> dict[str, Any]:
-        """Document of the plan, as JSON has it."""
-        return finite(
-            {
-                "format": PLAN_FORMAT,
-                "cell": self.cell.name,
-                "model": self.model.name,
-                "targets": list(self.targets),
-                "false_alarms": self.asked.rate,
-                "seen_in": watch.SEEN,
-                "alone_in": watch.ALONE,
-                "poses_deg": [list(pose.joints_deg) for pose in self.poses],
-                "sides": [list(pose.sides) for pose in self.poses],
-                "causes": [
-                    {
-                        "label": each.label,
-                        "meaning": each.meaning,
-                        "seen_from": each.size,
-                        "alone_from": each.alone,
-                        "unit": each.unit,
-                        "never_apart_from": list(each.always),
-                    }
-                    for each in self.plan.seen
-                ],
-                "not_seen": list(self.plan.unseen),
-            }
-        )
-
-
-def _refuse_one_sided(saved: SavedModel, model: Path, *, both: bool) -> None:
-    sides = saved.holds_for.get("approach") or ()
-    if both and any(side != "both sides" for side in sides):
-        raise DataError(
-            "was calibrated with joints that came from one side only: play that was always there would look new.",
-            do="Calibrate with approach sides = 'both', or plan with --one-side: play is not seen then.",
-            file=model,
-            key="holds_for.approach",
-        )
-
-
-def refuse_poses(
-    cell: Cell, file: Path, saved: SavedModel, model: Path, poses: Sequence[Pose], targets: Sequence[str]
-) -> None:
-    """Raise DataError where the readings of some poses in the cell of `file` would be no watch of a baseline, before
-    anything moves."""
-    if cell.instrument.declared.measures_lengths or not poses:
-        return
-    would = watch.planned(
-        saved,
-        header_of(planned_header(cell), file, ""),
-        cell.robot.model_angles([pose.joints_deg for pose in poses]),
-        np.array([pose.sides for pose in poses], dtype=np.float64),
-        np.array([pose.reach_deg for pose in poses]) * DEG,
-        targets,
-    )
-    watch.refuse_unlike(saved, replace(would, path=file), model, frame_known=True, missing_allowed=False)
-
-
-@dataclass(frozen=True)
 class JudgeQuestion:
     """How to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether robot and
-    instrument stand where they stood; missing_allowed: whether check poses may be missing."""
+    instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how long the
+    robot had run, from cold, when the readings began, None where nobody said."""
 
     history: Path | None = None
     update: Path | None = None
     rate: float = watch.RATE
     frame_known: bool = True
     missing_allowed: bool = False
+    running_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -223,6 +66,7 @@ class Watched:
         notes = saved.notes + watch.refuse_unlike(
             saved, dataset, model, frame_known=asked.frame_known, missing_allowed=asked.missing_allowed
         )
+        dataset = on_its_clock(saved, dataset, model, asked.running_s)
         history = None if asked.history is None else watch.read_history(asked.history)
         say("judging")
         seen = Seen.of(saved, dataset, frame_known=asked.frame_known)
@@ -250,11 +94,11 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict, header = self.verdict, self.dataset.header
+        verdict = self.verdict
         return finite(
             {
                 "format": FORMAT,
-                "program": written_by(),
+                **origin_of(self.dataset),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,
@@ -287,12 +131,6 @@ class Watched:
                 "model": self.model.name,
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
-                "robot": header.robot.name,
-                "device": [dict(each) for each in header.devices],
-                "measured": None
-                if header.occasion is None
-                else {"began": header.occasion.began, "ended": header.occasion.ended},
-                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }

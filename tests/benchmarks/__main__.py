@@ -43,7 +43,9 @@ from tests.benchmarks import (
     selection,
     status,
     stop,
+    upkeep,
     watch,
+    watch_plans,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -72,6 +74,8 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "watch": (watch.run, 100),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
+    "watch_plans": (watch_plans.run, 500),
+    "upkeep": (upkeep.run, 10),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),
     "path": (path.run, None),

@@ -19,6 +19,7 @@ from calib.saved import SavedModel, as_saved
 from calib.units import DEG
 from calib.watch import (
     Seen,
+    Visits,
     append,
     as_updated,
     baseline_hash,
@@ -72,7 +73,7 @@ def measure(
             drawn = world.draw_effect(label)
             values |= dict.fromkeys(drawn.constants, 0.0)
             world.effects = [drawn.with_values(**values)]
-        template = planned(saved, calibration.header, joints, sides, reach, ("T1", "T2"))
+        template = planned(saved, calibration.header, Visits.of_points(joints, sides, reach, ("T1", "T2")))
         points = []
         for i, (q, side) in enumerate(zip(np.degrees(joints), sides, strict=True)):
             at, from_side = tuple(q.tolist()), tuple(int(s) for s in side)
@@ -237,9 +238,9 @@ def test_the_frame_on_nests_is_as_uncertain_as_its_fit() -> None:
 def test_a_plan_says_what_is_seen_and_what_never_alone(
     saved: SavedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
 ) -> None:
-    found = plan(saved, calibration.header, *candidates, ("T2",), 8)
+    found = plan(saved, calibration.header, Visits.of_points(*candidates, ("T2",)), 8)
     assert len(set(found.chosen)) == 8
-    by_label = {each.label: each for each in found.seen}
+    by_label = {each.label: each for each in found.shown.causes}
     assert by_label["joint_step:j1"].always == ("base_shift",)
     assert by_label["joint_step:j6"].always == ("tool_shift",)
     assert by_label["joint_step:j3"].always == ()
@@ -248,18 +249,21 @@ def test_a_plan_says_what_is_seen_and_what_never_alone(
     noisy = replace(
         calibration.header, noise=replace(calibration.header.noise, transverse_mm=0.1, range_mm=0.1)
     )
-    worse = {each.label: each for each in plan(saved, noisy, *candidates, ("T2",), 8).seen}
+    worse = {
+        each.label: each
+        for each in plan(saved, noisy, Visits.of_points(*candidates, ("T2",)), 8).shown.causes
+    }
     assert worse["joint_step:j3"].size > 2.0 * by_label["joint_step:j3"].size
     with pytest.raises(DataError, match="poses"):
-        plan(saved, calibration.header, *candidates, ("T2",), 3)
+        plan(saved, calibration.header, Visits.of_points(*candidates, ("T2",)), 3)
 
 
 def test_from_one_side_no_play_is_seen(
     saved: SavedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
 ) -> None:
     joints, sides, reach = candidates
-    found = plan(saved, calibration.header, joints, np.ones_like(sides), reach, ("T2",), 6)
-    assert not any(each.label.startswith("backlash") for each in found.seen)
+    found = plan(saved, calibration.header, Visits.of_points(joints, np.ones_like(sides), reach, ("T2",)), 6)
+    assert not any(each.label.startswith("backlash") for each in found.shown.causes)
 
 
 def _warm(data: Dataset) -> Dataset:

@@ -62,6 +62,17 @@ def test_a_server_that_is_away_for_an_hour(postgres: Cluster, server: str) -> No
         assert len(store.documents()) == 2
 
 
+def test_a_server_that_began_anew_between_two_questions(postgres: Cluster, server: str) -> None:
+    with Store.open(server) as store:
+        store.add(model({"d1": 1.0}))
+        postgres.stop()
+        postgres.start()
+        assert len(store.documents()) == 1
+        postgres.stop()
+        postgres.start()
+        assert store.add(model({"d1": 2.0}, day=1)).state == "new"
+
+
 def _at(store: Store, table: str, act: Callable[[], object]) -> None:
     """Act once, just before rows of a table are put in."""
     left = [act]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import pytest
@@ -57,7 +57,7 @@ def serving(*answers: bytes, reads: Callable[[bytes], bool] | None = None) -> It
         server.close()
 
 
-def http(status: int, body: bytes | dict[str, object] = b"", *headers: str) -> bytes:
+def http(status: int, body: bytes | Mapping[str, object] = b"", *headers: str) -> bytes:
     content = body if isinstance(body, bytes) else json.dumps(body).encode()
     lines = [
         f"HTTP/1.1 {status} Some reason",

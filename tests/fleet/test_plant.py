@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +55,9 @@ def about(document: Document, **other: str) -> dict[str, str]:
     } | other
 
 
-def put(client: TestClient, document: Document, headers: Mapping[str, str] = CELL, **other: str) -> Response:
+def put(client: TestClient, document: Document, **other: str) -> Response:
     path = f"/api/v1/documents/{other.pop('hash', document.hash)}"
-    return client.put(path, content=document.content, params=about(document, **other), headers=dict(headers))
+    return client.put(path, content=document.content, params=about(document, **other), headers=CELL)
 
 
 def test_a_document_is_acknowledged_kept_and_read_back(client: TestClient) -> None:
@@ -302,7 +302,7 @@ def test_lists_are_asked_by_robot_kind_and_time(client: TestClient) -> None:
 
 
 def test_a_document_of_the_largest_size_is_taken(client: TestClient) -> None:
-    head, tail = b'{"format": "truepose-thermal/1", "padding": "', b'"}'
+    head, tail = b'{"format": "truepose-run/1", "padding": "', b'"}'
     content = head + b"x" * (LARGEST - len(head) - len(tail)) + tail
-    sent = Document("thermal", documents.ROBOT, "cell-1", "large", documents.BEGAN, content)
+    sent = Document("campaign", documents.ROBOT, "cell-1", "large", documents.BEGAN, content)
     assert put(client, sent).status_code == 201

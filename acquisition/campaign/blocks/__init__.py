@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.campaign.blocks import ballbar_geometry, hexapod, path, poses, repeat, sphere, sweep
+from acquisition.campaign.blocks import ballbar_geometry, hexapod, legs, path, poses, repeat, sphere, sweep
 from acquisition.campaign.blocks.block import Approach, Block, Recipe, Settle, read_approach, read_settle
 from calib.text import TomlTable
 
@@ -30,6 +30,7 @@ KINDS: Mapping[str, Kind] = {
     "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
     "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
     "hexapod": Kind(hexapod.KEYS, _FITTED, hexapod.read),
+    "legs": Kind(legs.KEYS, _FITTED, legs.read),
     "ballbar_geometry": Kind(ballbar_geometry.KEYS, ("calibration",), ballbar_geometry.read),
     "path": Kind(path.KEYS, _FITTED, path.read),
     "sphere": Kind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),

@@ -21,6 +21,8 @@ KINDS = (
         ),
         apart=(OTHER_WARMTH, OTHER_STATION),
         by_clock=True,
+        changed="The instrument slid while it measured, by {size}.",
+        remedy="Let the instrument warm up on a firm stand, and measure again.",
     ),
     Kind(
         "drift_rotation",
@@ -31,6 +33,8 @@ KINDS = (
         ),
         apart=(OTHER_WARMTH, OTHER_STATION),
         by_clock=True,
+        changed="The instrument turned while it measured, by {size}.",
+        remedy="Let the instrument warm up on a firm stand, and measure again.",
     ),
 )
 
@@ -53,6 +57,11 @@ def drift_rotation() -> Effect:
         "The instrument turns about its station with time.",
         acts,
     )
+
+
+def changes(survey: Survey) -> list[Effect]:
+    """Both, while the check poses are measured, where the readings carry their time."""
+    return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:

@@ -71,9 +71,11 @@ def demo_command(
                 sender = ["fleet", "send", str(cell), "--to", url, "--token-file", str(out / "tokens")]
                 sender += ["--cell", cell.name, "--simulated", "--every", f"{SEND_S:g}"]
                 stack.enter_context(commands.beside(*sender))
+            shown = shlex.quote(place if store is None else "URL")  # a password stays where it was typed
             ask = f"curl -H 'Authorization: Bearer {tokens.viewer}' {url}/api/v1"
             _say(
                 f"robots: {ask}/robots",
+                f"        truepose history robots --store {shown}",
                 f"trend:  {ask}/robots/{_serial(1)}/trend?parameter=d2",
                 "Ctrl-C ends everything; what was sent is kept, what was not waits in its outbox.",
             )

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import acquisition
 from acquisition import State, read_status
 from calib.errors import DataError
-from calib.text import program
+from calib.text import written_by
 from drivers.errors import AcquisitionError
 from fleet.outbox import Cell, read_data
 from fleet.store import Document
@@ -32,7 +32,7 @@ def read_record(path: Path, cell: Cell) -> list[Document]:
         raise DataError(refusals.cause(error), do=refusals.remedy(error), file=folder) from error
     summary = {
         "format": FORMAT,
-        "program": program(),
+        "program": written_by(),
         "id": status.id,
         "name": status.name,
         "state": status.state,

@@ -184,6 +184,24 @@ class HexapodBlock(_Block):
     ]
 
 
+class LegsBlock(_Block):
+    """Given poses at which a ballbar measures given legs: the check poses of a watch."""
+
+    kind: Annotated[Literal["legs"], told("The kind of block.", "legs")]
+    set: NotRequired[Set]
+    joints_deg: Annotated[list[Joints], told("The poses, deg.", [[0.0, 20.0, 0.0, 0.0, 60.0, 0.0]])]
+    legs: Annotated[
+        list[list[list[str]]],
+        told("Of every pose its legs: target and ball on the base.", [[["T1", "B1"], ["T2", "B1"]]]),
+    ]
+    approach_sides: NotRequired[
+        Annotated[
+            list[list[int]],
+            told("+1 (from below) or -1 for every joint of every pose.", [[1, 1, -1, 1, -1, 1]]),
+        ]
+    ]
+
+
 class BallbarGeometryBlock(_Block):
     """The sides of the triangles of the tool targets and of the balls on the base; the robot takes no part."""
 
@@ -239,6 +257,7 @@ BlockTable = (
     | SweepBlock
     | CirclePointBlock
     | HexapodBlock
+    | LegsBlock
     | BallbarGeometryBlock
     | PathBlock
     | SphereBlock

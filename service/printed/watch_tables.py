@@ -1,0 +1,136 @@
+"""The plan and the verdict of a watch as tables of a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import RenderableType
+
+from calib.watch import ALONE, SEEN, Proposal
+from service import wording
+from service.printed import tables
+from service.results.upkept import Upkeep
+from service.results.watch_plan import Planned
+from service.results.watched import Watched
+
+_PROPOSALS = 4
+
+
+def plan_tables(found: Planned) -> list[RenderableType]:
+    """What the check poses show, and what it would take to see more."""
+    causes = found.plan.shown.causes
+    poses = wording.counted(found.asked.poses, "pose")
+    rounds = "" if found.asked.rounds == 1 else f" {found.asked.rounds} times each"
+    readings = wording.counted(found.plan.shown.readings, "reading")
+    shown = tables.grid(
+        f"{poses}{rounds}, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
+        "cause",
+        f"seen in {SEEN:.0%}",
+        f"named alone in {ALONE:.0%}",
+        "should be seen",
+        "seen in",
+        "never told apart from",
+        left=1,
+    )
+    for each in causes:
+        alone = "never" if each.always else "-" if each.alone is None else f"{each.alone:.3g} {each.unit}"
+        wanted = "" if each.wanted is None else f"{each.wanted:g} {each.unit}"
+        share = "" if each.share is None else f"{each.share:.0%}"
+        shown.add_row(
+            each.label, f"{each.size:.3g} {each.unit}", alone, wanted, share, ", ".join(each.always)
+        )
+    shown.caption = (
+        "Of tool and base: shifts in the direction that is seen worst. -: more than ten times what is seen."
+    )
+    lines: list[RenderableType] = [shown]
+    if found.plan.shown.unseen:
+        lines.append(f"Not shown by these readings at all: {', '.join(found.plan.shown.unseen)}.")
+    if found.proposals:
+        lines += _proposals(found.proposals)
+        lines += _lever(found)
+    return lines
+
+
+def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
+    table = tables.grid(
+        "What would show every cause from the size at which it should be seen, at these poses",
+        "targets",
+        "visits to each pose",
+        "readings",
+        "",
+        left=1,
+    )
+    for each in proposals[:_PROPOSALS]:
+        unit = "deg" if each.label.startswith(("joint_step", "backlash")) else "mm"
+        told = "" if each.reached else f"not reached: {each.label} from {each.size:.3g} {unit}"
+        table.add_row(", ".join(each.targets), str(each.rounds), str(each.readings), told)
+    return [table]
+
+
+def _lever(found: Planned) -> list[str]:
+    """How far off its axis a target would have to be for the joint that is missed by most, or that more readings do not
+    help."""
+    if not any(each.reached for each in found.proposals):
+        return [
+            "More readings do not reach it: what the baseline is uncertain by, or leaves on its validation readings,"
+            " stays. Calibrate with more poses, and diagnose."
+        ]
+    missed = [c for c in found.plan.shown.causes if c.share is not None and c.share < SEEN and c.wanted]
+    worst = max(missed, key=lambda c: c.size / (c.wanted or 1.0), default=None)
+    if worst is None or worst.lever_mm is None or worst.wanted is None:
+        return []
+    return [
+        f"{worst.label}: these targets are {worst.lever_mm:.0f} mm off its axis; with as many readings one "
+        f"{worst.lever_mm * worst.size / worst.wanted:.0f} mm off shows {worst.wanted:g} {worst.unit}."
+    ]
+
+
+def verdict_tables(found: Watched) -> list[RenderableType]:
+    """The verdict, the questions that were asked of the readings, and the causes."""
+    verdict = found.verdict
+    shown: list[RenderableType] = [
+        verdict.in_words,
+        f"What to do: {verdict.advice}",
+    ]
+    table = tables.grid(
+        f"The readings against {found.model.name}, at {verdict.rate:.2g} false alarms",
+        "",
+        "T-squared",
+        "limit",
+        "smallest p",
+        "limit",
+        "alarm",
+    )
+    for each in verdict.questions:
+        name = "this watch" if each.watches == 1 else f"mean over {each.watches} watches"
+        table.add_row(
+            name,
+            f"{each.t_squared:.1f} of {each.rows} values",
+            f"{each.limit:.1f}",
+            wording.chance(each.p_value),
+            f"{each.p_limit:.2g}",
+            "yes" if each.alarm else "no",
+        )
+    shown.append(table)
+    if verdict.causes:
+        causes = tables.grid("Causes", "cause", "weight", "size")
+        for cause, weight in verdict.causes:
+            causes.add_row(cause.label, f"{weight:.2f}", str(cause.size))
+        shown.append(causes)
+    shown.append(tables.warnings(found.notes))
+    return shown
+
+
+def upkeep_tables(found: Upkeep) -> list[RenderableType]:
+    """What is thermal, and whether the rest is chance."""
+    rest = found.found.rest.questions[0]
+    table = tables.grid("Thermal parameters", "parameter", "before", "now", "U (k = 2)", "", left=1)
+    for name, before, now, u, unit in found.rows:
+        table.add_row(name, f"{before:.4g}", f"{now:.4g}", f"{u:.2g}", unit)
+    return [
+        found.in_words,
+        f"What to do: {found.advice}",
+        f"Beside it T-squared is {rest.t_squared:.1f} of {rest.rows} values, the limit {rest.limit:.1f}.",
+        table,
+        tables.warnings(found.notes),
+    ]

@@ -1,0 +1,299 @@
+"""The plan of a watch, for the command line (`truepose-watch-plan/1`): check poses for each kind of instrument.
+
+An instrument that sees points or poses, and one that is read by hand: poses drawn at random. A ballbar: stances of its
+six legs, at joints at which the model has them within the stroke. A touched artefact (`touch`): poses in which a target
+of the tool sits in balls at known places; nothing drives to contact, so the plan is a data set to be filled in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import Cell
+from acquisition.campaign import Arrival, Pose, Visit, drawn_poses, stance_poses, touch_poses
+from acquisition.record import planned_header
+from calib import watch
+from calib.data import Header, header_of
+from calib.errors import DataError
+from calib.fit import silent
+from calib.saved import SavedModel
+from calib.units import DEG
+from calib.watch import Plan, Proposal, Visits
+from service.plain import finite
+from service.results.watch_files import campaign_of, touched_files
+
+PLAN_FORMAT = "truepose-watch-plan/1"
+_STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
+_CORRECTED_DEG = 2.0  # by which a calibrated robot's joints differ from the nominal ones at most
+_SIDES_EACH = 4  # choices of sides for every stance
+_SETS = 12  # choices of targets that are compared
+
+
+@dataclass(frozen=True)
+class PlanQuestion:
+    """What to plan. targets: names, None for all of the cell; offset_deg: from how far every joint arrives; both: from
+    sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose is visited; touch:
+    balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats; frame_known: whether
+    instrument or artefact will stand where they stood."""
+
+    poses: int
+    candidates: int
+    targets: tuple[str, ...] | None
+    offset_deg: float
+    both: bool
+    rate: float
+    seed: int
+    rounds: int = 1
+    touch: tuple[str, ...] = ()
+    touch_mm: float = 0.02
+    frame_known: bool = True
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The check poses of a cell and what they show. poses: one for each visit, in order; balls: that each
+    touches; proposals: what it would take to see every cause from the size that it should be seen at, where these poses
+    do not."""
+
+    cell: Cell
+    model: Path
+    asked: PlanQuestion
+    targets: tuple[str, ...]
+    poses: tuple[Pose, ...]
+    balls: tuple[str, ...]
+    plan: Plan
+    proposals: tuple[Proposal, ...]
+
+    @staticmethod
+    def of(
+        cell: Cell,
+        file: Path,
+        saved: SavedModel,
+        model: Path,
+        asked: PlanQuestion,
+        say: Callable[[str], None] = silent,
+    ) -> Planned:
+        """Draw, choose, predict, for the cell of `file`. Raises DataError, ConfigError."""
+        targets = _targets(cell, asked)
+        _refuse_one_sided(saved, model, both=asked.both)
+        say("drawing candidates")
+        balls: list[str] = []
+        arrival = Arrival(asked.offset_deg, asked.both, opposite=asked.rounds > 1)
+        rng = np.random.default_rng(asked.seed)
+        lengths = cell.instrument.declared.measures_lengths
+        if asked.touch:
+            drawn, sat = touch_poses(cell, asked.candidates, targets[0], asked.touch, arrival, rng)
+            balls = [ball for ((_, ball),) in sat]
+            read = [((targets[0], ""),)] * len(sat)
+        elif lengths:
+            drawn, read = stance_poses(cell, _SIDES_EACH, arrival, rng)
+        else:
+            drawn, read = drawn_poses(cell, asked.candidates, asked.poses, targets, arrival, rng)
+        header = _header_of(cell, file, asked)
+        candidates = _visits(cell, drawn, read)
+        moving = np.flatnonzero(np.all(candidates.sides != 0.0, axis=1))
+        drawn, candidates = [drawn[i] for i in moving], candidates.take(moving)
+        balls = [balls[i] for i in moving] if balls else []
+        if lengths and not asked.touch:
+            keep, candidates = _in_stroke(cell, saved, header, candidates)
+            drawn = [_moved(cell, drawn[i], q) for i, q in zip(keep, candidates.joints, strict=True)]
+        say(f"choosing {asked.poses} of {len(drawn)}")
+        found = watch.plan(
+            saved,
+            header,
+            candidates,
+            asked.poses,
+            asked.rate,
+            times=asked.rounds,
+            frame_known=asked.frame_known,
+        )
+        once = tuple(drawn[i] for i in found.chosen)
+        poses = tuple(
+            pose._replace(sides=tuple(int((-1) ** k * side) for side in pose.sides))
+            for k in range(asked.rounds)
+            for pose in once
+        )
+        chosen = found.visits
+        refuse_visits(saved, header, chosen, file, model, frame_known=asked.frame_known)
+        proposals = ()
+        if not lengths and not asked.touch and any((c.share or 1.0) < watch.SEEN for c in found.shown.causes):
+            say("comparing targets and rounds")
+            proposals = watch.proposals(
+                saved,
+                header,
+                chosen.take(range(asked.poses)),
+                _choices(cell, saved, targets),
+                found.shown.limit,
+                frame_known=asked.frame_known,
+            )
+        touched = tuple(balls[i] for i in found.chosen) * asked.rounds if balls else ()
+        return Planned(cell, model, asked, targets, poses, touched, found, proposals)
+
+    @property
+    def driven(self) -> bool:
+        """Whether `truepose watch run` can drive the plan; a touched artefact is touched by a person."""
+        return not self.asked.touch
+
+    def files(self, out: Path) -> dict[Path, str]:
+        """What is written, by path: the campaign, or the data set to be filled in with its header."""
+        if self.driven:
+            return {out: campaign_of(self.model.name, self.asked, self.targets, self.poses, self.plan.visits)}
+        return touched_files(out, self.cell, self.asked, self.targets[0], self.poses, self.balls)
+
+    def document(self) -> dict[str, Any]:
+        """Document of the plan, as JSON has it."""
+        return finite(
+            {
+                "format": PLAN_FORMAT,
+                "cell": self.cell.name,
+                "model": self.model.name,
+                "instrument": "touch" if self.asked.touch else self.cell.instrument.name,
+                "targets": list(self.targets),
+                "rounds": self.asked.rounds,
+                "readings": self.plan.shown.readings,
+                "false_alarms": self.asked.rate,
+                "seen_in": watch.SEEN,
+                "alone_in": watch.ALONE,
+                "poses_deg": [list(pose.joints_deg) for pose in self.poses],
+                "sides": [list(pose.sides) for pose in self.poses],
+                "causes": [
+                    {
+                        "label": each.label,
+                        "meaning": each.meaning,
+                        "seen_from": each.size,
+                        "alone_from": each.alone,
+                        "unit": each.unit,
+                        "never_apart_from": list(each.always),
+                        "wanted": each.wanted,
+                        "share_seen_at_wanted": each.share,
+                        "lever_mm": each.lever_mm,
+                    }
+                    for each in self.plan.shown.causes
+                ],
+                "not_seen": list(self.plan.shown.unseen),
+                "proposals": [
+                    {
+                        "targets": list(each.targets),
+                        "rounds": each.rounds,
+                        "readings": each.readings,
+                        "reached": each.reached,
+                        "worst": {"label": each.label, "seen_from": each.size},
+                    }
+                    for each in self.proposals
+                ],
+            }
+        )
+
+
+def _targets(cell: Cell, asked: PlanQuestion) -> tuple[str, ...]:
+    """The targets that are asked for. Raises DataError for what the cell does not have or cannot do."""
+    targets = tuple(cell.tool.targets) if asked.targets is None else asked.targets
+    if unknown := [name for name in targets if name not in cell.tool.targets]:
+        raise DataError(
+            f"'{unknown[0]}' is no target of the cell.",
+            do=f"Use {', '.join(cell.tool.targets)}.",
+            key="--targets",
+        )
+    if unknown := [name for name in asked.touch if name not in cell.nests]:
+        raise DataError(
+            f"'{unknown[0]}' is no ball of the cell.",
+            do=f"Name balls whose places [world] nests has: {', '.join(cell.nests)}.",
+            key="--touch",
+        )
+    if asked.touch and len(targets) != 1:
+        raise DataError("one ball of the tool touches.", do="Name it: --targets T1.", key="--targets")
+    if asked.touch and not 3 <= len(asked.touch) <= 4:
+        raise DataError(f"names {len(asked.touch)} balls.", do="Name three or four.", key="--touch")
+    if not asked.touch and cell.instrument.declared.measures_lengths and asked.targets is not None:
+        raise DataError(
+            "is for instruments that see points: a ballbar takes the first three.",
+            do="Leave it out.",
+            key="--targets",
+        )
+    return targets[:3] if cell.instrument.declared.measures_lengths and not asked.touch else targets
+
+
+def _header_of(cell: Cell, file: Path, asked: PlanQuestion) -> Header:
+    values = planned_header(cell)
+    if asked.touch:
+        values["noise"] = {
+            "kind": "isotropic",
+            "sigma_mm": asked.touch_mm,
+            "repeatability_deg": cell.robot.repeatability_deg,
+        }
+        values = {k: v for k, v in values.items() if k not in ("nests", "base_targets", "base_targets_u_mm")}
+    return header_of(values, file, "")
+
+
+def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, str], ...]]) -> Visits:
+    """The visits as the model counts joints; a side is 0 where a joint of the model stays where it is, since two of the
+    controller's turn against each other."""
+    joints = cell.robot.model_angles([pose.joints_deg for pose in poses])
+    moved = joints - cell.robot.model_angles(
+        [np.subtract(pose.joints_deg, np.multiply(pose.sides, 1.0)) for pose in poses]
+    )
+    return Visits(
+        joints,
+        np.where(np.abs(moved) < 1e-9, 0.0, np.sign(moved)),
+        np.array([pose.reach_deg for pose in poses]) * DEG,
+        tuple(read),
+    )
+
+
+def _in_stroke(cell: Cell, saved: SavedModel, header: Header, candidates: Visits) -> tuple[list[int], Visits]:
+    """The candidates whose legs the model brings within the stroke, by index and with their joints."""
+    found, off = watch.within_stroke(saved, header, candidates, cell.instrument.nominal_mm)
+    near = np.max(np.abs(found.joints - candidates.joints), axis=1) < _CORRECTED_DEG * DEG
+    keep = np.flatnonzero((off < _STROKE_MM) & near).tolist()
+    return keep, found.take(keep)
+
+
+def _moved(cell: Cell, pose: Pose, joints: np.ndarray) -> Pose:
+    """The pose with other joints of the model, rad, as the controller counts them."""
+    robot = cell.robot.model
+    counted = robot.controller_angles(joints[None], cell.robot.coupling)[0] / robot.joint_units
+    return pose._replace(joints_deg=tuple(round(float(q), 4) for q in counted))
+
+
+def _choices(cell: Cell, saved: SavedModel, targets: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The targets that are asked for, and every other choice among those of cell and model, few first."""
+    known = [name for name in cell.tool.targets if name in next(iter(saved.model.targets.values()))]
+    every = [some for count in range(1, len(known) + 1) for some in combinations(known, count)]
+    return list(dict.fromkeys([targets, *every]))[:_SETS]
+
+
+def _refuse_one_sided(saved: SavedModel, model: Path, *, both: bool) -> None:
+    sides = saved.holds_for.get("approach") or ()
+    if both and any(side != "both sides" for side in sides):
+        raise DataError(
+            "was calibrated with joints that came from one side only: play that was always there would look new.",
+            do="Calibrate with approach sides = 'both', or plan with --one-side: play is not seen then.",
+            file=model,
+            key="holds_for.approach",
+        )
+
+
+def refuse_visits(
+    saved: SavedModel, header: Header, visits: Visits, file: Path, model: Path, *, frame_known: bool = True
+) -> None:
+    """Raise DataError where the readings of some visits in the cell of `file` would be no watch of a baseline."""
+    would = replace(watch.planned(saved, header, visits), path=file)
+    watch.refuse_unlike(saved, would, model, frame_known=frame_known, missing_allowed=False)
+
+
+def refuse_plan(cell: Cell, file: Path, saved: SavedModel, model: Path, visits: Sequence[Visit]) -> None:
+    """Raise DataError where the readings of a campaign's visits would be no watch of a baseline, before anything
+    moves."""
+    those = [visit for visit in visits if visit.kind == "pose"]
+    if not those:
+        return
+    poses = [Pose(visit.joints_deg, visit.sides, 0.0) for visit in those]
+    read = [tuple((target, base or "") for target, base in visit.readings) for visit in those]
+    header = header_of(planned_header(cell), file, "")
+    refuse_visits(saved, header, _visits(cell, poses, read), file, model)
