@@ -1,7 +1,7 @@
 """A model file of which a few parameters were updated: the old file with other numbers, and where they come from.
 
 What was not looked at again (data, conditions, held-out error, regression) stays as it was; `updates` says what is
-newer, oldest first.
+newer, oldest first; `measured` is that of the readings it was updated by.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ def save_update(
     document = {
         **old,
         "program": written_by(),
+        **({"measured": {"began": began, "ended": began}} if (began := update.get("measured")) else {}),
         "parameters": parameters_of(model, estimate, np.sqrt(np.diag(covariance))),
         "effects": [effect.to_json() for effect in model.effects],
         "covariance_internal_units": triangle(covariance),

@@ -1,7 +1,7 @@
 """The check poses: the few of many candidates whose readings say most about what may have changed.
 
-The unknowns are the baseline's error e ~ P, the frame f, and the parameters x of all causes with a tenth of their usual
-size as prior. The information of poses adds up, M = M_0 + sum X_i' X_i over the rows of each pose, and
+The unknowns are the baseline's error e ~ P, the frame f, and the parameters x of the lasting causes with a tenth of
+their usual size as prior. The information of poses adds up, M = M_0 + sum X_i' X_i over the rows of each pose, and
 
     log det M - log det M_ef
 
@@ -20,6 +20,7 @@ from calib.units import to_internal
 from calib.watch.seen import Seen
 
 _NOTICED = 0.1  # of the usual size
+_PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them
 _ROUNDS = 6
 _RIDGE = 1e-6
 
@@ -27,8 +28,9 @@ _RIDGE = 1e-6
 def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
     """The visits to take, of those that `seen` has rows of, each with as many as any other; visit (q,): to which each
     row belongs. Ascending."""
-    sizes = [_NOTICED * to_internal(p.size or 1.0, p.unit) for e in seen.causes for p in e.parameters]
-    causes = np.column_stack(seen.columns) * np.array(sizes)
+    wanted = [i for i, e in enumerate(seen.causes) if e.label not in _PASSING]
+    sizes = [_NOTICED * to_internal(p.size or 1.0, p.unit) for i in wanted for p in seen.causes[i].parameters]
+    causes = np.column_stack([seen.columns[i] for i in wanted]) * np.array(sizes)
     shared = _shared(seen)
     rows = np.column_stack([shared, causes])
     visits = int(visit.max()) + 1

@@ -21,12 +21,19 @@ _SAME_MM, _SAME_KG = 1e-3, 1e-3
 
 
 def refuse_unlike(
-    saved: SavedModel, dataset: Dataset, path: Path, *, frame_known: bool, missing_allowed: bool
+    saved: SavedModel,
+    dataset: Dataset,
+    path: Path,
+    *,
+    frame_known: bool,
+    missing_allowed: bool,
+    warmth_known: bool = True,
 ) -> tuple[str, ...]:
     """Raise DataError where readings cannot be judged by the baseline of the file `path`; returns what could not be
     checked.
 
-    frame_known False: robot or instrument stand elsewhere on purpose; missing_allowed: poses may be missing.
+    frame_known False: robot or instrument stand elsewhere on purpose; missing_allowed: poses may be missing;
+    warmth_known False: how warm the robot is is what the readings are to say.
     """
     refuse_other_robot(saved, dataset, path)
     notes = _robot(saved, dataset, path)
@@ -45,7 +52,7 @@ def refuse_unlike(
             key="series",
         )
     _same_tool(saved, dataset)
-    notes += _same_warmth(saved, dataset)
+    notes += _same_warmth(saved, dataset) if warmth_known else ()
     notes += _same_frame(saved, dataset) if frame_known else ()
     _same_sides(saved, dataset)
     gone = missing(dataset)

@@ -29,6 +29,7 @@ from calib.saved import SavedModel
 from calib.watch.baseline import in_series, without_drifts
 from calib.watch.frame import frame_covariance, frame_effect
 from calib.watch.lack import scatter_beyond
+from calib.watch.placed import placed
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class Seen:
         """
         model, dataset = saved.model, in_series(saved.model, dataset)
         estimate, covariance = without_drifts(saved)
+        dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
         design = Design(model, readings.conditions)
         causes = _causes(model, estimate, saved, dataset, readings)

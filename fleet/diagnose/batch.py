@@ -71,7 +71,8 @@ def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagno
     """
     if this_program() != order.expected:
         raise EngineGone(
-            f"a worker runs TruePose {this_program()}, this is {order.expected}.", do="Install the same there."
+            f"a worker runs TruePose {this_program()}, this is {order.expected}.",
+            do="Install the same there.",
         )
     jobs = {order.job(source): source for source in sources}
     refused = twice = done = 0

@@ -60,6 +60,8 @@ class Crew:
             return said
         answers: Any = self._client.run(_enrol, self._expected, workers=new, on_error="return")
         for address, told in answers.items():
+            if isinstance(told, OSError):  # it has just gone, or is asked again
+                continue
             why = self._why_not(told)
             if why:
                 self.refused[address] = why

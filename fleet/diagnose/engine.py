@@ -20,6 +20,8 @@ from fleet.diagnose.errors import EngineGone
 LOOPBACK = "127.0.0.1"
 CONNECT_S = 10
 _PLAIN = {
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.deploy.lost-worker-timeout": "1h",  # a busy computer takes its time to begin another one
     "distributed.scheduler.http.routes": [],  # pages that nobody asked for
     "distributed.worker.http.routes": [],
     "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second

@@ -7,12 +7,12 @@ the same call later does what is left.
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 from distributed import Client, Future, KilledWorker, wait
-from distributed.client import FuturesCancelledError
 from distributed.comm.core import CommClosedError
 
 from fleet.diagnose.batch import Order, work_off
@@ -26,7 +26,9 @@ BATCH_S = 5.0
 """So long a batch shall take: a thousand times what the scheduler spends on it, and little is lost with a worker."""
 AHEAD = 2  # batches for every worker: the next one is there when one is done
 PATIENCE_S = 60.0  # without a worker
-LOOK_S = 1.0
+LOOK_S = 2.0
+STRIKES = 2  # losses after which a data set is given by itself; once more, and it is the one that does it
+_ENDS_WORKERS = "its worker ended each time that it was tried: too little memory?"
 _AGAIN = "What is done is kept: see to it, then run the same command again."
 
 
@@ -49,11 +51,12 @@ class Run:
         self._client, self._order, self._tell = client, order, tell
         self._crew = Crew(client, order.expected)
         self._waiting = deque(sources)
-        self._alone: deque[Source] = (
-            deque()
-        )  # each by itself: of a batch that failed, to find the one that does it
+        self._alone: deque[Source] = deque()  # of batches that failed; they wait to be given by themselves
+        self._strikes = Counter[Source]()  # how often it was out when workers were lost
+        self._by_itself: Future | None = None  # the last one given so
         self._held: list[Source] = []  # somebody else works on them; asked again later
         self._out: dict[Future, tuple[Source, ...]] = {}
+        self._lost_before: dict[Future, int] = {}  # workers, when it was given
         self._begin = time.monotonic()
         self._looked = self._manned = self._asked = self._begin
         self.tally = Tally(len(sources))
@@ -73,7 +76,7 @@ class Run:
                     progress(self._counted())
                 if time.monotonic() - self._looked >= LOOK_S:
                     self._look()
-        except (FuturesCancelledError, CommClosedError) as error:
+        except (CancelledError, CommClosedError) as error:
             raise EngineGone("the scheduler is gone.", do=_AGAIN) from error
         return self._counted()
 
@@ -87,6 +90,8 @@ class Run:
         for sentence in self._crew.look():
             self._tell(sentence)
         self._looked = now = time.monotonic()
+        if self._crew.lost and self._out:
+            self._take_back()
         if self._crew.at_work:
             self._manned = now
         elif now - self._manned > PATIENCE_S:
@@ -98,24 +103,41 @@ class Run:
                     f"{len(self._held)} data sets are another call's, which works on them or has just ended"
                 )
             self._asked = now
-            self._alone.extend(self._held)
+            self._waiting.extend(self._held)
             self._held.clear()
 
+    def _take_back(self) -> None:
+        """Give anew what no worker has: where all were lost, the scheduler does not look again when one is enrolled."""
+        processing: Any = self._client.processing()
+        somewhere = {key for keys in processing.values() for key in keys}
+        for future, batch in list(self._out.items()):
+            if future.status == "pending" and future.key not in somewhere:
+                del self._out[future]
+                future.cancel()
+                if self._crew.lost > self._lost_before.pop(future):
+                    self._strikes.update(batch)
+                for source in batch:
+                    strikes = self._strikes[source]
+                    if strikes > STRIKES and future is self._by_itself:
+                        self.tally.failed[source.name] = _ENDS_WORKERS
+                    else:
+                        (self._waiting if strikes < STRIKES else self._alone).append(source)
+
     def _deal(self) -> None:
-        """Give every worker as much as it can have."""
-        while len(self._out) < AHEAD * len(self._crew.at_work):
-            if self._alone:
-                batch = (self._alone.popleft(),)
-            elif self._waiting:
-                size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
-                batch = tuple(self._waiting.popleft() for _ in range(size))
-            else:
-                return
-            future = self._client.submit(
-                work_off, batch, self._order, resources={resource(self._order.expected): 1.0}, pure=False
-            )
-            self._out[future] = batch
-            self.tally.batches += 1
+        """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile."""
+        if self._alone and not self._out and self._crew.at_work:
+            self._by_itself = self._give((self._alone.popleft(),))
+        while not self._alone and self._waiting and len(self._out) < AHEAD * len(self._crew.at_work):
+            size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
+            self._give(tuple(self._waiting.popleft() for _ in range(size)))
+
+    def _give(self, batch: tuple[Source, ...]) -> Future:
+        one = {resource(self._order.expected): 1.0}
+        future = self._client.submit(work_off, batch, self._order, resources=one, pure=False)
+        self._out[future] = batch
+        self._lost_before[future] = self._crew.lost
+        self.tally.batches += 1
+        return future
 
     def _ended(self) -> list[Future]:
         """The batches that have ended, after a wait for one."""
@@ -129,18 +151,22 @@ class Run:
         return list(ended.done)
 
     def _take(self, future: Future) -> None:
+        """Count a batch that has ended. One whose outcome was lost with its worker before it came here is out again."""
+        try:
+            error: Any = future.exception(timeout=LOOK_S)
+            outcome: Any = None if error is not None else future.result(timeout=LOOK_S)
+        except (TimeoutError, KilledWorker):
+            return
         batch = self._out.pop(future)
-        error: Any = future.exception()
+        del self._lost_before[future]
         if isinstance(error, (StoreError, EngineGone)):
             raise error
         if error is not None:
-            first, *others = batch
-            if others:
-                self._alone.extend(batch)
+            if future is self._by_itself:
+                self.tally.failed[batch[0].name] = _in_words(error)
             else:
-                self.tally.failed[first.name] = _in_words(error)
+                self._alone.extend(batch)
             return
-        outcome: Any = future.result()
         tally = self.tally
         tally.done += outcome.done
         tally.refused += outcome.refused
@@ -158,5 +184,5 @@ class Run:
 
 def _in_words(error: BaseException) -> str:
     if isinstance(error, KilledWorker):
-        return "its worker ended each time that it was tried: too little memory?"
+        return _ENDS_WORKERS
     return f"the program failed ({type(error).__name__}: {error})"

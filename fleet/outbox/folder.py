@@ -25,6 +25,7 @@ KINDS: Mapping[str, Kind] = {
     "truepose-model/1": "model",
     "truepose-watch/1": "watch",
     "truepose-diagnosis/1": "diagnosis",
+    "truepose-upkeep/1": "thermal",
 }
 _MARK = b'"truepose-'  # every format begins so
 _UNKNOWN = "names no serial number of the robot."

@@ -52,7 +52,7 @@ def engine_of(url: str) -> sa.Engine:
             pool_pre_ping=True,  # a server that was away is there again without a restart of ours
             connect_args={"connect_timeout": parsed.query.get("connect_timeout", _CONNECT_S)},
         )
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         raise StoreError("the driver psycopg is not installed.", do=_MISSING, file=place) from error
 
 

@@ -19,6 +19,7 @@ FORMATS: dict[Kind, str] = {
     "model": "truepose-model/1",
     "watch": "truepose-watch/1",
     "diagnosis": "truepose-diagnosis/1",
+    "thermal": "truepose-upkeep/1",
     "dataset": DATASET,
 }
 """What a document of a kind must be; the other kinds may be any JSON with a format."""
@@ -71,6 +72,8 @@ def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
         said = {name: _text(table[name]) for name in ("verdict", "in_words", "advice")}
         causes = enumerate(table["causes"], start=1)
         return Rows(program, _missed(table), said, tuple(_cause(rank, each) for rank, each in causes))
+    if kind == "thermal":
+        return _thermal(program, table)
     if kind == "diagnosis":
         said = {"verdict": _text(table["verdict"]), "in_words": "", "advice": ""}
         effects = enumerate(table["effects"], start=1)
@@ -79,12 +82,37 @@ def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
 
 
 def _parameter(entry: Mapping[str, Any]) -> dict[str, Any]:
-    std = _number(entry["std"])
+    """A parameter with its standard error `std`, or with U where `u` is given."""
     value = _number(entry["value"])
     if value is None:
         raise ValueError(f"{entry['name']} has no value")
-    u = None if std is None else K * std
+    if "u" in entry:
+        u = _number(entry["u"])
+    else:
+        std = _number(entry["std"])
+        u = None if std is None else K * std
     return {"name": _text(entry["name"]), "value": value, "u": u, "unit": _text(entry["unit"])}
+
+
+def _thermal(program: str, table: Mapping[str, Any]) -> Rows:
+    """Thermal upkeep: parameters where nothing else had changed, else what had."""
+    thermal = table["thermal"]
+    said = {"verdict": "thermal" if thermal else "not thermal"}
+    said |= {name: _text(table[name]) for name in ("in_words", "advice")}
+    parameters = tuple(_parameter(each) for each in (table["parameters"] if thermal else ()))
+    causes = tuple(
+        {
+            "rank": rank,
+            "label": _text(label),
+            "in_words": "",
+            "weight": None,
+            "value": None,
+            "u": None,
+            "unit": "",
+        }
+        for rank, label in enumerate(table["instead"], start=1)
+    )
+    return Rows(program, parameters, said, causes)
 
 
 def _held_out(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:

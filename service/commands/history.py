@@ -11,7 +11,7 @@ import typer
 
 from calib.errors import DataError
 from calib.text import replace_file
-from calib.upkeep import Drift, Staircase
+from calib.upkeep import Drift, InUse, Staircase
 from fleet.outbox import Cell, read_data, read_result
 from fleet.store import Document, utc_now
 from service import exit_codes, wording
@@ -23,6 +23,7 @@ from service.printed import history_tables
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results import history as results
+from service.results.hours import read_hours
 
 app = typer.Typer(help="Keep what is known of robots over the years: trends, causes, next dates.")
 
@@ -31,6 +32,7 @@ Model = Annotated[
     str | None, typer.Option("--model", metavar="NAME", help="Its type, where several have that number.")
 ]
 _RECORD = "record.sqlite3"
+_DAYS, _HOURS = (180.0, 7.0, 1825.0), (2000.0, 100.0, 20_000.0)  # first, shortest, longest interval
 
 
 class Way(StrEnum):
@@ -45,7 +47,7 @@ class Way(StrEnum):
 def add_command(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Models, verdicts, diagnoses, data sets, folders of records."),
+        typer.Argument(metavar="FILE", help="Models, verdicts, diagnoses, data sets, folders of records."),
     ],
     store: StoreOption = None,
     cell: Annotated[
@@ -165,19 +167,35 @@ def due_command(
         typer.Option(help="staircase: longer after good checks; drift: before it leaves what is permitted."),
     ] = Way.staircase,
     first: Annotated[
-        float, typer.Option("--first-days", min=1.0, help="Interval before anything is known.")
-    ] = 180.0,
-    shortest: Annotated[float, typer.Option("--shortest-days", min=1.0, help="Shortest interval.")] = 7.0,
-    longest: Annotated[float, typer.Option("--longest-days", min=1.0, help="Longest interval.")] = 1825.0,
+        float | None, typer.Option(min=1.0, help="Interval before anything is known; 180, of hours 2000.")
+    ] = None,
+    shortest: Annotated[
+        float | None, typer.Option(min=1.0, help="Shortest interval; 7, of hours 100.")
+    ] = None,
+    longest: Annotated[
+        float | None, typer.Option(min=1.0, help="Longest interval; 1825, of hours 20000.")
+    ] = None,
+    hours: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="HOURS.csv",
+            help="Go by hours of use, not days: columns serial,at,hours, as the counters showed.",
+        ),
+    ] = None,
     json: options.Json = None,
 ) -> None:
     """Say when each robot is to be checked next, by its errors so far. Exit code 3: one is overdue."""
-    options.check_outputs({"--json": json})
+    options.check_outputs({"--json": json}, inputs=(hours,))
+    usual = _DAYS if hours is None else _HOURS
+    asked = [
+        own if given is None else given for given, own in zip((first, shortest, longest), usual, strict=True)
+    ]
     kind = Staircase if method is Way.staircase else Drift
-    way = kind(first, permitted, shortest=shortest, longest=longest)
+    by = kind(asked[0], permitted, shortest=asked[1], longest=asked[2])
+    way, counted = (by, None) if hours is None else (InUse(by), read_hours(hours))
     now = utc_now()
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
-        found = results.due_of(kept, way, now)
+        found = results.due_of(kept, way, now, counted)
         options.write_result(results.due_document(found, now), json, terminal)
         terminal.rest()
         terminal.out.print(history_tables.due(found, permitted))

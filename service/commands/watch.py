@@ -18,8 +18,9 @@ from service.commands import campaign as campaigns
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal
-from service.printed.watch_tables import plan_tables, verdict_tables
+from service.printed.watch_tables import plan_tables, upkeep_tables, verdict_tables
 from service.private import owner_only
+from service.results.upkept import Upkeep, UpkeepQuestion
 from service.results.watch_plan import Planned, PlanQuestion, refuse_plan
 from service.results.watched import JudgeQuestion, Watched
 
@@ -52,6 +53,15 @@ NewFrame = Annotated[
 ]
 AllowMissing = Annotated[
     bool, typer.Option("--allow-missing", help="Judge although check poses are missing.")
+]
+RunningS = Annotated[
+    float | None,
+    typer.Option(
+        "--running-s",
+        min=0.0,
+        metavar="S",
+        help="How long the robot had run, from cold, when the readings began; for models that warm up.",
+    ),
 ]
 
 
@@ -139,6 +149,7 @@ def run_command(
     history: HistoryFile = None,
     update: Update = None,
     rate: Rate = RATE,
+    running_s: RunningS = None,
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
@@ -164,7 +175,7 @@ def run_command(
     with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
         campaigns.execute(run, record, None, simulate=simulate, quiet=json == STANDARD_OUTPUT)
     data = acquisition.export(record, record / "watch.csv")
-    judge_command(model, data, history, update, rate, robot=robot, json=json)
+    judge_command(model, data, history, update, rate, running_s=running_s, robot=robot, json=json)
 
 
 @app.command("judge")
@@ -176,6 +187,7 @@ def judge_command(
     rate: Rate = RATE,
     new_frame: NewFrame = False,
     allow_missing: AllowMissing = False,
+    running_s: RunningS = None,
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
@@ -185,13 +197,46 @@ def judge_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
-        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing)
+        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing, running_s)
         found = Watched.of(read_dataset(data), saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         terminal.rest()
         for shown in verdict_tables(found):
             terminal.out.print(shown)
         if found.updated:
+            terminal.note(f"updated model: {update}")
+    if found.exit_code != exit_codes.DONE:
+        raise typer.Exit(found.exit_code)
+
+
+@app.command("upkeep")
+def upkeep_command(
+    model: Baseline,
+    data: options.Data,
+    update: Annotated[
+        Path | None,
+        typer.Option(
+            "--update", metavar="OUT.json", help="Write the model with its thermal parameters updated."
+        ),
+    ] = None,
+    rate: Rate = RATE,
+    allow_missing: AllowMissing = False,
+    running_s: RunningS = None,
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Update how warm the arm is by a few readings, between watches; nothing else is updated."""
+    options.check_outputs({"--json": json, "--update": update}, inputs=(model, *options.files_of(data)))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        saved = options.read_model(model, robot, options.LARGEST)
+        options.note_without_regression(saved, terminal)
+        asked = UpkeepQuestion(update, rate, running_s, allow_missing)
+        found = Upkeep.of(read_dataset(data), saved, model, asked, terminal.say)
+        options.write_result(found.document(), json, terminal)
+        terminal.rest()
+        for shown in upkeep_tables(found):
+            terminal.out.print(shown)
+        if found.thermal and update is not None:
             terminal.note(f"updated model: {update}")
     if found.exit_code != exit_codes.DONE:
         raise typer.Exit(found.exit_code)

@@ -9,6 +9,7 @@ from rich.console import RenderableType
 from calib.watch import ALONE, SEEN, Proposal
 from service import wording
 from service.printed import tables
+from service.results.upkept import Upkeep
 from service.results.watch_plan import Planned
 from service.results.watched import Watched
 
@@ -46,7 +47,7 @@ def plan_tables(found: Planned) -> list[RenderableType]:
         lines.append(f"Not shown by these readings at all: {', '.join(found.plan.shown.unseen)}.")
     if found.proposals:
         lines += _proposals(found.proposals)
-        lines += _levers(found)
+        lines += _lever(found)
     return lines
 
 
@@ -66,18 +67,21 @@ def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
     return [table]
 
 
-def _levers(found: Planned) -> list[RenderableType]:
-    """How far off an axis a target would have to be for the causes of joints that are missed."""
-    missed = [
-        c
-        for c in found.plan.shown.causes
-        if c.lever_mm is not None and c.wanted is not None and c.share is not None and c.share < SEEN
-    ]
+def _lever(found: Planned) -> list[str]:
+    """How far off its axis a target would have to be for the joint that is missed by most, or that more readings do not
+    help."""
+    if not any(each.reached for each in found.proposals):
+        return [
+            "More readings do not reach it: what the baseline is uncertain by, or leaves on its validation readings,"
+            " stays. Calibrate with more poses, and diagnose."
+        ]
+    missed = [c for c in found.plan.shown.causes if c.share is not None and c.share < SEEN and c.wanted]
+    worst = max(missed, key=lambda c: c.size / (c.wanted or 1.0), default=None)
+    if worst is None or worst.lever_mm is None or worst.wanted is None:
+        return []
     return [
-        f"{c.label}: these targets are {c.lever_mm:.0f} mm off its axis; with as many readings one "
-        f"{c.lever_mm * c.size / c.wanted:.0f} mm off shows {c.wanted:g} {c.unit}."
-        for c in missed
-        if c.lever_mm is not None and c.wanted is not None
+        f"{worst.label}: these targets are {worst.lever_mm:.0f} mm off its axis; with as many readings one "
+        f"{worst.lever_mm * worst.size / worst.wanted:.0f} mm off shows {worst.wanted:g} {worst.unit}."
     ]
 
 
@@ -115,3 +119,18 @@ def verdict_tables(found: Watched) -> list[RenderableType]:
         shown.append(causes)
     shown.append(tables.warnings(found.notes))
     return shown
+
+
+def upkeep_tables(found: Upkeep) -> list[RenderableType]:
+    """What is thermal, and whether the rest is chance."""
+    rest = found.found.rest.questions[0]
+    table = tables.grid("Thermal parameters", "parameter", "before", "now", "U (k = 2)", "", left=1)
+    for name, before, now, u, unit in found.rows:
+        table.add_row(name, f"{before:.4g}", f"{now:.4g}", f"{u:.2g}", unit)
+    return [
+        found.in_words,
+        f"What to do: {found.advice}",
+        f"Beside it T-squared is {rest.t_squared:.1f} of {rest.rows} values, the limit {rest.limit:.1f}.",
+        table,
+        tables.warnings(found.notes),
+    ]

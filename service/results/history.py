@@ -11,6 +11,7 @@ from typing import Any
 from calib.errors import DataError
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
 from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Store
+from service.results.hours import Hours
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -147,15 +148,16 @@ class Next:
         return self.due is not None and self.due.date <= now
 
 
-def due_of(store: Store, method: Method, now: datetime) -> list[Next]:
-    """When each robot is to be checked next, those first that are due first."""
+def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
+    """When each robot is to be checked next, those first that are due first. hours: of use, for a method that goes by
+    them."""
     said = {each.robot: each for each in store.verdicts(kind="watch")}  # the last of each stays
     out = []
     for known in store.robots():
         points = store.trend(known.robot, ERROR)
         due, because = None, ""
         try:
-            due = next_due(method, checks_of(points), now)
+            due = next_due(method, checks_of(points, hours, known.robot.serial), now)
             because = due.because
         except DataError as error:
             because = str(error)
@@ -163,9 +165,17 @@ def due_of(store: Store, method: Method, now: datetime) -> list[Next]:
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
 
 
-def checks_of(points: Iterable[Point]) -> list[Check]:
-    """Values as upkeep takes them; a value without U as if it had none, so that scatter alone speaks."""
-    return [Check(point.measured_at, point.value, point.u or 0.0) for point in points]
+def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str = "") -> list[Check]:
+    """Values as upkeep takes them; where nobody stated U their scatter alone speaks."""
+    return [
+        Check(
+            point.measured_at,
+            point.value,
+            point.u or 0.0,
+            None if hours is None else hours.at(serial, point.measured_at),
+        )
+        for point in points
+    ]
 
 
 def added_document(added: Sequence[tuple[Document, Added]]) -> dict[str, Any]:

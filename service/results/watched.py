@@ -12,10 +12,11 @@ from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
-from calib.text import written_by
 from calib.watch import Missed, Seen, Verdict
 from service import exit_codes
 from service.plain import finite
+from service.results.origin import origin_of
+from service.results.upkept import on_its_clock
 
 FORMAT = "truepose-watch/1"
 CODES = {
@@ -30,13 +31,15 @@ CODES = {
 @dataclass(frozen=True)
 class JudgeQuestion:
     """How to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether robot and
-    instrument stand where they stood; missing_allowed: whether check poses may be missing."""
+    instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how long the
+    robot had run, from cold, when the readings began, None where nobody said."""
 
     history: Path | None = None
     update: Path | None = None
     rate: float = watch.RATE
     frame_known: bool = True
     missing_allowed: bool = False
+    running_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Watched:
         notes = saved.notes + watch.refuse_unlike(
             saved, dataset, model, frame_known=asked.frame_known, missing_allowed=asked.missing_allowed
         )
+        dataset = on_its_clock(saved, dataset, model, asked.running_s)
         history = None if asked.history is None else watch.read_history(asked.history)
         say("judging")
         seen = Seen.of(saved, dataset, frame_known=asked.frame_known)
@@ -90,11 +94,11 @@ class Watched:
 
     def document(self) -> dict[str, Any]:
         """Document of the verdict, as JSON has it."""
-        verdict, header = self.verdict, self.dataset.header
+        verdict = self.verdict
         return finite(
             {
                 "format": FORMAT,
-                "program": written_by(),
+                **origin_of(self.dataset),
                 "verdict": verdict.kind,
                 "exit_code": self.exit_code,
                 "in_words": verdict.in_words,
@@ -127,12 +131,6 @@ class Watched:
                 "model": self.model.name,
                 "data": self.dataset.name,
                 "data_sha256": self.dataset.sha256,
-                "robot": header.robot.name,
-                "device": [dict(each) for each in header.devices],
-                "measured": None
-                if header.occasion is None
-                else {"began": header.occasion.began, "ended": header.occasion.ended},
-                "simulated": header.simulated,
                 "updated_model": None if not self.updated else str(self.asked.update),
                 "notes": list(self.notes),
             }

@@ -45,6 +45,7 @@ from tests.benchmarks import (
     stop,
     upkeep,
     watch,
+    watch_plans,
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
@@ -73,6 +74,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "watch": (watch.run, 100),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
+    "watch_plans": (watch_plans.run, 500),
     "upkeep": (upkeep.run, 10),
     "campaign": (campaign.run, 200),
     "demo": (demo.run, 20),

@@ -302,7 +302,7 @@ def test_lists_are_asked_by_robot_kind_and_time(client: TestClient) -> None:
 
 
 def test_a_document_of_the_largest_size_is_taken(client: TestClient) -> None:
-    head, tail = b'{"format": "truepose-thermal/1", "padding": "', b'"}'
+    head, tail = b'{"format": "truepose-run/1", "padding": "', b'"}'
     content = head + b"x" * (LARGEST - len(head) - len(tail)) + tail
-    sent = Document("thermal", documents.ROBOT, "cell-1", "large", documents.BEGAN, content)
+    sent = Document("campaign", documents.ROBOT, "cell-1", "large", documents.BEGAN, content)
     assert put(client, sent).status_code == 201

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -127,6 +128,12 @@ def test_a_file_of_something_else_is_refused(
 def test_an_address_that_is_none_is_refused(address: str, said: str) -> None:
     with pytest.raises(StoreError, match=said):
         Store.open(address)
+
+
+def test_a_cell_without_the_driver_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(StoreError, match=r"psycopg is not installed.*truepose\[fleet\]"):
+        Store.open("postgresql://anna@db/plant")
 
 
 def test_a_password_is_never_told(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from datetime import timedelta
+from dataclasses import replace
+from datetime import timedelta, timezone
 
 import pytest
 
@@ -175,6 +176,27 @@ def test_verdicts_come_with_their_causes(store: Store) -> None:
     assert len(store.verdicts(since=BEGAN + timedelta(days=7))) == 2
 
 
+def test_upkeep_is_a_verdict_with_thermal_parameters(store: Store) -> None:
+    warm = {"name": "thermal.a2", "before": 0.0, "value": 0.12, "u": 0.02, "unit": "mm"}
+    said = {
+        "format": "truepose-upkeep/1",
+        "in_words": "Warmer.",
+        "advice": "Correct targets.",
+        "parameters": [warm],
+    }
+    store.add_all(
+        [
+            of("thermal", {**said, "thermal": True, "instead": []}),
+            of("thermal", {**said, "thermal": False, "instead": ["tool_shift"]}, day=1),
+        ]
+    )
+    first, second = store.verdicts(ROBOT)
+    assert (first.verdict, first.causes) == ("thermal", ())
+    assert (second.verdict, [each.label for each in second.causes]) == ("not thermal", ["tool_shift"])
+    (point,) = store.trend(ROBOT)  # what was not updated is no value
+    assert (point.parameter, point.value, point.u) == ("thermal.a2", 0.12, 0.02)
+
+
 def test_robots_with_what_is_known_of_each(store: Store) -> None:
     store.add_all([model({"d1": 1.0}), watch(day=2), model({"d1": 2.0}, robot=OTHER, day=1)])
     one, two = store.robots()
@@ -197,6 +219,20 @@ def test_documents_by_robot_kind_and_time_newest_first(store: Store) -> None:
     assert store.documents(RobotKey("120-4711", "irb1600")) == []
 
 
+def test_times_of_every_zone_are_kept_in_utc(store: Store) -> None:
+    east, west = (timezone(timedelta(hours=hours)) for hours in (9, -9))
+    early = replace(model({"d1": 1.0}), measured_at=BEGAN.astimezone(east))
+    late = replace(model({"d1": 1.0}, day=1), measured_at=(BEGAN + timedelta(minutes=1)).astimezone(west))
+    store.add_all([late, early])
+    assert [each.measured_at for each in store.documents()] == [BEGAN + timedelta(minutes=1), BEGAN]
+    assert [point.measured_at for point in store.trend(ROBOT)] == [BEGAN, BEGAN + timedelta(minutes=1)]
+    assert (
+        len(store.documents(since=(BEGAN + timedelta(seconds=1)).astimezone(timezone(timedelta(hours=5)))))
+        == 1
+    )
+    assert store.documents()[0].measured_at.utcoffset() == timedelta(0)
+
+
 def test_many_at_once_keep_everything_once(url: str) -> None:
     """Four programs put the same forty documents in, each in another order, two for each identity."""
     documents = [model({"d1": float(i)}, identity=f"record-{i // 2}") for i in range(40)]
@@ -204,7 +240,7 @@ def test_many_at_once_keep_everything_once(url: str) -> None:
 
     def put(first: int) -> list[str]:
         with Store.open(url) as store:
-            ready.wait()
+            ready.wait(60.0)
             turned = documents[first:] + documents[:first]
             return [each.state for part in (turned[:20], turned[20:]) for each in store.add_all(part)]
 

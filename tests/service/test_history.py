@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +208,35 @@ def test_a_check_that_is_yet_to_come_is_no_date_for_one_robot_alone(address: str
     assert right.due is not None
 
 
+def test_a_robot_that_is_used_more_is_due_earlier(
+    ask: Callable[..., tuple[int, dict[str, Any]]], address: str, tmp_path: Path
+) -> None:
+    busy, idle, unread = (RobotKey(serial, "irb120") for serial in ("1", "2", "3"))
+    with Store.open(address) as store:
+        for robot in (busy, idle, unread):
+            for day in (0.0, 100.0):
+                error_at(store, robot, day, 0.1)
+    table = tmp_path / "hours.csv"
+    rows = [("1", 0), ("1", 2400), ("2", 500), ("2", 700)]
+    ends = [f"{BEGAN - timedelta(days=10):%Y-%m-%d}", f"{BEGAN + timedelta(days=110):%Y-%m-%dT%H:%M}"]
+    lines = [f"{serial},{ends[i % 2]},{hours}" for i, (serial, hours) in enumerate(rows)]
+    table.write_text("\n".join(["serial,at,hours", *lines]) + "\n", encoding="utf-8")
+    found = {
+        each["serial"]: each for each in ask("due", "--permitted", "0.3", "--hours", str(table))[1]["robots"]
+    }
+    assert found["3"]["due"] is None
+    assert "hours of use" in found["3"]["because"]
+    days = {
+        serial: (datetime.fromisoformat(found[serial]["due"]) - BEGAN).total_seconds() / 86400.0 - 100.0
+        for serial in ("1", "2")
+    }
+    # 2,000 hours at 20 hours a day, and at less than two: then two years are the longest
+    assert days["1"] == pytest.approx(2200.0 / 20.0, rel=0.01)
+    assert days["2"] == 730.0
+    table.write_text("serial,at,hours\n1,yesterday,5\n", encoding="utf-8")
+    assert ask("due", "--permitted", "0.3", "--hours", str(table))[0] == 2
+
+
 def test_due_ends_with_3_where_one_is_overdue(
     ask: Callable[..., tuple[int, dict[str, Any]]], write: Callable[..., Path]
 ) -> None:
@@ -223,9 +252,9 @@ def test_due_ends_with_3_where_one_is_overdue(
             "0.3",
             "--method",
             method,
-            "--first-days",
+            "--first",
             "36500",
-            "--longest-days",
+            "--longest",
             "36500",
         )
         assert code == 0
@@ -250,7 +279,7 @@ def test_one_serial_number_of_two_types(
         (("trend", SERIAL, "d1", "--picture", "p.gif"), ".svg or .png"),
         (("add", "missing.json"), "there is no such file"),
         (("add", "."), "is no record"),
-        (("due", "--permitted", "0.3", "--first-days", "5"), "shortest"),
+        (("due", "--permitted", "0.3", "--first", "5"), "shortest"),
     ],
 )
 def test_what_cannot_be_done_is_said(

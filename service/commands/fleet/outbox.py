@@ -19,14 +19,14 @@ from service.printed.terminal import Terminal
 from service.private import owner_only
 
 app = typer.Typer(help="Look at what waits to be sent, and let what was refused be sent again.")
-Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder that is sent.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that is sent.")]
 SHORT = 12  # letters of a hash that people type
 MOST = 50  # documents in a table
 
 
 @app.command("list")
 def list_command(folder: Folder, json: options.Json = None) -> None:
-    """List what waits, what was set aside and which files were not taken, each with the reason."""
+    """List what waits, and what cannot be sent. What was set aside, and files not taken, have a reason each."""
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, _opened(folder) as outbox:
         waiting, aside = outbox.entries("waiting"), outbox.entries("aside")
@@ -61,7 +61,7 @@ def retry_command(
         str, typer.Argument(metavar="[HASH]", help="Only those that begin so; default: all.")
     ] = "",
 ) -> None:
-    """Let what was set aside be sent again, and files that were not taken be looked at again."""
+    """Let what was set aside be sent again. Files that were not taken are looked at again."""
     with Terminal() as terminal, _opened(folder) as outbox:
         again = [entry.hash for entry in outbox.entries("aside") if entry.hash.startswith(hash)]
         if hash and not again:

@@ -1,5 +1,5 @@
-"""Small data sets: a campaign that a diagnosis takes a third of a second for, with a remark that makes each another, and
-files that cannot be used, which take none."""
+"""Small data sets: one that a diagnosis takes a third of a second for, with a remark that makes each another; and files
+that cannot be used, which take none."""
 
 from __future__ import annotations
 

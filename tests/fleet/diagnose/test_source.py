@@ -110,8 +110,8 @@ def test_a_program_is_its_version_and_what_it_computes_with(tmp_path: Path) -> N
     assert fingerprint(tmp_path) == first
     for name, content in (("a/law.py", b"x = 1\ny = 3\n"), ("arm.toml", b"a = 2\n"), ("b.py", b"")):
         (tmp_path / name).write_bytes(content)
-        assert (last := fingerprint(tmp_path)) != first
-        first = last
+        last, first = first, fingerprint(tmp_path)
+        assert last != first
 
 
 def test_the_fingerprint_moves_with_a_line_between_files(tmp_path: Path) -> None:

@@ -1,0 +1,151 @@
+"""Data sets diagnosed by real processes: what comes of it when workers and schedulers are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from distributed import Client, Worker, WorkerPlugin
+
+from fleet.diagnose import batch, statement
+from fleet.diagnose.batch import Order
+from fleet.diagnose.engine import local
+from fleet.diagnose.program import this_program
+from fleet.diagnose.run import Run
+from fleet.diagnose.source import Source, in_files
+from fleet.diagnose.tally import Tally
+from fleet.store import Store
+from tests.fleet.diagnose.sets import bad, good
+
+
+class Noted(WorkerPlugin):
+    """Every statement that a worker makes is noted in a file; one on a data set of the name "deadly" ends it."""
+
+    name = "noted"
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def setup(self, worker: Worker) -> None:
+        """Runs on every worker, also on those that come later."""
+        batch.statement = self  # type: ignore[assignment]
+
+    REFUSED = statement.REFUSED
+
+    def of_diagnosis(self, name: str, found: Any) -> Any:
+        """As `statement.of_diagnosis`."""
+        return self._noted(name, statement.of_diagnosis(name, found))
+
+    def of_refusal(self, name: str, error: Any) -> Any:
+        """As `statement.of_refusal`."""
+        if "deadly" in name:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self._noted(name, statement.of_refusal(name, error))
+
+    def _noted(self, name: str, said: Any) -> Any:
+        with self.file.open("a", encoding="utf-8") as file:
+            file.write(f"{name}\n")
+        return said
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    with local(2) as client:
+        yield client
+
+
+@pytest.fixture
+def order(tmp_path: Path) -> Order:
+    return Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1, lease_s=5.0)
+
+
+def some(folder: Path, goods: int, bads: int) -> list[Source]:
+    files = [good(folder, f"good{i}") for i in range(goods)] + [bad(folder, f"bad{i}") for i in range(bads)]
+    return in_files(files)
+
+
+def run(
+    client: Client, order: Order, sources: list[Source], progress: Callable[[Tally], None] | None = None
+) -> tuple[Tally, list[str], Counter[str]]:
+    """The tally, what was told, and how often a worker said something of each data set."""
+    noted = Path(order.store.removeprefix("sqlite:///")).with_name("noted")
+    noted.touch()
+    client.register_plugin(Noted(noted))
+    told: list[str] = []
+    tally = Run(client, order, sources, told.append).run(progress or (lambda _: None))
+    return tally, told, Counter(noted.read_text("utf-8").split())
+
+
+def kept(order: Order) -> int:
+    with Store.open(order.store) as store:
+        return len(store.work.results(order.task, program=order.expected))
+
+
+def test_every_data_set_is_done_once_and_only_here(client: Client, order: Order, tmp_path: Path) -> None:
+    sources = some(tmp_path, 2, 20)
+    tally, told, said = run(client, order, sources)
+    assert (tally.done, tally.refused, tally.twice, tally.failed, tally.left) == (22, 20, 0, {}, 0)
+    assert kept(order) == 22
+    assert told == []
+    assert set(said.values()) == {1}
+    assert tally.batches < 22  # many in one
+    again, _, said_again = run(client, order, sources)
+    assert (again.done, again.found) == (0, 22)
+    assert said_again == said
+    here = psutil.Process()
+    listening = [
+        each.laddr.ip
+        for process in (here, *here.children(recursive=True))
+        for each in process.net_connections("tcp")
+        if each.status == psutil.CONN_LISTEN
+    ]
+    assert set(listening) == {"127.0.0.1"}
+    assert client.scheduler_info()["address"].startswith("tls://127.0.0.1:")
+    threads: Any = client.run(os.environ.get, "OPENBLAS_NUM_THREADS")
+    assert set(threads.values()) == {"1"}
+
+
+def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: Path) -> None:
+    pids: Any = client.run(os.getpid)
+    killed: list[int] = []
+
+    def kill(tally: Tally) -> None:
+        if not killed:
+            killed.append(next(iter(pids.values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    tally, told, said = run(client, order, some(tmp_path, 4, 20), kill)
+    assert tally.left == 0
+    assert tally.done + tally.found == kept(order) == 24
+    assert (tally.twice, tally.failed) == (0, {})
+    assert len(said) == 24
+    assert sum(said.values()) <= 25  # what was computed and not yet kept when its worker was killed
+    assert tally.lost == 1
+    assert any("is lost: its data sets go to others" in each for each in told)
+
+
+def test_a_data_set_that_ends_its_worker_is_named_and_stops_no_other(
+    client: Client, order: Order, tmp_path: Path
+) -> None:
+    sources = [*in_files([bad(tmp_path, "deadly")]), *some(tmp_path, 0, 8)]
+    tally, _, said = run(client, order, sources)
+    assert tally.left == 0
+    ((name, why),) = tally.failed.items()
+    assert name.endswith("deadly.csv")
+    assert "its worker ended each time" in why
+    assert kept(order) == len(said) == 8
+
+
+def test_what_has_no_result_is_not_kept_as_one(client: Client, order: Order, tmp_path: Path) -> None:
+    sources = some(tmp_path, 0, 4)
+    Path(sources[1].path).write_text("others now", "utf-8")
+    tally, _, _ = run(client, order, sources)
+    assert (tally.done, list(tally.failed)) == (3, [sources[1].name])
+    assert kept(order) == 3
+    assert this_program() == order.expected
