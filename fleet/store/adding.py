@@ -15,6 +15,7 @@ from fleet.store.document import Added, Document, RobotKey, utc_now
 from fleet.store.rows import Rows
 
 _MANY = 1000  # hashes in one question
+_DEADLOCK = "40P01"  # PostgreSQL has ended this one of two that wait for each other: for their identities
 
 
 class Overtaken(Exception):
@@ -52,6 +53,10 @@ def _insert(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any
     try:
         connection.execute(sa.insert(table), rows)
     except exc.IntegrityError as error:
+        raise Overtaken from error
+    except exc.OperationalError as error:
+        if getattr(error.orig, "sqlstate", None) != _DEADLOCK:
+            raise
         raise Overtaken from error
 
 

@@ -99,6 +99,22 @@ def test_a_server_that_goes_in_the_middle_has_kept_nothing(
         assert len(store.verdicts()) == 1
 
 
+def test_of_two_that_wait_for_each_other_one_begins_anew(server: str) -> None:
+    """What the server says to the one that it ends, said by the server."""
+    ended = "DO $$ BEGIN RAISE EXCEPTION 'deadlock detected' USING ERRCODE = '40P01'; END $$"
+    with Store.open(server) as store:
+        left = [ended]
+
+        def before(connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+            if "INSERT INTO document" in statement and left:
+                connection.exec_driver_sql(left.pop())
+
+        event.listen(store._engine, "before_cursor_execute", before)
+        assert [each.state for each in store.add_all([model({"d1": 1.0}), watch(day=1)])] == ["new", "new"]
+        assert not left
+        assert len(store.documents()) == 2
+
+
 _KILLED = """
 import os, pickle, signal, sys
 from tests.fleet.test_gone import _at
