@@ -56,7 +56,15 @@ sigma_mm = 0.1
 began = "a"
 ended = "b"
 """
-SIMULATED = ("seed", "effect_size", "readings", "seconds_per_reading", "clock_offset_s", "clock_rate_ppm", "serial")
+SIMULATED = (
+    "seed",
+    "effect_size",
+    "readings",
+    "seconds_per_reading",
+    "clock_offset_s",
+    "clock_rate_ppm",
+    "serial",
+)
 
 Asked = dict[str, set[Any]]
 """Key -> defaults that it was asked with."""
