@@ -3,6 +3,7 @@
 from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
+from calib.watch.nests import NestLimit, nest_limit
 from calib.watch.plan import Plan, judged, plan
 from calib.watch.planned import planned
 from calib.watch.proposals import Proposal, proposals
@@ -19,6 +20,7 @@ __all__ = [
     "RATE",
     "SEEN",
     "WANTED",
+    "NestLimit",
     "Plan",
     "Proposal",
     "Seen",
@@ -36,6 +38,7 @@ __all__ = [
     "judged",
     "keep_up",
     "later",
+    "nest_limit",
     "plan",
     "planned",
     "proposals",
