@@ -1,7 +1,7 @@
 """Nests measured again in mid-watch: has the instrument moved since they were measured first?
 
-Two readings of a nest differ by noise with twice its covariance. With s^2 of its worst direction, |difference|^2/(2 s^2)
-is at most chi-squared with 3 degrees of freedom; its limit at the stated rate holds for all nests together
+Two readings of a nest differ by noise with twice its covariance. With s^2 along its worst direction the square of the
+difference over 2 s^2 is at most chi-squared with 3 degrees of freedom; the rate holds for all nests together
 (Bonferroni).
 """
 
