@@ -44,7 +44,7 @@ def warming(cold: SavedModel) -> SavedModel:
 def measured(
     saved: SavedModel, change: Effect, values: list[float], seed: int = 1, count: int = 6, noise: float = 1.0
 ) -> Dataset:
-    """A few poses of two targets as the model with a change has them, after some time, with noise, times the declared."""
+    """A few poses of two targets as the model with a change has them, after some time; noise: over the declared."""
     rng = np.random.default_rng(seed)
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (count, ROBOT.joints))
     visits = Visits.of_points(joints, np.ones_like(joints), np.full(count, 5.0 * DEG), ("T2", "T3"))
