@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.sabotage.change import Change
 
 _WATCH = ("tests/calib/test_watch.py",)
+_PLANS = ("tests/calib/test_watch_plans.py",)
+_WARMTH = ("tests/calib/test_watch_warmth.py",)
 _UPKEEP = ("tests/calib/test_upkeep.py",)
 
 CHANGES = (
@@ -70,5 +72,54 @@ CHANGES = (
         "",
         "the next check is due when the line alone reaches what is permitted",
         _UPKEEP,
+    ),
+    Change(
+        "calib/watch/lack.py",
+        "noise.of_each_joint(model.robot.kinds) ** 2",
+        "noise.repeatability**2 * np.ones(len(joints))",
+        "the declared scatter of slides is taken for what the model lacks",
+        _PLANS,
+    ),
+    Change(
+        "calib/watch/seen.py",
+        "dataset = dataset if frame_known else placed(dataset, model, estimate)",
+        "pass",
+        "a frame that lies far away is judged by its derivative alone",
+        _PLANS,
+    ),
+    Change(
+        "calib/watch/visits.py",
+        "self.sides * (-1.0) ** k",
+        "self.sides * 1.0",
+        "every round of a watch comes from the same sides",
+        _PLANS,
+    ),
+    Change(
+        "calib/watch/nests.py",
+        "np.sqrt(2.0 * np",
+        "np.sqrt(1.0 * np",
+        "the limit of the nests forgets that both readings are noisy",
+        _PLANS,
+    ),
+    Change(
+        "calib/watch/thermal.py",
+        "judge(_beside(seen, columns * prior), rate=rate)",
+        "judge(seen, rate=rate)",
+        "warmth counts as something else that has changed",
+        _WARMTH,
+    ),
+    Change(
+        "calib/watch/thermal.py",
+        "        estimate[place] += values",
+        "        estimate[place] = values",
+        "upkeep replaces what the model knew of its warmth",
+        _WARMTH,
+    ),
+    Change(
+        "calib/effects/drift.py",
+        "start_s = float(np.min(survey.conditions.time))",
+        "start_s = 0.0",
+        "an instrument is taken to drift since the robot was cold",
+        _WARMTH,
     ),
 )
