@@ -26,6 +26,7 @@ COMMANDS = {
     "export": ("export.export_command", "Write a model in another program's format."),
     "validate": ("validate.validate_command", "Judge a saved model, or compare kinds of hold-out."),
     "watch": ("watch.app", "Check with a few poses whether a robot has changed."),
+    "fleet": ("fleet.app", "Learn from many robots together."),
     "doctor": ("doctor.doctor_command", "Examine every device of a cell and say what to do."),
     "campaign": ("campaign.app", "Measure with a robot and an instrument."),
     "mock": ("mock.mock", "Simulate devices until SIGTERM or SIGINT."),

@@ -19,7 +19,7 @@ from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
 from calib.units import DEG, to_display
-from service.results import positions
+from service.results import positions, typed
 from service.results.parameters import high_leverage, rows_of, strong_correlations
 from service.results.patched import Patched
 
@@ -239,6 +239,7 @@ def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
         "offsets": positions.document_of(found),
         "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
         "warnings": list(found.warnings),
+        **typed.document_of(found),
     }
 
 
