@@ -1,8 +1,9 @@
-"""Effects that were found in a robot, held to the sizes that they have in robots of its type.
+"""The completed model beside the type of its robot: everything that robots of the type share, tried anew.
 
-The search knows nothing of these sizes: an effect is claimed by the readings, or not at all. Once it is in the model,
-its parameters have the type's mean and spread for a prior, as those of the base model have, and lose it again where
-this robot lies outside (`calib.fit.of_type`).
+The search knows nothing of the sizes that effects have in the type: an effect is claimed by the readings, or not at
+all. Once it is in the model its parameters have the type's mean and spread for a prior, as those of the base model have.
+What lay outside the type while the model lacked an effect may lie within it now (a wave of a gear looks like
+compliance), so every prior row is there again, and is taken out where this robot lies outside (`calib.fit.of_type`).
 """
 
 from __future__ import annotations
@@ -14,54 +15,49 @@ import numpy as np
 from calib.data.dataset import Dataset
 from calib.diagnose.named import Found
 from calib.fit.identification import Identification
-from calib.fit.identify import fit_plain
-from calib.fit.of_type import Beside, centred, loosened, stranger, together
+from calib.fit.identify import fit_plain, in_its_type, within_type
+from calib.fit.of_type import Beside, centred
+from calib.fit.placing import base_model_of
+from calib.model.base_model import named_in
 from calib.model.model import RobotModel
 
 
 def in_type(
     dataset: Dataset, fitted: Identification, beside: Beside, found: list[Found], *, refit: bool
 ) -> tuple[Identification, list[Found]]:
-    """The fit with what was found held to its type, and the findings with their new values.
+    """The fit held to its type with what was found, and the findings with their new values.
 
     beside: the base model's; refit: False where curves of gears are in the model, whose sizes the readings say: then
-    the effects keep their usual sizes.
+    all stays as the base model had it.
     """
-    names = frozenset(p.name for f in found for p in f.effect.parameters) & frozenset(beside.prior.shares)
-    if refit and names:
-        fitted, beside = _held(dataset, fitted, beside, names)
-    square, freedom = together(fitted.model, fitted.estimate, fitted.covariance, 1.0 / fitted.held_std)
-    beside = replace(beside, chi_square=square, freedom=freedom) if beside.widened == 1.0 else beside
-    fitted = replace(fitted, beside=beside, warnings=(*beside.warnings(), *fitted.warnings))
-    return fitted, [_again(f, fitted) for f in found]
+    if not refit:
+        return replace(fitted, beside=beside, warnings=(*beside.warnings(), *fitted.warnings)), found
+    base = base_model_of(dataset)
+    usual = {p.name: p for e in (*base.effects, *(f.effect for f in found)) for p in e.parameters}
 
-
-def _held(
-    dataset: Dataset, plain: Identification, beside: Beside, names: frozenset[str]
-) -> tuple[Identification, Beside]:
-    def fitted(model: RobotModel) -> Identification:
+    def again(model: RobotModel) -> Identification:
         return fit_plain(
             dataset,
             model,
-            plain.readings,
-            plain.estimate,
-            np.diag(plain.covariance) > 0.0,
-            plain.dropped,
-            plain.faulty_rows,
-            plain.relabelled_rows,
+            fitted.readings,
+            fitted.estimate,
+            np.diag(fitted.covariance) > 0.0,
+            fitted.dropped,
+            fitted.faulty_rows,
+            fitted.relabelled_rows,
         )
 
-    model = centred(plain.model, beside.prior, names)
-    found = fitted(model)
-    while stray := stranger(tuple(w for w in found.weighed if w.name in names)):
-        beside = replace(beside, outside=(*beside.outside, stray))
-        model = loosened(model, plain.model, frozenset({stray.name}))
-        found = fitted(model)
-    return found, beside
+    spoken_for = named_in(base.effects, dataset.header.priors)
+    wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for
+    model = centred(fitted.model, beside.prior, wanted)
+    final, outside = within_type(again(model), usual, again)
+    fresh = Beside(beside.prior, outside, beside.open)
+    final = in_its_type(final, fresh, again)
+    return final, [_again(f, final) for f in found]
 
 
 def _again(found: Found, fitted: Identification) -> Found:
-    effect = next((e for e in fitted.model.effects if e.label == found.effect.label), found.effect)
+    effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
     positions = fitted.model.positions(effect)
     return replace(
         found,

@@ -7,7 +7,7 @@ squares on the rest. Only `fit_rows` of the data set take part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,7 @@ from calib.fit.of_type import (
     TOGETHER,
     Beside,
     TypePrior,
+    Weighed,
     held_to,
     loosened,
     stranger,
@@ -46,6 +47,7 @@ from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
 from calib.fit.readings import Readings, readings_of
 from calib.model.base_model import named_in
+from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
 
 Progress = Callable[[str], None]
@@ -100,14 +102,20 @@ def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress
     def fitted(model: RobotModel) -> Identification:
         return fit(dataset, model, readings, model.prior_mean, progress=progress)
 
-    found = fitted(model)
-    outside = []
+    found, outside = within_type(fitted(model), {p.name: p for p in plain.parameters}, fitted)
+    return in_its_type(found, replace(beside, outside=outside), fitted)
+
+
+def within_type(
+    found: Identification, usual: Mapping[str, Parameter], fitted: Callable[[RobotModel], Identification]
+) -> tuple[Identification, tuple[Weighed, ...]]:
+    """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; and
+    these. usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings."""
+    outside: tuple[Weighed, ...] = ()
     while (stray := stranger(found.weighed)) is not None:
-        outside.append(stray)
-        model = loosened(model, plain, frozenset({stray.name}))
-        found = fitted(model)
-    beside = replace(beside, outside=tuple(outside))
-    return in_its_type(found, beside, fitted)
+        outside = (*outside, stray)
+        found = fitted(loosened(found.model, usual[stray.name]))
+    return found, outside
 
 
 def in_its_type(

@@ -182,10 +182,9 @@ def centred(model: RobotModel, prior: TypePrior, names: frozenset[str]) -> Robot
     return _with(model, with_prior, "robot")
 
 
-def loosened(model: RobotModel, plain: RobotModel, names: frozenset[str]) -> RobotModel:
-    """A model in which some parameters have the usual size of `plain` again."""
-    usual = {p.name: p for p in plain.parameters}
-    return _with(model, lambda p: usual[p.name] if p.name in names else p)
+def loosened(model: RobotModel, usual: Parameter) -> RobotModel:
+    """A model in which one parameter has its usual size again."""
+    return _with(model, lambda p: usual if p.name == usual.name else p)
 
 
 def widened(model: RobotModel, factor: float) -> RobotModel:
