@@ -1,7 +1,7 @@
 """The completed model beside the type of its robot: everything that robots of the type share, tried anew.
 
 The search knows nothing of the sizes that effects have in the type: an effect is claimed by the readings, or not at
-all. Once it is in the model its parameters have the type's mean and spread for a prior, as those of the base model have.
+all. Once it is in the model its parameters have the type's mean and spread for a prior, as those of the base model do.
 What lay outside the type while the model lacked an effect may lie within it now (a wave of a gear looks like
 compliance), so every prior row is there again, and is taken out where this robot lies outside (`calib.fit.of_type`).
 """
@@ -15,7 +15,7 @@ import numpy as np
 from calib.data.dataset import Dataset
 from calib.diagnose.named import Found
 from calib.fit.identification import Identification
-from calib.fit.identify import fit_plain, in_its_type, within_type
+from calib.fit.identify import fit_plain, within_type
 from calib.fit.of_type import Beside, centred
 from calib.fit.placing import base_model_of
 from calib.model.base_model import named_in
@@ -50,9 +50,7 @@ def in_type(
     spoken_for = named_in(base.effects, dataset.header.priors)
     wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for
     model = centred(fitted.model, beside.prior, wanted)
-    final, outside = within_type(again(model), usual, again)
-    fresh = Beside(beside.prior, outside, beside.open)
-    final = in_its_type(final, fresh, again)
+    final = within_type(again(model), Beside(beside.prior, open=beside.open), usual, again)
     return final, [_again(f, final) for f in found]
 
 

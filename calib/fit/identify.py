@@ -33,15 +33,12 @@ from calib.fit.least_squares import (
 )
 from calib.fit.misfit import refuse_misfit
 from calib.fit.of_type import (
-    TOGETHER,
     Beside,
     TypePrior,
-    Weighed,
     held_to,
     loosened,
     stranger,
     together,
-    widened,
 )
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
@@ -102,31 +99,29 @@ def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress
     def fitted(model: RobotModel) -> Identification:
         return fit(dataset, model, readings, model.prior_mean, progress=progress)
 
-    found, outside = within_type(fitted(model), {p.name: p for p in plain.parameters}, fitted)
-    return in_its_type(found, replace(beside, outside=outside), fitted)
+    usual = {p.name: p for p in plain.parameters}
+    return within_type(fitted(model), beside, usual, fitted)
 
 
 def within_type(
-    found: Identification, usual: Mapping[str, Parameter], fitted: Callable[[RobotModel], Identification]
-) -> tuple[Identification, tuple[Weighed, ...]]:
-    """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; and
-    these. usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings."""
-    outside: tuple[Weighed, ...] = ()
-    while (stray := stranger(found.weighed)) is not None:
-        outside = (*outside, stray)
-        found = fitted(loosened(found.model, usual[stray.name]))
-    return found, outside
-
-
-def in_its_type(
-    found: Identification, beside: Beside, fitted: Callable[[RobotModel], Identification]
+    found: Identification,
+    beside: Beside,
+    usual: Mapping[str, Parameter],
+    fitted: Callable[[RobotModel], Identification],
 ) -> Identification:
-    """A fit with the judgement of its prior as a whole, which is widened where this robot lies outside it."""
+    """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; without
+    any of it where the robot is no member of the type.
+
+    usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings.
+    """
+    while (stray := stranger(found.weighed)) is not None and not beside.no_member:
+        beside = replace(beside, outside=(*beside.outside, stray))
+        found = fitted(loosened(found.model, usual, stray.name))
     square, freedom = together(found.model, found.estimate, found.covariance, 1.0 / found.held_std)
     beside = replace(beside, chi_square=square, freedom=freedom)
-    if beside.p_value < TOGETHER:
-        beside = replace(beside, widened=float(np.sqrt(square / freedom)))
-        found = fitted(widened(found.model, beside.widened))
+    if beside.no_member:
+        beside = replace(beside, left_out=True)
+        found = fitted(loosened(found.model, usual))
     return replace(found, beside=beside, warnings=(*beside.warnings(), *found.warnings))
 
 

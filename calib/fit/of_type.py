@@ -12,7 +12,8 @@ out, the usual size holds the parameter again, and everything is fitted anew. Wh
 
     X^2 = d'M^+ d,    d = (estimate - centre) / spread,    M = I - V / (spread spread'),
 
-over the directions that the readings see; where that is too large, every spread is widened until it is not.
+over the directions that the readings see. Where that is too large, or too many rows were taken out, the robot is no
+member of the type, and the whole prior is left out: a fit that is not sure of it is better off without.
 Source: Box 1980 (prior and readings in conflict); Cook and Weisberg 1982 (deletion of rows).
 """
 
@@ -35,6 +36,7 @@ from calib.model.model import RobotModel
 
 OUTSIDE = 0.01  # chance that any parameter of a robot of the type is called outside it
 TOGETHER = 0.001  # chance that all of them together are
+MOST_OUTSIDE = 3  # parameters outside the type, beyond which the robot is no member of it
 _SEEN = 0.01  # share of a parameter, or of a direction, that the readings decide before it is judged
 _TWICE, _FREQUENT = 2, 0.1  # robots, and share of all, from which an effect is frequent
 _SAME = 1e-5  # of a column: what may be left of it where others make up for it
@@ -123,19 +125,25 @@ class Weighed:
 @dataclass(frozen=True)
 class Beside:
     """A fit beside its type. outside: parameters whose prior was taken out, as they were then; open: those to which the
-    prior cannot be put, and why; widened: factor on every spread; chi_square over `freedom` directions, its chance."""
+    prior cannot be put, and why; chi_square over `freedom` directions of what was left of the prior; left_out: whether
+    all of it was left out in the end."""
 
     prior: TypePrior
     outside: tuple[Weighed, ...] = ()
     open: Mapping[str, str] = field(default_factory=dict)
-    widened: float = 1.0
     chi_square: float = 0.0
     freedom: int = 0
+    left_out: bool = False
 
     @property
     def p_value(self) -> float:
-        """Chance of so large a chi-square of the prior terms for a robot of the type, before any widening."""
+        """Chance of so large a chi-square of the prior terms for a robot of the type."""
         return float(chdtrc(self.freedom, self.chi_square)) if self.freedom else 1.0
+
+    @property
+    def no_member(self) -> bool:
+        """Whether this robot lies so far outside that it is no robot of the type."""
+        return len(self.outside) > MOST_OUTSIDE or self.p_value < TOGETHER
 
     def warnings(self) -> list[str]:
         """Sentences on where this robot lies outside its type."""
@@ -144,11 +152,11 @@ class Beside:
             "the prior was left out for it."
             for each in self.outside
         ]
-        if self.widened > 1.0:
+        if self.left_out:
             out.append(
-                "This robot as a whole lies outside what robots of the type share (chi-squared "
-                f"{self.chi_square:.0f} over {self.freedom}): every spread of the prior was taken "
-                f"{self.widened:.1f} times as wide."
+                f"This robot as a whole lies outside what {self.prior.robots} robots of the type share (chi-squared "
+                f"{self.chi_square:.0f} over {self.freedom}, {len(self.outside)} parameters before that): the prior "
+                "was left out."
             )
         return [*out, *(f"The prior of {name} was left out: {why}." for name, why in self.open.items())]
 
@@ -182,16 +190,9 @@ def centred(model: RobotModel, prior: TypePrior, names: frozenset[str]) -> Robot
     return _with(model, with_prior, "robot")
 
 
-def loosened(model: RobotModel, usual: Parameter) -> RobotModel:
-    """A model in which one parameter has its usual size again."""
-    return _with(model, lambda p: usual if p.name == usual.name else p)
-
-
-def widened(model: RobotModel, factor: float) -> RobotModel:
-    """A model in which every spread of the type is so many times as wide."""
-    return _with(
-        model, lambda p: p if p.centre is None or p.size is None else replace(p, size=factor * p.size)
-    )
+def loosened(model: RobotModel, usual: Mapping[str, Parameter], name: str | None = None) -> RobotModel:
+    """A model in which one parameter has its usual size again; None: all of them."""
+    return _with(model, lambda p: usual[p.name] if p.name in usual and name in (None, p.name) else p)
 
 
 def weighed(model: RobotModel, estimate: Array, covariance: Array, weight: Array) -> tuple[Weighed, ...]:

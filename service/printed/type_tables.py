@@ -13,6 +13,8 @@ from calib.prior import Lesson
 from service import wording
 from service.printed import tables
 
+_HARDLY = 0.05  # chance of the whole, below which a member is one of the odd ones
+
 
 def weights(found: Identification) -> Sequence[RenderableType]:
     """Which of the readings and the prior decided each parameter; nothing where the fit knew no type."""
@@ -41,8 +43,8 @@ def weights(found: Identification) -> Sequence[RenderableType]:
         )
     if not table.row_count:
         return (Text("The type says nothing that this fit could use."),)
-    within = "within" if beside.p_value > 0.05 else "hardly within"
-    verdict = "outside" if beside.widened > 1.0 else within
+    within = "within" if beside.p_value > _HARDLY else "hardly within"
+    verdict = "outside" if beside.left_out else within
     return (
         table,
         Text(

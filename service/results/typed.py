@@ -37,6 +37,6 @@ def document_of(found: Identification) -> dict[str, Any]:
             "chi_square": beside.chi_square,
             "degrees_of_freedom": beside.freedom,
             "p_value": beside.p_value,
-            "widened": beside.widened,
+            "left_out": beside.left_out,
         }
     }
