@@ -154,10 +154,10 @@ def nothing_shared() -> Type:
     )
 
 
-def learnt(cell: Cell, kind: Type, seed: int, folder: Path) -> TypePrior:
-    """The prior of a type by ROBOTS of its robots, through the files."""
+def learnt(cell: Cell, kind: Type, seed: int, folder: Path, robots: int = ROBOTS) -> TypePrior:
+    """The prior of a type by so many of its robots, through the files."""
     members = []
-    for i in range(ROBOTS):
+    for i in range(robots):
         robot = kind.robot(np.random.default_rng([seed, 2, i]))
         path = folder / f"{i}.json"
         save_model(path, identify(data_of(cell, robot, 1000 * seed + i)[0]))
