@@ -114,7 +114,7 @@ def within_type(
 
     usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings.
     """
-    while (stray := stranger(found.weighed)) is not None and not beside.no_member:
+    while (stray := stranger(found.weighed, beside.prior.robots)) is not None and not beside.no_member:
         beside = replace(beside, outside=(*beside.outside, stray))
         found = fitted(loosened(found.model, usual, stray.name))
     square, freedom = together(found.model, found.estimate, found.covariance, 1.0 / found.held_std)

@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import chdtrc, ndtri
+from scipy.special import chdtrc, stdtrit
 
 from calib.arm.robot import Robot
 from calib.arm.robot_hash import robot_hash
@@ -211,13 +211,14 @@ def weighed(model: RobotModel, estimate: Array, covariance: Array, weight: Array
     return tuple(out)
 
 
-def stranger(shown: tuple[Weighed, ...]) -> Weighed | None:
-    """The parameter that lies farthest outside the type, where chance does not bring one of so many there."""
+def stranger(shown: tuple[Weighed, ...], robots: int) -> Weighed | None:
+    """The parameter that lies farthest outside the type, where chance does not bring one of so many there; robots: by
+    how many the spreads are known, which gives them Student's t."""
     seen = [each for each in shown if np.isfinite(each.z)]
     if not seen:
         return None
     worst = max(seen, key=lambda each: abs(each.z))
-    limit = -float(ndtri(0.5 * OUTSIDE / len(seen)))
+    limit = -float(stdtrit(robots - 1, 0.5 * OUTSIDE / len(seen)))
     return worst if abs(worst.z) > limit else None
 
 
