@@ -155,8 +155,7 @@ class Beside:
         if self.left_out:
             out.append(
                 f"This robot as a whole lies outside what {self.prior.robots} robots of the type share (chi-squared "
-                f"{self.chi_square:.0f} over {self.freedom}, {len(self.outside)} parameters before that): the prior "
-                "was left out."
+                f"{self.chi_square:.0f} over {self.freedom}): the prior was left out."
             )
         return [*out, *(f"The prior of {name} was left out: {why}." for name, why in self.open.items())]
 

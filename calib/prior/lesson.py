@@ -29,8 +29,8 @@ from calib.prior.member import Member
 from calib.prior.reml import Hierarchy, hierarchy
 from calib.units import to_display, to_internal
 
-FEWEST = 5
-"""Robots that a type takes: the spread of fewer says next to nothing of the next one."""
+FEWEST = 8
+"""Robots that a type takes: of fewer the spread is so uncertain that one member in six would be called a stranger."""
 
 _MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left out
 

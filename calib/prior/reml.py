@@ -33,7 +33,10 @@ _ROUNDS = 400
 _SETTLED = 1e-3  # step of a variance, in its standard errors, at which it has arrived
 _LEAST = 1e-6  # of the usual size: a spread below it is none
 _CHANCE = 0.01  # that any parameter of any robot of the type is called an outlier
-_APART = 4.0  # robust standard deviations, beyond which a value does not take part in the first round
+_APART, _FEW = (
+    4.0,
+    10.0,
+)  # robust standard deviations, times 1 + few / N, beyond which a value stays out at first
 _SWAPS = 20
 
 
@@ -80,8 +83,7 @@ def hierarchy(precision: Array, right: Array, usual: Array) -> Hierarchy:
             member = member.copy()
             member[np.unravel_index(np.argmax(away), away.shape)] = False
         elif back.min() < 1.0:
-            member = member.copy()
-            member[np.unravel_index(np.argmin(back), back.shape)] = True
+            member = member | (back < 1.0)
         else:
             break
     spread = np.sqrt(state.variance)
@@ -202,5 +204,6 @@ def _first(precision: Array, right: Array) -> NDArray[np.bool_]:
         of = told[:, j]
         off = np.abs(value[of, j] - np.median(value[of, j]))
         own = np.sqrt(covariance[of, j, j])
-        member[of, j] = off <= _APART * np.maximum(1.4826 * np.median(off), own)
+        apart = _APART * (1.0 + _FEW / int(of.sum()))
+        member[of, j] = off <= apart * np.maximum(1.4826 * np.median(off), own)
     return member

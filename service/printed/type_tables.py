@@ -41,12 +41,12 @@ def weights(found: Identification) -> Sequence[RenderableType]:
         table.add_row(
             each.name, unit, f"{each.centre:.4g}", f"{each.spread:.2g}", "left out", f"{each.z:+.1f}"
         )
-    if not table.row_count:
+    if not table.row_count and not beside.left_out:
         return (Text("The type says nothing that this fit could use."),)
     within = "within" if beside.p_value > _HARDLY else "hardly within"
     verdict = "outside" if beside.left_out else within
     return (
-        table,
+        *((table,) if table.row_count else ()),
         Text(
             f"As a whole this robot lies {verdict} its type: chi-squared {beside.chi_square:.0f} over "
             f"{beside.freedom}, p = {wording.chance(beside.p_value)}."

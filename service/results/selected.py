@@ -69,6 +69,9 @@ class Selected:
             )
         names = _names(asked.targets, cell)
         setup = setup_of(cell, names, list(asked.groups))
+        if asked.prior is not None:
+            of_robot = [e.label for e in setup.model().effects if e.owner == "robot"]
+            asked.prior.refuse_other(setup.robot, asked.prior.coupling, of_robot)
         say(f"drawing {asked.candidates} candidates")
         drawn = draw_poses(
             cell,
@@ -87,11 +90,6 @@ class Selected:
         curve = curve_of(found, choice.selection)
         of_type = None
         if asked.prior is not None:
-            asked.prior.refuse_other(
-                setup.robot,
-                asked.prior.coupling,
-                [e.label for e in setup.model().effects if e.owner == "robot"],
-            )
             of_type = beside_type(found, choice.selection, curve, asked.prior)
         return Selected(
             cell,
