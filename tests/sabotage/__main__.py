@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, service, watch
+from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, priors, service, watch
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
@@ -27,6 +27,7 @@ CHANGES: tuple[Change, ...] = (
     *fit.CHANGES,
     *motion.CHANGES,
     *watch.CHANGES,
+    *priors.CHANGES,
     *arms.CHANGES,
 )
 
