@@ -90,9 +90,9 @@ class TypePrior:
     def refuse_other(self, robot: Robot, coupling: str, groups: Sequence[str]) -> None:
         """Raise DataError for a robot of another type, or a base model that frees something else of it."""
         if self.robot_sha256 != robot_hash(robot):
+            other = "another table of it" if robot.name == self.robot else f"'{robot.name}'"
             raise DataError(
-                f"is of robots of the type '{self.robot}', these readings are of '{robot.name}'"
-                + (" with another table." if robot.name == self.robot else "."),
+                f"is of robots of the type '{self.robot}', these readings are of {other}.",
                 do="Give the prior of this type.",
                 key="prior",
             )
