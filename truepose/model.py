@@ -209,8 +209,8 @@ def identify(
     """Identify the parameters of the base model, without any search for missing effects.
 
     level: 1 joints, 2 geometry, 3 and gravity, instead of what the header frees (Roth, Mooring and Ravani 1987).
-    prior: file of what robots of this type share (`truepose fleet learn`). progress: is told each step. Raises
-    DataError.
+    prior: file of what robots of this type share (`truepose fleet learn`). progress: is told each step.
+    Raises DataError.
 
     >>> truepose.identify("irb120.csv")
     <model of abb-irb120: 32 parameters>
