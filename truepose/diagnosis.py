@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from calib.diagnose import Diagnosis as Findings
 from calib.diagnose import diagnose as search
 from calib.fit import ErrorStatistics, silent
+from calib.prior import load_prior
 from calib.saved import as_saved
 from calib.text import replace_file
 from calib.units import to_display
@@ -134,10 +135,17 @@ class Diagnosis:
         return before_and_after(self.base.residuals, self.model.residuals)
 
 
-def diagnose(data: Data | str | Path, *, progress: Callable[[str], None] | None = None) -> Diagnosis:
-    """Find what the base model of a data set lacks. progress: is told each step. Raises DataError.
+def diagnose(
+    data: Data | str | Path,
+    *,
+    prior: str | Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find what the base model of a data set lacks. prior: file of what robots of this type share (`truepose fleet
+    learn`). progress: is told each step. Raises DataError.
 
     >>> print(truepose.diagnose("irb120.csv").sentence)
     Found 1 effect that the base model lacks: play of joint 4. ...
     """
-    return Diagnosis(search(data_of(data).dataset, progress=progress or silent))
+    of_type = None if prior is None else load_prior(Path(prior))
+    return Diagnosis(search(data_of(data).dataset, prior=of_type, progress=progress or silent))

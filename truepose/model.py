@@ -17,6 +17,7 @@ from calib.errors import DataError
 from calib.fit import Identification, errors_on, silent, statistics_of
 from calib.fit import identify as fit
 from calib.model import FLANGE, Design, StatedConditions, conditions_at, series_of
+from calib.prior import load_prior
 from calib.saved import SavedModel, as_saved, load_model, save_model
 from calib.units import to_display
 from truepose.arguments import joints_of, number_of
@@ -202,12 +203,14 @@ def identify(
     data: Data | str | Path,
     *,
     level: int | None = None,
+    prior: str | Path | None = None,
     progress: Progress | None = None,
 ) -> Model:
     """Identify the parameters of the base model, without any search for missing effects.
 
     level: 1 joints, 2 geometry, 3 and gravity, instead of what the header frees (Roth, Mooring and Ravani 1987).
-    progress: is told each step. Raises DataError.
+    prior: file of what robots of this type share (`truepose fleet learn`). progress: is told each step.
+    Raises DataError.
 
     >>> truepose.identify("irb120.csv")
     <model of abb-irb120: 32 parameters>
@@ -216,7 +219,8 @@ def identify(
     if level is not None and level not in LEVELS:
         raise DataError(f"is {level}.", do="Use 1, 2 or 3.", key="level")
     groups = None if level is None else LEVELS[level]
-    fitted = fit(of.dataset, groups=groups, progress=progress or silent)
+    of_type = None if prior is None else load_prior(Path(prior))
+    fitted = fit(of.dataset, groups=groups, prior=of_type, progress=progress or silent)
     return Model(as_saved(fitted), fitted, of)
 
 

@@ -13,7 +13,8 @@ from acquisition import read_cell
 from acquisition.campaign import DECIMALS, draw_poses, setup_of
 from calib.array import Array
 from calib.data import DEFAULT_GROUPS
-from calib.selection import Choice, Curve, candidates_of, choose, curve_of
+from calib.prior import load_prior
+from calib.selection import BesideType, Choice, Curve, beside_type, candidates_of, choose, curve_of
 from truepose.frames import frame
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Selection:
     joints_deg: Array
     choice: Choice
     curve: Curve
+    of_type: BesideType | None = None
 
     def __repr__(self) -> str:
         count = len(self.joints_deg)
@@ -60,11 +62,13 @@ def select(
     targets: Sequence[str] | None = None,
     offset_deg: float = -5.0,
     seed: int = 1,
+    prior: str | Path | None = None,
 ) -> Selection:
     """Choose `count` poses of so many candidates that the arm of a cell file reaches. The same seed, the same poses.
 
     groups: what the model will free; targets: measured at every pose, default all of the cell; offset_deg: from where
-    every joint arrives. Raises DataError, ConfigError, UnsafePlan.
+    every joint arrives; prior: file of what robots of this type share, by which `of_type` says how many poses do.
+    Raises DataError, ConfigError, UnsafePlan.
 
     >>> truepose.select("cell.toml", count=20, candidates=60)
     <20 poses, predicted U (k = 2) 0.0... mm>
@@ -79,4 +83,11 @@ def select(
     found = candidates_of(setup, the_cell.robot.model_angles([pose.joints_deg for pose in drawn]))
     choice = choose(setup, found, count, seed=seed)
     joints = np.array([drawn[i].joints_deg for i in choice.selection])
-    return Selection(joints, choice, curve_of(found, choice.selection))
+    curve = curve_of(found, choice.selection)
+    if prior is None:
+        return Selection(joints, choice, curve)
+    of_type = load_prior(Path(prior))
+    of_type.refuse_other(
+        setup.robot, of_type.coupling, [e.label for e in setup.model().effects if e.owner == "robot"]
+    )
+    return Selection(joints, choice, curve, beside_type(found, choice.selection, curve, of_type))

@@ -166,14 +166,17 @@ class _Trial:
         model, active = self.model.without(*(curve.label for curve in gone)), self.active[stay]
         band = np.where(band < 0, band, number * BANDS + band % BANDS)
         normal = self.normal.take(columns)
-        found = normal.posterior(posterior.variance[columns], band, model.measured[active], _AGAIN)
+        found = normal.posterior(
+            posterior.variance[columns], band, model.measured[active], _AGAIN, model.prior_mean[active]
+        )
         return _Trial(self.named, model, curves, self.start[stay], active, band, normal), found
 
     def posterior(self, rounds: int) -> Posterior:
         """The fit, with sizes by evidence."""
         model, active = self.model, self.active
         usual = usual_sizes(model, self.named.dropped)
-        return self.normal.posterior(usual[active] ** 2, self.band, model.measured[active], rounds)
+        measured, mean = model.measured[active], model.prior_mean[active]
+        return self.normal.posterior(usual[active] ** 2, self.band, measured, rounds, mean)
 
     def carried(self, posterior: Posterior) -> Carried:
         """The fit in full, its residual from the exact chain."""

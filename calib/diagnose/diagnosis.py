@@ -20,11 +20,13 @@ from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.follow_up import FollowUp, Rival, follow_up
 from calib.diagnose.held_blocks import Blocks, carried_gains
+from calib.diagnose.named import Found
 from calib.diagnose.outlying import together
 from calib.diagnose.power import Visible, visible
 from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
+from calib.diagnose.type_sizes import in_type
 from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
 from calib.fit.held_out import errors_on
@@ -32,6 +34,7 @@ from calib.fit.identification import Identification
 from calib.fit.identify import Progress, fit, fit_plain, identify, silent
 from calib.fit.least_squares import Dropped
 from calib.fit.left_out import all_readings
+from calib.fit.of_type import TypePrior
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
@@ -46,17 +49,6 @@ _SCREENINGS = 3
 _MOST_RIVALS = 5  # of an effect, and of all of them together, that poses are sought for to distinguish
 _MOST_PAIRS = 12
 _HARM = 0.02  # share by which the held-out error must be smaller without an effect that does harm
-
-
-@dataclass(frozen=True)
-class Found:
-    """An effect that was found, with the evidence for it."""
-
-    effect: Effect
-    evidence: Evidence
-    values: Array  # (p,) internal units
-    covariance: Array  # (p, p)
-    index: str | None  # reading at which a step happened
 
 
 @dataclass(frozen=True)
@@ -93,10 +85,19 @@ class Diagnosis:
         return self.error_after.rms / float(np.sqrt(np.mean(np.sum(left**2, axis=0))))
 
 
-def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress = silent) -> Diagnosis:
-    """Find what the base model of a data set lacks. Raises DataError when it cannot even be identified."""
+def diagnose(
+    dataset: Dataset,
+    *,
+    most: int = MOST_EFFECTS,
+    prior: TypePrior | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find what the base model of a data set lacks. prior: what robots of the type share.
+
+    Raises DataError when it cannot even be identified, and for the prior of another type.
+    """
     begin = time.perf_counter()
-    base = identify(dataset, progress=progress)
+    base = identify(dataset, prior=prior, progress=progress)
     nominal, nominal_estimate = place_nominal(dataset, base_model_of(dataset))
     selection, carried = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
@@ -109,6 +110,8 @@ def diagnose(dataset: Dataset, *, most: int = MOST_EFFECTS, progress: Progress =
         space = space if carried is None else Space.of(carried.held)
         structure = structure if carried is None else _structure(dataset, space)
     final = selection.fitted if carried is None else carried.fitted
+    if base.beside is not None:
+        final, named = in_type(dataset, final, base.beside, named, refit=carried is None)
     curves = [] if carried is None else [_curve(carried, curve) for curve in carried.curves.values()]
     found = sorted([*curves, *named], key=lambda f: -f.evidence.explained_variance)
     rows = dataset.validation_rows

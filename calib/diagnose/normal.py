@@ -2,7 +2,7 @@
 
 The fit is linearised at its solution and its prior is Gaussian, so J'J and J'y of each block are all that is needed:
 
-    x = (N + P)^-1 g,    N = sum of J'J over the blocks, P = s^2 / size^2 on the diagonal.
+    x = (N + P)^-1 (g + P mean),    N = sum of J'J over the blocks, P = s^2 / size^2 on the diagonal.
 
 Sizes that the readings shall say themselves, one for a band of columns, are those of the largest marginal likelihood;
 with gamma_i = 1 - P_i C_ii, C = (N + P)^-1, how much the readings determine of parameter i, they are fixed points of
@@ -50,13 +50,15 @@ def blocks_of(conditions: Conditions) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Estimate (a,), covariance (a, a) for unit noise, variance of the noise, prior variances (a,), determined (a,)."""
+    """Estimate (a,), covariance (a, a) for unit noise, variance of the noise, prior variances (a,), determined (a,),
+    prior means (a,)."""
 
     estimate: Array
     covariance: Array
     noise: float
     variance: Array
     determined: Array
+    mean: Array
 
 
 @dataclass(frozen=True)
@@ -89,26 +91,32 @@ class Normal:
         return replace(self, gram=self.gram[:, columns[:, None], columns], right=self.right[:, columns])
 
     def posterior(
-        self, prior: Array, band: NDArray[np.int64], measured: NDArray[np.bool_], rounds: int
+        self,
+        prior: Array,
+        band: NDArray[np.int64],
+        measured: NDArray[np.bool_],
+        rounds: int,
+        mean: Array | None = None,
     ) -> Posterior:
         """The fit, its noise and the sizes of its bands by evidence.
 
         prior: (a,) variance, infinite where free; for columns of a band (band >= 0) it is the start. measured: priors
-        that are measurements, which count beside the declared noise.
+        that are measurements, which count beside the declared noise. mean: (a,) of the priors, None: zero.
         """
         gram, right, square = self.gram.sum(axis=0), self.right.sum(axis=0), float(self.square.sum())
         variance, banded = prior.copy(), band >= 0
+        mean = np.zeros(len(prior)) if mean is None else mean
         noise = 1.0
         while True:
             penalty = np.where(measured, max(noise, 1.0), noise) / variance
             covariance = inverse(gram, penalty)
-            estimate = covariance @ right
+            estimate = covariance @ (right + penalty * mean)
             determined = 1.0 - penalty * np.diag(covariance)
             left = square - 2.0 * float(estimate @ right) + float(estimate @ gram @ estimate)
             noise = max(left / max(self.rows - float(determined.sum()), 1.0), LEAST_NOISE**2)
             rounds -= 1
             if rounds <= 0:
-                return Posterior(estimate, covariance, noise, variance, determined)
+                return Posterior(estimate, covariance, noise, variance, determined, mean)
             energy = np.bincount(band[banded], estimate[banded] ** 2)
             freedom = np.bincount(band[banded], determined[banded])
             size = np.sqrt(energy / np.maximum(freedom, _LEAST_SHARE))
@@ -122,7 +130,7 @@ class Normal:
         gains = np.zeros((len(groups), BLOCKS))
         for b in range(BLOCKS):
             covariance = inverse(gram - self.gram[b], penalty)
-            estimate = covariance @ (right - self.right[b])
+            estimate = covariance @ (right - self.right[b] + penalty * posterior.mean)
             whole = self._error(b, estimate)
             gains[:, b] = [self._error(b, _without(estimate, covariance, group)) - whole for group in groups]
         return gains

@@ -14,6 +14,7 @@ from calib.data.conditions import Conditions
 from calib.data.header import Header
 from calib.fit.ending import Ending
 from calib.fit.least_squares import Dropped
+from calib.fit.of_type import Beside, Weighed, weighed
 from calib.fit.readings import Readings, linearised
 from calib.fit.uncertainty import predict_with_covariance
 from calib.model.model import Design, RobotModel
@@ -44,6 +45,7 @@ class Identification:
     warnings: tuple[str, ...]
     header: Header
     data_sha256: str
+    beside: Beside | None = None  # the type of the robot, where the fit knew it
 
     @property
     def converged(self) -> bool:
@@ -54,6 +56,17 @@ class Identification:
     def standard_errors(self) -> Array:
         """(m,) internal units; 0 for a dropped parameter."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def held_std(self) -> Array:
+        """(m,) standard deviation that the prior of every parameter had in this fit, internal units; inf without."""
+        with np.errstate(divide="ignore"):
+            return max(self.noise_scale, 1.0) / self.prior
+
+    @property
+    def weighed(self) -> tuple[Weighed, ...]:
+        """What decided each parameter that robots of the type share: their prior, or the readings."""
+        return weighed(self.model, self.estimate, self.covariance, 1.0 / self.held_std)
 
     @property
     def correlations(self) -> Array:
@@ -101,7 +114,11 @@ class Identification:
     @cached_property
     def config_sha256(self) -> str:
         """Hash of the data and of what was asked of it: the model's parameters with their priors."""
-        asked = [[e.label, p.name, p.unit, p.size] for e in self.model.effects for p in e.parameters]
+        asked = [
+            [e.label, p.name, p.unit, p.size, *([] if p.centre is None else [p.centre])]
+            for e in self.model.effects
+            for p in e.parameters
+        ]
         return hashlib.sha256((self.data_sha256 + json.dumps(asked)).encode()).hexdigest()
 
     def predict(self, conditions: Conditions) -> Array:

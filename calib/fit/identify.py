@@ -7,7 +7,7 @@ squares on the rest. Only `fit_rows` of the data set take part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,9 +32,19 @@ from calib.fit.least_squares import (
     usual_sizes,
 )
 from calib.fit.misfit import refuse_misfit
+from calib.fit.of_type import (
+    Beside,
+    TypePrior,
+    held_to,
+    loosened,
+    stranger,
+    together,
+)
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
 from calib.fit.readings import Readings, readings_of
+from calib.model.base_model import named_in
+from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
 
 Progress = Callable[[str], None]
@@ -51,20 +61,68 @@ def silent(_: str) -> None:
 
 
 def identify(
-    dataset: Dataset, *, groups: Sequence[str] | None = None, progress: Progress = silent
+    dataset: Dataset,
+    *,
+    groups: Sequence[str] | None = None,
+    prior: TypePrior | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Identify the base model of a data set.
 
-    groups: which groups to free, default those of the header. Raises DataError when the readings cannot carry
-    the model (too few, or tool targets that cannot show the last joint), and where this cannot be the robot measured.
+    groups: which groups to free, default those of the header; prior: what robots of the type share. Raises DataError
+    when the readings cannot carry the model (too few, or tool targets that cannot show the last joint), where this
+    cannot be the robot measured, and for the prior of another type.
     """
     model = base_model_of(dataset, groups)
-    refuse_too_few(dataset, model)
-    start = np.zeros(len(model.parameters))
-    readings = readings_of(dataset, dataset.fit_rows, model, start)
-    found = fit(dataset, model, readings, start, progress=progress)
+    if prior is None:
+        refuse_too_few(dataset, model)
+        start = np.zeros(len(model.parameters))
+        readings = readings_of(dataset, dataset.fit_rows, model, start)
+        found = fit(dataset, model, readings, start, progress=progress)
+    else:
+        found = _beside_type(dataset, model, prior, progress)
     refuse_misfit(dataset, found)
     return found
+
+
+def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress: Progress) -> Identification:
+    """A fit that knows what robots of the type share, and gives it up wherever this robot lies outside."""
+    header = dataset.header
+    of_robot = [e.label for e in plain.effects if e.owner == "robot"]
+    prior.refuse_other(header.robot, header.coupling, of_robot)
+    start = np.zeros(len(plain.parameters))
+    readings = readings_of(dataset, dataset.fit_rows, plain, start)
+    at = Linearisation(Design(plain, readings.conditions), readings.observed, start)
+    model, beside = held_to(at, prior, named_in(plain.effects, header.priors))
+    refuse_too_few(dataset, model)
+
+    def fitted(model: RobotModel) -> Identification:
+        return fit(dataset, model, readings, model.prior_mean, progress=progress)
+
+    usual = {p.name: p for p in plain.parameters}
+    return within_type(fitted(model), beside, usual, fitted)
+
+
+def within_type(
+    found: Identification,
+    beside: Beside,
+    usual: Mapping[str, Parameter],
+    fitted: Callable[[RobotModel], Identification],
+) -> Identification:
+    """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; without
+    any of it where the robot is no member of the type.
+
+    usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings.
+    """
+    while (stray := stranger(found.weighed, beside.prior.robots)) is not None and not beside.no_member:
+        beside = replace(beside, outside=(*beside.outside, stray))
+        found = fitted(loosened(found.model, usual, stray.name))
+    square, freedom = together(found.model, found.estimate, found.covariance, 1.0 / found.held_std)
+    beside = replace(beside, chi_square=square, freedom=freedom)
+    if beside.no_member:
+        beside = replace(beside, left_out=True)
+        found = fitted(loosened(found.model, usual))
+    return replace(found, beside=beside, warnings=(*beside.warnings(), *found.warnings))
 
 
 def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:

@@ -1,8 +1,10 @@
 """Gauss-Newton on the exact chain, with priors, weights a reading and named rank deficiency.
 
-minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j (x_j / size_j)^2  +  s^2 sum_k t_k(x)^2
+minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j ((x_j - mean_j) / size_j)^2
+          +  s^2 sum_k t_k(x)^2
 
-t_k are the distances between balls of one body (`calib.model.ties`), measurements like a declared position.
+mean_j is zero, nominal, unless robots of the type share another (`calib.fit.of_type`); t_k are the distances between
+balls of one body (`calib.model.ties`), measurements like a declared position.
 
 s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
 they are better than declared for less, so that readings without noise come back as they are (a prior that is a
@@ -322,11 +324,11 @@ def solve(
     model = start.design.model
     weight = np.where(model.measured, max(scale, 1.0), max(scale, LEAST_NOISE))
     prior = np.where(active, weight / usual_sizes(model, dropped), 0.0)
-    held = prior[active]
+    held, mean = prior[active], model.prior_mean
     worth = max(
         scale, 1.0
     )  # of a distance between balls: it keeps its worth as a prior that is a measurement does
-    at, cost = start, _cost(start, root, prior, worth)
+    at, cost = start, _cost(start, root, prior, mean, worth)
     iterations, ending = 0, Ending.ROUNDS
     small = tolerance * max(scale, 1.0)
     triangle, size = np.eye(len(held)), np.ones(len(held))
@@ -343,7 +345,7 @@ def solve(
         gram.ravel()[:: len(gram) + 1] += held**2
         size = np.sqrt(gram.diagonal())
         triangle = _normal_factor(gram / (size[:, None] * size), columns, tied, held, size)
-        right = (columns.T @ weighted.ravel() - held**2 * at.estimate[active] + tied.T @ left) / size
+        right = (columns.T @ weighted.ravel() - held**2 * (at.estimate - mean)[active] + tied.T @ left) / size
         scaled = _back(triangle, _back(triangle, right, 1))
         change = float(np.linalg.norm(triangle @ scaled))
         step = scaled / size
@@ -351,7 +353,7 @@ def solve(
             trial = at.estimate.copy()
             trial[active] += step
             there = Linearisation(start.design, start.observed, trial)
-            cost_there = _cost(there, root, prior, worth)
+            cost_there = _cost(there, root, prior, mean, worth)
             # what a step so small promises drowns in the rounding of the cost, which then cannot judge it
             if cost_there <= cost * (1.0 + 1e-12) or change < small or change**2 < 1e-12 * cost:
                 break
@@ -376,7 +378,7 @@ def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
     return found
 
 
-def _cost(at: Linearisation, root: Array | None, prior: Array, worth: float) -> float:
+def _cost(at: Linearisation, root: Array | None, prior: Array, mean: Array, worth: float) -> float:
     weighted = (at.residual if root is None else at.residual * root).ravel()
-    strained, tied = prior * at.estimate, worth * at.tied[0]
+    strained, tied = prior * (at.estimate - mean), worth * at.tied[0]
     return float(weighted @ weighted + strained @ strained + tied @ tied)

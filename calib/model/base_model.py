@@ -6,7 +6,7 @@ nothing about. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from calib.arm.robot import Robot
@@ -181,6 +181,12 @@ def adapted(
         left = {p.name for p in kept}
         out.append(replace(e, parameters=kept, terms=tuple(t for t in e.terms if t.parameter in left)))
     return tuple(e for e in out if e.parameters)
+
+
+def named_in(effects: Sequence[Effect], names: Iterable[str]) -> frozenset[str]:
+    """The parameters that some names of parameters, kinds ('alpha') or groups ('compliance') speak of."""
+    said = set(names)
+    return frozenset(p.name for e in effects for p in e.parameters if said & {p.name, _kind(p.name), e.label})
 
 
 def _kind(name: str) -> str:

@@ -34,7 +34,8 @@ class Parameter:
     """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
 
     A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
-    deviation); without one it is free. low, high: between which physics allows it, in that unit; None: no bound.
+    deviation); without one it is free. centre: where robots of the type have it, in that unit, and `size` is then their
+    spread about it (`calib.prior`); None: nobody knows. low, high: between which physics allows it; None: no bound.
     Bounds never hold a fit back: an estimate beyond them says that the effect is not what is there.
     """
 
@@ -43,6 +44,7 @@ class Parameter:
     size: float | None = None
     low: float | None = None
     high: float | None = None
+    centre: float | None = None
 
     @property
     def short(self) -> str:
@@ -147,7 +149,7 @@ class Effect:
             meaning=table["meaning"],
             shape=dict(table["shape"]),
             parameters=tuple(
-                Parameter(p["name"], p["unit"], p["size"], p.get("low"), p.get("high"))
+                Parameter(p["name"], p["unit"], p["size"], p.get("low"), p.get("high"), p.get("centre"))
                 for p in table["parameters"]
             ),
             terms=tuple(

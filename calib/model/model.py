@@ -19,6 +19,7 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.spans import Span
 from calib.model.effect import Effect, Owner, Parameter
+from calib.model.expected import Expected
 from calib.model.regressors import GearCurve
 from calib.units import to_internal
 
@@ -33,7 +34,8 @@ class RobotModel:
     targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world;
     turns: series -> (3, 3) constant orientation of the tool frame on the flange from which its turns count;
     anchors: base target -> (x, y, z) mm in the world, nominal or where its own parameters start;
-    curves: errors of gears that were found and are held; spans: measured distances between balls of one body.
+    curves: errors of gears that were found and are held; spans: measured distances between balls of one body;
+    expected: effects that robots of the type were found to have.
     """
 
     robot: Robot
@@ -45,6 +47,7 @@ class RobotModel:
     anchors: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     curves: tuple[GearCurve, ...] = ()
     spans: tuple[Span, ...] = ()
+    expected: tuple[Expected, ...] = ()
 
     @cached_property
     def chain(self) -> Chain:
@@ -85,16 +88,29 @@ class RobotModel:
         return np.array([np.inf if p.size is None else to_internal(p.size, p.unit) for p in self.parameters])
 
     @cached_property
+    def prior_mean(self) -> Array:
+        """(m,) mean of the prior of every parameter, internal units; zero, nominal, where robots of the type share
+        nothing."""
+        return np.array([0.0 if p.centre is None else to_internal(p.centre, p.unit) for p in self.parameters])
+
+    @cached_property
+    def of_type(self) -> NDArray[np.bool_]:
+        """(m,) parameters whose prior is what robots of the type share."""
+        return np.array([p.centre is not None for p in self.parameters], dtype=bool)
+
+    @cached_property
     def unit(self) -> Array:
         """(m,) one unit of every parameter as it is shown, internal units."""
         return np.array([to_internal(1.0, p.unit) for p in self.parameters])
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
-        """(m,) parameters whose prior is a measurement, not a usual size: a mounting known to what was declared."""
+        """(m,) parameters whose prior is a measurement, not a usual size: a mounting known to what was declared, and
+        what measured robots of the type share."""
         return np.array(
             [
-                e.group == "base model" and e.owner == "mounting" and p.size is not None
+                p.centre is not None
+                or (e.group == "base model" and e.owner == "mounting" and p.size is not None)
                 for e in self.effects
                 for p in e.parameters
             ],

@@ -17,15 +17,16 @@ import numpy as np
 
 from calib.arm.kinematics import BESIDE, Chain
 from calib.arm.robot import Robot
+from calib.arm.robot_hash import DESCRIPTION
 from calib.array import Array
 from calib.errors import DataError
+from calib.fit.least_squares import Dropped
 from calib.model.effect import Group, Owner
 from calib.model.model import RobotModel
 from calib.text.toml_table import FARTHEST_MM
 from calib.units import FACTORS, to_internal
 
 _WRITE_AGAIN = "Write the model again with 'truepose diagnose DATA.csv --model'."
-_DESCRIPTION = ("name", "maker", "source", "capsules")  # of a robot: words, and its girth, which move nothing
 _SAME = 1e-9  # rad and mm
 _SHAPES = {
     "joint": int,
@@ -43,13 +44,6 @@ def content_hash(document: Mapping[str, Any]) -> str:
     rest = {key: value for key, value in document.items() if key != "content_sha256"}
     text = json.dumps(rest, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def robot_hash(robot: Robot) -> str:
-    """SHA-256 of everything of a robot that moves it; of a robot without slides what older versions made of it."""
-    table = {key: value for key, value in asdict(robot).items() if key not in _DESCRIPTION}
-    table = {key: value for key, value in table.items() if key not in ("slides", "external") or value}
-    return hashlib.sha256(json.dumps(table, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
@@ -73,7 +67,7 @@ def refuse_other_table(robot: Robot, reference: Robot, path: Path) -> None:
     """Raise DataError, naming the first number, where the robot of a model is not the one of the robot file."""
     own, other = asdict(robot), asdict(reference)
     for key, value in own.items():
-        if key not in _DESCRIPTION and not _same(value, other[key]):
+        if key not in DESCRIPTION and not _same(value, other[key]):
             where = key
             if key in ("lower", "upper") and len(robot.lower) == len(reference.lower):
                 k = next(k for k, pair in enumerate(zip(value, other[key], strict=True)) if not _same(*pair))
@@ -122,6 +116,8 @@ def refuse_effects(model: RobotModel, path: Path) -> None:
                 raise refuse(f"has a parameter {parameter.name!r} in the unit {parameter.unit!r}")
             if size is not None and not (_is_number(size) and size > 0.0):
                 raise refuse(f"has a parameter {parameter.name!r} of the size {size!r}")
+            if parameter.centre is not None and not _is_number(parameter.centre):
+                raise refuse(f"has a parameter {parameter.name!r} about {parameter.centre!r}")
             own.add(parameter.name)
             names.add(parameter.name)
         for term in effect.terms:
@@ -175,6 +171,32 @@ def estimate_of(entries: Any, model: RobotModel, path: Path) -> Array:
         if name not in values:
             raise DataError("is missing.", do=_WRITE_AGAIN, file=path, key=f"parameters.{name}")
     return np.array([values[name] for name in model.index])
+
+
+def held_std_of(entries: Any, model: RobotModel, path: Path) -> Array | None:
+    """(m,) standard deviation of every parameter's prior in the fit, internal units, inf where it had none. None where
+    the file does not say: older versions did not, and watches that updated a model no longer know. Raises DataError."""
+    held = {entry["name"]: entry.get("held_std") for entry in entries if "held_std" in entry}
+    if len(held) < len(model.parameters):
+        return None
+    out = np.full(len(model.parameters), np.inf)
+    for i, p in enumerate(model.parameters):
+        std = held[p.name]
+        if std is not None and not (_is_number(std) and std > 0.0):
+            raise DataError(f"is {std!r}.", do=_WRITE_AGAIN, file=path, key=f"parameters.{p.name}.held_std")
+        out[i] = np.inf if std is None else to_internal(float(std), p.unit)
+    return out
+
+
+def dropped_of(entries: Any, path: Path) -> tuple[Dropped, ...]:
+    """The parameters that the readings did not determine, and what makes up for them. Raises DataError."""
+    out = []
+    for entry in entries:
+        name, stand_ins = entry["name"], tuple((other, move) for other, move in entry["stand_ins"])
+        if not isinstance(name, str) or not all(isinstance(o, str) and _is_number(m) for o, m in stand_ins):
+            raise DataError(f"is {entry!r}.", do=_WRITE_AGAIN, file=path, key="dropped")
+        out.append(Dropped(name, tuple(other for other, _ in stand_ins), stand_ins))
+    return tuple(out)
 
 
 def numbers_of(value: Any, shape: Sequence[int], key: str, path: Path, most: float = np.inf) -> Array:

@@ -27,11 +27,13 @@ from calib.arm.robot import (
     parse_loads,
     refuse_impossible,
 )
+from calib.arm.robot_hash import robot_hash
 from calib.array import Array
 from calib.compensate import Bounds, refuse_unlikely
 from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
+from calib.fit.least_squares import Dropped
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.model.stated import StatedConditions
@@ -39,13 +41,14 @@ from calib.regression.regression import Regression
 from calib.saved.model_checks import (
     content_hash,
     covariance_of,
+    dropped_of,
     estimate_of,
+    held_std_of,
     numbers_of,
     refuse_changed,
     refuse_effects,
     refuse_other_table,
     rigid,
-    robot_hash,
 )
 from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
@@ -80,6 +83,9 @@ class SavedModel:
     noise_scale: float = 1.0  # noise that the fit found over the declared
     devices: tuple[Mapping[str, str], ...] = ()  # robot and instrument, as the header of the data names them
     updates: tuple[Mapping[str, Any], ...] = ()  # changes found by watches since, oldest first
+    # (m,) standard deviation of every prior in the fit, internal units; None in files that do not say it
+    held_std: Array | None = None
+    dropped: tuple[Dropped, ...] = ()  # parameters that its readings did not determine
 
     @property
     def usual(self) -> StatedConditions:
@@ -108,6 +114,8 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         simulated=header.simulated,
         noise_scale=identification.noise_scale,
         devices=header.devices,
+        held_std=identification.held_std,
+        dropped=identification.dropped,
     )
 
 
@@ -148,7 +156,11 @@ def model_document(
         "gravity_base": list(identification.header.gravity),
         "joint_coupling": identification.header.coupling,
         "groups": [e.label for e in model.effects if e.group == "base model"],
-        "parameters": parameters_of(model, identification.estimate, errors),
+        "parameters": parameters_of(model, identification.estimate, errors, identification.held_std),
+        "dropped": [
+            {"name": d.name, "stand_ins": [[name, move] for name, move in d.stand_ins]}
+            for d in identification.dropped
+        ],
         "effects": [effect.to_json() for effect in model.effects],
         "covariance_internal_units": triangle(identification.covariance),
         "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
@@ -174,8 +186,11 @@ def model_document(
     return document
 
 
-def parameters_of(model: RobotModel, estimate: Array, errors: Array) -> list[dict[str, Any]]:
-    """Every parameter of a model as its file has it; estimate and errors (m,), internal units."""
+def parameters_of(
+    model: RobotModel, estimate: Array, errors: Array, held: Array | None = None
+) -> list[dict[str, Any]]:
+    """Every parameter of a model as its file has it; estimate and errors (m,), internal units; held (m,): standard
+    deviation of its prior in the fit, inf where it had none, None where nobody knows any more."""
     return [
         {
             "name": parameter.name,
@@ -185,8 +200,13 @@ def parameters_of(model: RobotModel, estimate: Array, errors: Array) -> list[dic
             "nominal": _nominal(model, parameter.name),
             "owner": owner,
         }
+        | ({} if held is None else {"held_std": _held(float(held[i]), parameter.unit)})
         for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
     ]
+
+
+def _held(std: float, unit: str) -> float | None:
+    return to_display(std, unit) if np.isfinite(std) else None
 
 
 def _scope_of(identification: Identification) -> dict[str, Any]:
@@ -332,6 +352,8 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         noise_scale=float(numbers_of(document.get("noise_scale", 1.0), (), "noise_scale", path, _NOISIEST)),
         devices=_tables(document.get("device", []), "device", path),
         updates=_tables(document.get("updates", []), "updates", path),
+        held_std=held_std_of(document["parameters"], model, path),
+        dropped=dropped_of(document.get("dropped", []), path),
     )
 
 

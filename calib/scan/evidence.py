@@ -20,7 +20,7 @@ WHOLE_ORDER = 10.0  # evidence that a harmonic order off the whole numbers must 
 
 
 def p_value(
-    gain: float, columns: int, rss: float, freedom: int, multiplicity: int, counts: float = 1.0
+    gain: float, columns: int, rss: float, freedom: int, multiplicity: float, counts: float = 1.0
 ) -> float:
     """Chance of a fall of `gain` in `rss` (before it) by noise, over all tries. 1 where nothing is left to test.
 
@@ -33,7 +33,7 @@ def p_value(
     return min(1.0, float(fdtrc(columns, left, ratio)) * multiplicity)
 
 
-def evidence_of(gain: float, volume: float, rss: float, rows: int, multiplicity: int) -> float:
+def evidence_of(gain: float, volume: float, rss: float, rows: int, multiplicity: float) -> float:
     """Evidence of a candidate; volume: sum of log(1 + mu_j)."""
     left = max(rss - gain, 1e-300)
     return rows * math.log(rss / left) - volume - 2.0 * math.log(multiplicity)

@@ -113,7 +113,7 @@ class Score:
     effect: Effect
     gain: float
     freedom: int
-    multiplicity: int
+    multiplicity: float
     evidence: float
 
 
@@ -124,6 +124,7 @@ class Scores:
         self.space = space
         self.rss, self.freedom = space.rss, space.freedom
         self.families = [family.scores(space) for family in offered]
+        self.shares = self._shares(space)
         self.a = [family.gram(space) for family in self.families]
         residual = space.residual.reshape(-1, 1)
         self.b = [family.shared(space, residual)[:, :, 0] for family in self.families]
@@ -134,10 +135,19 @@ class Scores:
             a -= shared @ shared.transpose(0, 2, 1)
             b -= shared @ ahead
 
+    def _shares(self, space: Space) -> dict[tuple[int, int], float]:
+        """(family, place) -> share of all tries, of what robots of the type were found to have."""
+        return {
+            (index, family.place_of(expected.place)): expected.share
+            for expected in space.fitted.model.expected
+            for index, family in enumerate(self.families)
+            if expected.label == family.label or expected.label.startswith(family.label + ":")
+        }
+
     def copy(self) -> Scores:
         """An independent copy of the state."""
         twin = object.__new__(Scores)
-        twin.space, twin.families = self.space, self.families
+        twin.space, twin.families, twin.shares = self.space, self.families, self.shares
         twin.rss, twin.freedom = self.rss, self.freedom
         twin.a, twin.b = [a.copy() for a in self.a], [b.copy() for b in self.b]
         return twin
@@ -167,11 +177,17 @@ class Scores:
         """Variance of the whitened residual, at least that declared."""
         return max(self.rss / max(self.freedom, 1), 1.0)
 
-    def multiplicity(self, index: int, place: int) -> int:
-        """Number of tries that a place counts for: all families x the places of its scan that are as likely as it."""
-        return len(self.families) * self.families[index].alike(place)
+    def multiplicity(self, index: int, place: int) -> float:
+        """Number of tries that a place counts for: all families x the places of its scan that are as likely as it.
 
-    def multiplicity_of(self, effect: Effect) -> int:
+        Where robots of the type were found to have effects, half of the tries is theirs (`calib.model.expected`).
+        """
+        alike = len(self.families) * self.families[index].alike(place)
+        if not self.shares:
+            return alike
+        return 1.0 / (0.5 / alike + self.shares.get((index, place), 0.0))
+
+    def multiplicity_of(self, effect: Effect) -> float:
         """Number of tries that an effect of the model counts for."""
         for index, family in enumerate(self.families):
             if effect.label == family.label or effect.label.startswith(family.label + ":"):

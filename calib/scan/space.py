@@ -54,7 +54,9 @@ class Space:
         covariance = np.zeros((len(active), len(active)))
         covariance[np.ix_(active, active)] = inverse @ inverse.T
         residual = observed.residual(frames)
-        held = np.concatenate([residual.ravel(), -(prior * fitted.estimate)[active], left])
+        held = np.concatenate(
+            [residual.ravel(), -(prior * (fitted.estimate - fitted.model.prior_mean))[active], left]
+        )
         return cls(fitted, frames, residual, held, basis, covariance, columns, r * size)
 
     @property

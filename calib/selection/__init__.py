@@ -3,6 +3,7 @@
 from calib.selection.choose import SHARE, Choice, choose
 from calib.selection.curve import STEP, WORTH, Curve, curve_of
 from calib.selection.exchange import select
+from calib.selection.fewer import BesideType, beside_type
 from calib.selection.indices import observability
 from calib.selection.information import Candidates, Setup, candidates_of
 from calib.selection.lengths import Balls, Lengths, uncertainty_of
@@ -12,11 +13,13 @@ __all__ = [
     "STEP",
     "WORTH",
     "Balls",
+    "BesideType",
     "Candidates",
     "Choice",
     "Curve",
     "Lengths",
     "Setup",
+    "beside_type",
     "candidates_of",
     "choose",
     "curve_of",

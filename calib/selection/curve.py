@@ -51,13 +51,23 @@ class Curve:
         return next((int(n) for n, u in zip(self.counts, self.largest, strict=True) if u <= wanted), None)
 
 
-def curve_of(candidates: Candidates, selection: Indices, step: int = STEP) -> Curve:
-    """The curve around a selection: counts `step` apart through its own, from just enough to twice as many."""
+def curve_of(
+    candidates: Candidates,
+    selection: Indices,
+    step: int = STEP,
+    prior: Array | None = None,
+    beyond: float = _BEYOND,
+) -> Curve:
+    """The curve around a selection: counts `step` apart through its own, from just enough to `beyond` times as many.
+
+    prior: (m,) information that robots of the type bring on every parameter, in units of the columns
+    (`calib.selection.fewer`).
+    """
     blocks = PoseRows.of(candidates.rows)
     least = -(-blocks.parameters // blocks.width) + 1
     count = len(selection)
     below = range(count, least - 1, -step)
-    above = range(count + step, min(int(_BEYOND * count), blocks.poses) + 1, step)
+    above = range(count + step, min(int(beyond * count), blocks.poses) + 1, step)
     designs = {count: selection}
     for n in below[1:]:
         designs[n] = without_least(blocks, designs[n + step], n)
@@ -71,7 +81,8 @@ def curve_of(candidates: Candidates, selection: Indices, step: int = STEP) -> Cu
     for i, n in enumerate(counts):
         rows = candidates.rows[designs[int(n)]]
         rows = rows.reshape(-1, rows.shape[-1])
-        spread = points @ np.linalg.inv(np.linalg.cholesky(rows.T @ rows)).T
+        information = rows.T @ rows + (0.0 if prior is None else np.diag(prior))
+        spread = points @ np.linalg.inv(np.linalg.cholesky(information)).T
         of_parameters = spread @ spread.transpose(0, 2, 1)
         u = expanded(of_parameters + repeatability)
         largest[i], mean[i], of_model[i] = u.max(), u.mean(), expanded(of_parameters).max()

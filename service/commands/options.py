@@ -12,6 +12,7 @@ import typer
 
 from calib.compensate import Bounds
 from calib.errors import DataError
+from calib.prior import TypePrior, load_prior
 from calib.saved import SavedModel, load_model
 from service import exit_codes
 from service.files import STANDARD_OUTPUT, write_json
@@ -32,6 +33,12 @@ Report = Annotated[
 Model = Annotated[
     Path | None,
     typer.Option("--model", metavar="M.json", help="Save the model, to predict and correct with."),
+]
+PriorFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--prior", metavar="PRIOR.json", help="What robots of this type share, from 'truepose fleet learn'."
+    ),
 ]
 AcceptRms = Annotated[
     float | None,
@@ -82,6 +89,11 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
     if not all(0.0 < value < math.inf for value in largest):
         raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
     return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
+
+
+def read_prior(path: Path | None) -> TypePrior | None:
+    """The prior of --prior, where one was named. Raises DataError."""
+    return None if path is None else load_prior(path)
 
 
 def note_without_regression(saved: SavedModel, terminal: Terminal) -> None:

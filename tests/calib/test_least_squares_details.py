@@ -65,8 +65,8 @@ def test_estimate_covariance_and_cost_are_those_of_the_normal_equations(scale: f
     assert found.given == pytest.approx(4.0 - by_readings)
     root = None if weights is None else np.sqrt(weights)
     left = READ.ravel() - MATRIX @ START
-    cost = every @ left**2 + np.sum((prior * START) ** 2) + (worth * (3.0 - START[3]) / 2.0) ** 2
-    assert _cost(start, root, prior, worth) == pytest.approx(cost, rel=1e-12)
+    cost = every @ left**2 + np.sum((prior * 0.7 * START) ** 2) + (worth * (3.0 - START[3]) / 2.0) ** 2
+    assert _cost(start, root, prior, 0.3 * START, worth) == pytest.approx(cost, rel=1e-12)
 
 
 def test_the_noise_is_as_declared_where_nothing_is_said() -> None:

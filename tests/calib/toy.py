@@ -28,6 +28,7 @@ def toy_model(parameters: Sequence[Any], **of: Any) -> Any:
         parameters=tuple(parameters),
         effects=effects,
         index={p.name: k for k, p in enumerate(parameters)},
+        prior_mean=np.zeros(len(parameters)),
         prior_std=np.array([np.inf if p.size is None else p.size for p in parameters]),
         unit=np.ones(len(parameters)),
         measured=np.array([p.measured for p in parameters]),

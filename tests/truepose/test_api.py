@@ -48,7 +48,7 @@ SURFACE = {
         "saved",
         "stated",
     },
-    "Selection": {"choice", "curve", "joints_deg", "poses", "u_by_count"},
+    "Selection": {"choice", "curve", "joints_deg", "of_type", "poses", "u_by_count"},
     "Validation": {"errors", "judgements"},
 }
 FUNCTIONS = {"compensate", "diagnose", "identify", "load", "read", "select", "simulate", "validate"}

@@ -49,10 +49,11 @@ def select(
         typer.Option(min=0.0, metavar="MM", help="Exit code 3 when the predicted U stays above."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Draws the candidates and the starts.")] = 1,
+    prior: options.PriorFile = None,
     json: options.Json = None,
 ) -> None:
     """Choose calibration poses by observability."""
-    options.check_outputs({"--out": out, "--json": json}, inputs=(cell,))
+    options.check_outputs({"--out": out, "--json": json}, inputs=(cell, prior))
     asked = Question(
         count=count,
         candidates=candidates,
@@ -62,6 +63,7 @@ def select(
         share=share,
         wanted_u=wanted_u,
         seed=seed,
+        prior=options.read_prior(prior),
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         found = Selected.of(read_cell(cell), asked, terminal.say)
@@ -76,6 +78,9 @@ def select(
             tables.warnings([*_dropped(choice), *choice.warnings, *_shortage(drawn, candidates)]),
         ):
             terminal.out.print(each)
+        if found.of_type is not None:
+            terminal.out.print(_curve(found.of_type.curve, count, "with what robots of the type share"))
+            terminal.out.print(found.of_type.in_words)
         terminal.out.print(_advice(curve, wanted_u))
         terminal.note(f"poses: {out}")
     if wanted_u is not None and curve.at(count) > wanted_u:
@@ -105,9 +110,9 @@ def _summary(candidates: Candidates, choice: Choice) -> RenderableType:
     return table
 
 
-def _curve(curve: Curve, count: int) -> RenderableType:
+def _curve(curve: Curve, count: int, beside: str = "") -> RenderableType:
     table = Table(
-        title="Predicted U of the position, k = 2, worst direction, mm",
+        title=" ".join(("Predicted U of the position, k = 2, worst direction, mm", beside)).rstrip(),
         title_justify="left",
         box=box.SIMPLE_HEAD,
     )

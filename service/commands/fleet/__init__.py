@@ -7,6 +7,7 @@ import typer
 from service.commands import Group
 from service.commands.fleet.demo import demo_command
 from service.commands.fleet.diagnose import diagnose_command
+from service.commands.fleet.learn import learn_command
 from service.commands.fleet.migrate import migrate_command
 from service.commands.fleet.outbox import app as outbox
 from service.commands.fleet.send import send_command
@@ -17,5 +18,6 @@ app.command("send")(send_command)
 app.add_typer(outbox, name="outbox", no_args_is_help=True, cls=Group)
 app.command("serve")(serve_command)
 app.command("diagnose")(diagnose_command)
+app.command("learn")(learn_command)
 app.command("demo")(demo_command)
 app.command("migrate")(migrate_command)

@@ -20,7 +20,7 @@ from service.commands import options
 from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
 from service.garbage import left_alone
-from service.printed import tables
+from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import EFFECTS, Acceptance, decide
 from service.results.models import documents
@@ -59,6 +59,7 @@ def diagnose_command(
     patch: Annotated[
         bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
     ] = False,
+    prior: options.PriorFile = None,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
     accept_zones: options.AcceptZones = None,
@@ -75,17 +76,17 @@ def diagnose_command(
             "--follow-up": follow_up,
             "--dcc": dcc,
         },
-        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones),
+        inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones, prior),
     )
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
-        dataset = read_dataset(data)
+        dataset, of_type = read_dataset(data), options.read_prior(prior)
         other = None if carry_to is None else read_dataset(carry_to)
         the_cell = None if cell is None else read_cell(cell)
         if limits is not None:
             limits.refuse_unjudged(dataset)
-        diagnosis = diagnose(dataset, most=most, progress=terminal.say)
+        diagnosis = diagnose(dataset, most=most, prior=of_type, progress=terminal.say)
         if the_cell is not None and diagnosis.follow_up is not None:
             terminal.say("seeking poses of the cell that distinguish rivals")
             chosen = in_cell(the_cell, diagnosis.final, diagnosis.follow_up.rivals)
@@ -184,5 +185,7 @@ def show(
     patched: Patched | None = None,
 ) -> None:
     """Print the result for people."""
+    for table in type_tables.weights(diagnosis.final):
+        terminal.out.print(table)
     for table in tables.diagnosis(diagnosis, carried, patched):
         terminal.out.print(table)

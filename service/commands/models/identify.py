@@ -16,7 +16,7 @@ from service import wording
 from service.commands import options
 from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
-from service.printed import tables
+from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.models.documents import parameters_of
 from service.results.models.identified import Identified
@@ -42,6 +42,7 @@ def identify_command(
             help="The model of stage 1 of a ballbar campaign: the report sets it beside nominal and final.",
         ),
     ] = None,
+    prior: options.PriorFile = None,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
     accept_zones: options.AcceptZones = None,
@@ -51,14 +52,14 @@ def identify_command(
     """Identify the robot's parameters, nothing else."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
-        inputs=(*options.files_of(data), dcc_about, accept_zones),
+        inputs=(*options.files_of(data), dcc_about, accept_zones, prior),
     )
     if preliminary is not None and report is None:
         raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
-        result = Identified.of(data, level, terminal.say, limits)
+        result = Identified.of(data, level, terminal.say, limits, options.read_prior(prior))
         dataset, found = result.dataset, result.found
         stage = None if preliminary is None else load_model(preliminary)
         if preliminary is not None and stage is not None:
@@ -79,6 +80,7 @@ def identify_command(
             terminal.note(wording.SIMULATED)
         for table in (
             tables.parameters(found),
+            *type_tables.weights(found),
             tables.offsets(found),
             tables.left_out(left_out(dataset, found)),
             tables.warnings(wording.grouped(found.warnings)),

@@ -12,7 +12,17 @@ from acquisition import Cell
 from acquisition.campaign import DECIMALS, Pose, draw_poses, setup_of
 from calib.errors import DataError
 from calib.fit import silent
-from calib.selection import Candidates, Choice, Curve, candidates_of, choose, curve_of
+from calib.prior import TypePrior
+from calib.selection import (
+    BesideType,
+    Candidates,
+    Choice,
+    Curve,
+    beside_type,
+    candidates_of,
+    choose,
+    curve_of,
+)
 from calib.units import to_display
 from service.plain import finite
 
@@ -32,6 +42,7 @@ class Question:
     share: float
     wanted_u: float | None
     seed: int
+    prior: TypePrior | None = None
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,7 @@ class Selected:
     choice: Choice
     curve: Curve
     poses: tuple[Pose, ...]
+    of_type: BesideType | None = None
 
     @staticmethod
     def of(cell: Cell, asked: Question, say: Callable[[str], None] = silent) -> Selected:
@@ -57,6 +69,9 @@ class Selected:
             )
         names = _names(asked.targets, cell)
         setup = setup_of(cell, names, list(asked.groups))
+        if asked.prior is not None:
+            of_robot = [e.label for e in setup.model().effects if e.owner == "robot"]
+            asked.prior.refuse_other(setup.robot, asked.prior.coupling, of_robot)
         say(f"drawing {asked.candidates} candidates")
         drawn = draw_poses(
             cell,
@@ -73,8 +88,18 @@ class Selected:
         choice = choose(setup, found, asked.count, share=asked.share, seed=asked.seed)
         say("predicting the uncertainty")
         curve = curve_of(found, choice.selection)
+        of_type = None
+        if asked.prior is not None:
+            of_type = beside_type(found, choice.selection, curve, asked.prior)
         return Selected(
-            cell, asked, tuple(names), found, choice, curve, tuple(drawn[i] for i in choice.selection)
+            cell,
+            asked,
+            tuple(names),
+            found,
+            choice,
+            curve,
+            tuple(drawn[i] for i in choice.selection),
+            of_type,
         )
 
     @property
@@ -125,8 +150,20 @@ class Selected:
                     "reached_with": None if wanted is None else curve.reaches(wanted),
                 },
                 "warnings": list(choice.warnings),
+                **({} if self.of_type is None else {"prior": _beside(self.of_type)}),
             }
         )
+
+
+def _beside(of_type: BesideType) -> dict[str, Any]:
+    return {
+        "parameters": list(of_type.known),
+        "poses": of_type.curve.counts.tolist(),
+        "max_u_mm": of_type.curve.largest.tolist(),
+        "mean_u_mm": of_type.curve.mean.tolist(),
+        "u_without_mm": of_type.u_mm,
+        "reached_with": of_type.reached,
+    }
 
 
 def _names(targets: Sequence[str] | None, cell: Cell) -> list[str]:

@@ -20,6 +20,7 @@ from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
 from calib.text import written_by
 from calib.units import DEG, to_display
+from service.results import typed
 from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
 from service.results.models.patched import Patched
@@ -243,6 +244,7 @@ def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
         "offsets": positions.document_of(found),
         "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
         "warnings": list(found.warnings),
+        **typed.document_of(found),
     }
 
 

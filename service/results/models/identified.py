@@ -20,6 +20,7 @@ from calib.fit import (
     statistics_of,
 )
 from calib.model import RobotModel
+from calib.prior import TypePrior
 from calib.saved import SavedModel
 from service.results.judgement.acceptance import BASE, Acceptance, Limits, decide
 from service.results.models import documents
@@ -43,14 +44,15 @@ class Identified:
         level: int | None = None,
         say: Callable[[str], None] = silent,
         limits: Limits | None = None,
+        prior: TypePrior | None = None,
     ) -> Identified:
-        """Read and identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to. Raises
-        DataError."""
+        """Read and identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to; prior: what
+        robots of the type share. Raises DataError."""
         dataset = read_dataset(data)
         if limits is not None:
             limits.refuse_unjudged(dataset)
         groups = None if level is None else LEVELS[level]
-        found = identify(dataset, groups=groups, progress=say)
+        found = identify(dataset, groups=groups, prior=prior, progress=say)
         nominal, placed = place_nominal(dataset, base_model_of(dataset, groups))
         rows = dataset.validation_rows
         before = statistics_of(errors_on(dataset, rows, nominal, placed))

@@ -1,0 +1,19 @@
+"""What robots of one type share, learnt from their models: means and spreads that become the prior of the next one."""
+
+from calib.fit.of_type import TypePrior
+from calib.prior.file import load_prior, prior_document, save_prior
+from calib.prior.lesson import FEWEST, Learnt, Lesson, Outlier, learn
+from calib.prior.member import Member
+
+__all__ = [
+    "FEWEST",
+    "Learnt",
+    "Lesson",
+    "Member",
+    "Outlier",
+    "TypePrior",
+    "learn",
+    "load_prior",
+    "prior_document",
+    "save_prior",
+]

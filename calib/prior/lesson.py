@@ -1,0 +1,249 @@
+"""What robots of one type share, learnt from the model files of some of them.
+
+Of every robot the readings alone count: what its own fit held parameters to (usual sizes, or an earlier prior of the
+type) is taken out of its covariance again,
+
+    L_i = C_i^-1 - H_i,      L_i y_i = C_i^-1 x_i - H_i m_i,
+
+C_i the covariance of the robot's own parameters, whatever base, tool and instrument were, H_i = diag(1 / held^2) and
+m_i the means that were held to. So robots that learnt from others do not teach what they were taught. Effects beside
+the base model are learnt from those robots in which they were found.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arm.robot_hash import robot_hash
+from calib.array import Array
+from calib.errors import DataError
+from calib.fit.least_squares import Dropped
+from calib.fit.of_type import Found, Share, TypePrior
+from calib.model.effect import Effect, Parameter
+from calib.prior.member import Member
+from calib.prior.reml import Hierarchy, hierarchy
+from calib.units import to_display, to_internal
+
+FEWEST = 8
+"""Robots that a type takes: of fewer the spread is so uncertain that one member in six would be called a stranger."""
+
+_MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left out
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """One parameter over the robots of a type, in its unit: mean and spread with their standard uncertainties, robots
+    whose readings told it, and the standard deviation of a further robot about the mean.
+
+    usual: the size that held it so far; None where it was free. kept: whether the type says more than that.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    mean_std: float
+    spread: float
+    spread_std: float
+    robots: int
+    of_next: float
+    usual: float | None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the type says more than the usual size does."""
+        return self.usual is None or self.of_next < self.usual
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A robot outside the type in one parameter, which took no part there: its value, and standard deviations."""
+
+    robot: str
+    parameter: str
+    value: float
+    unit: str
+    z: float
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What was learnt: parameters, robots outside the type, robots that were left out whole and why."""
+
+    members: tuple[Member, ...]
+    groups: tuple[str, ...]
+    parameters: tuple[Learnt, ...]
+    redundant: tuple[Dropped, ...]
+    found: tuple[Found, ...]
+    outliers: tuple[Outlier, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def prior(self, sha256: str = "") -> TypePrior:
+        """The same as a fit takes it."""
+        robot = self.members[0].saved.model.robot
+        return TypePrior(
+            robot=robot.name,
+            robot_sha256=robot_hash(robot),
+            coupling=self.members[0].saved.coupling,
+            groups=self.groups,
+            shares={p.name: Share(p.name, p.unit, p.mean, p.of_next) for p in self.parameters if p.kept},
+            redundant=self.redundant,
+            found=self.found,
+            robots=len(self.members),
+            sha256=sha256,
+        )
+
+
+def learn(members: Sequence[Member]) -> Lesson:
+    """Learn from the models of robots of one type. Raises DataError where they are of several, or too few."""
+    _refuse_unlike(members)
+    alike, left_out = _alike(members)
+    _refuse_few(alike, left_out)
+    parameters = _common(alike)
+    lesson, strangers = _learnt(alike, parameters)
+    if strangers:
+        left_out += tuple((m.name, "most of its parameters lie outside the type") for m in strangers)
+        alike = tuple(m for m in alike if m not in strangers)
+        _refuse_few(alike, left_out)
+        lesson, _ = _learnt(alike, _common(alike))
+    return Lesson(
+        members=alike,
+        groups=alike[0].groups,
+        parameters=lesson[0],
+        redundant=tuple(d for d in alike[0].saved.dropped if d.name in alike[0].own),
+        found=_found(alike),
+        outliers=lesson[1],
+        left_out=left_out,
+    )
+
+
+def _learnt(
+    members: Sequence[Member], parameters: Sequence[Parameter]
+) -> tuple[tuple[tuple[Learnt, ...], tuple[Outlier, ...]], list[Member]]:
+    """Parameters and outliers; and members of which most lies outside."""
+    usual = np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in parameters])
+    names = [p.name for p in parameters]
+    precision, right = (np.stack(each) for each in zip(*(m.told(names) for m in members), strict=True))
+    found = hierarchy(precision, right, usual)
+    told = np.einsum("ijj->ij", precision) > 0.0
+    strange = (~found.member & told).sum(axis=1) > _MOST_OUTSIDE * told.sum(axis=1)
+    if strange.any():
+        return ((), ()), [m for m, gone in zip(members, strange, strict=True) if gone]
+    rows = tuple(_row(p, j, found, told) for j, p in enumerate(parameters))
+    outliers = tuple(
+        Outlier(
+            members[i].name,
+            names[j],
+            members[i].value(names[j]),
+            parameters[j].unit,
+            float(found.z[i, j]),
+        )
+        for i, j in np.argwhere(~found.member & told)
+    )
+    return (rows, outliers), []
+
+
+def _row(p: Parameter, j: int, found: Hierarchy, told: NDArray[np.bool_]) -> Learnt:
+    def shown(value: Array) -> float:
+        return to_display(float(value[j]), p.unit)
+
+    return Learnt(
+        name=p.name,
+        unit=p.unit,
+        mean=shown(found.mean),
+        mean_std=shown(found.mean_std),
+        spread=shown(found.spread),
+        spread_std=shown(found.spread_std),
+        robots=int((told & found.member)[:, j].sum()),
+        of_next=shown(found.of_next),
+        usual=p.size,
+    )
+
+
+def _common(members: Sequence[Member]) -> list[Parameter]:
+    """The robot's parameters that enough of the models told, in the order in which they come."""
+    counts = Counter(name for m in members for name in m.own if m.tells(name))
+    known = {p.name: p for m in reversed(members) for p in m.own.values()}
+    order = dict.fromkeys(name for m in members for name in m.own)
+    return [known[name] for name in order if counts[name] >= FEWEST]
+
+
+def _found(members: Sequence[Member]) -> tuple[Found, ...]:
+    """Effects beside the base model, the most frequent first."""
+    effects: dict[str, Effect] = {}
+    counts: Counter[str] = Counter()
+    for m in members:
+        for effect in m.effects:
+            effects.setdefault(effect.label, effect)
+            counts[effect.label] += 1
+    return tuple(Found(label, dict(effects[label].shape), n) for label, n in counts.most_common())
+
+
+def _refuse_unlike(members: Sequence[Member]) -> None:
+    """Raise DataError for models of several types, of one robot twice, or simulated beside real ones."""
+    if not members:
+        raise DataError(
+            "there is nothing to learn from.", do=f"Name {FEWEST} models or more.", key="MODEL..."
+        )
+    first = members[0]
+    known: dict[str, Member] = {}
+    for m in members:
+        for what, same in (
+            ("robot", robot_hash(m.saved.model.robot) == robot_hash(first.saved.model.robot)),
+            ("joint_coupling", m.saved.coupling == first.saved.coupling),
+            ("simulated", m.saved.simulated == first.saved.simulated),
+        ):
+            if not same:
+                raise DataError(
+                    f"is unlike {first.name} in this: models of one type alone can be learnt from.",
+                    do="Learn from the models of each type by themselves.",
+                    file=m.path,
+                    key=what,
+                )
+        if m.saved.held_std is None:
+            raise DataError(
+                "does not say what its fit held parameters to: an older version wrote it, or a watch updated it.",
+                do="Write the model of the calibration again with 'truepose diagnose DATA.csv --model'.",
+                file=m.path,
+                key="parameters.held_std",
+            )
+        for key in m.identity:
+            if key in known:
+                raise DataError(
+                    f"is the same robot as {known[key].name}: it would count twice.",
+                    do="Give one model a robot.",
+                    file=m.path,
+                    key="device.serial",
+                )
+            known[key] = m
+
+
+def _alike(members: Sequence[Member]) -> tuple[tuple[Member, ...], tuple[tuple[str, str], ...]]:
+    """The models that free the same of the robot and left the same open, as most do; the others, and why not."""
+    usual = Counter((m.groups, m.open) for m in members).most_common(1)[0][0]
+    out = tuple(
+        (
+            m.name,
+            f"frees {', '.join(m.groups)}, the others {', '.join(usual[0])}"
+            if m.groups != usual[0]
+            else f"its readings left {', '.join(sorted(m.open)) or 'nothing'} open, those of the others "
+            f"{', '.join(sorted(usual[1])) or 'nothing'}",
+        )
+        for m in members
+        if (m.groups, m.open) != usual
+    )
+    return tuple(m for m in members if (m.groups, m.open) == usual), out
+
+
+def _refuse_few(members: Sequence[Member], left_out: Sequence[tuple[str, str]]) -> None:
+    if len(members) < FEWEST:
+        why = "".join(f" {name}: {reason}." for name, reason in left_out)
+        raise DataError(
+            f"there are {len(members)} models to learn from.{why}",
+            do=f"Give those of {FEWEST} robots of the type or more, of readings alike.",
+            key="MODEL...",
+        )

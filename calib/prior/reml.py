@@ -1,0 +1,209 @@
+"""Mean and spread of parameters over robots, of which each is known to an uncertainty of its own.
+
+    x_i ~ N(mu, T),  T = diag(t),        what the readings of robot i say of x_i: precision L_i, right side L_i y_i
+
+L_i may be singular: what a robot's readings leave open says nothing of the type. With k_ij = 1 where parameter j of
+robot i belongs to the type, else 0, Q_i = diag(k_ij / t_j) and V_i = (L_i + Q_i)^-1, the precision of y_i about mu is
+
+    W_i = Q_i - Q_i V_i Q_i,      W_i y_i = Q_i V_i L_i y_i,      mu = C sum_i W_i y_i,  C = (sum_i W_i)^-1.
+
+t is that of restricted maximum likelihood, by steps that cannot leave the positive numbers and raise the likelihood:
+
+    t_j <- t_j sqrt( sum_i g_ij^2 / sum_i (W_i - W_i C W_i)_jj ),      g_i = W_i (y_i - mu),
+
+and its covariance is the inverse of Fisher's information. For one parameter this is the random-effects model of
+DerSimonian and Laird. A robot whose parameter j is not the type's is known by z_ij = g_ij / sqrt((W_i - W_i C W_i)_jj),
+standard normal for a member: the test of a shift of that parameter alone. Its limits are those of Student's t, since
+the spread is found from as many robots as there are; a value that took part has widened the spread itself.
+Sources: Patterson and Thompson 1971 (REML); Zhou, Hu, Zhou and Lange 2019 (the steps); DerSimonian and Laird 1986;
+Viechtbauer and Cheung 2010 (outliers among studies); Cook and Weisberg 1982 (values with and without themselves).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from calib.array import Array
+
+_ROUNDS = 400
+_SETTLED = 1e-3  # step of a variance, in its standard errors, at which it has arrived
+_LEAST = 1e-6  # of the usual size: a spread below it is none
+_CHANCE = 0.01  # that any parameter of any robot of the type is called an outlier
+_APART, _FEW = (
+    4.0,
+    10.0,
+)  # robust standard deviations, times 1 + few / N, beyond which a value stays out at first
+_SWAPS = 20
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """What N robots share in p parameters, in the units of the input.
+
+    mean, mean_std, spread (p,); spread_std (p,): how far above the spread one standard error of its square lies;
+    z (N, p): test of every value; member (N, p): which values took part.
+    """
+
+    mean: Array
+    mean_std: Array
+    spread: Array
+    spread_std: Array
+    z: Array
+    member: NDArray[np.bool_]
+
+    @property
+    def of_next(self) -> Array:
+        """(p,) standard deviation of a further robot about the mean: the spread, one standard error larger than it was
+        found, and the uncertainty of the mean."""
+        return np.sqrt((self.spread + self.spread_std) ** 2 + self.mean_std**2)
+
+
+def hierarchy(precision: Array, right: Array, usual: Array) -> Hierarchy:
+    """Mean and spread of parameters from precision (N, p, p) and right side (N, p) of each robot; usual (p,): sizes of
+    the parameters, which scale them and nothing else. Values that are no member's are left out, and tested again."""
+    precision = precision * usual[:, None] * usual
+    right = right * usual
+    member = _first(precision, right)
+    told = _told(precision)
+    own = np.maximum(told.sum(axis=0) - 1, 2)
+    without = -stdtrit(own, 0.5 * _CHANCE / max(int(told.sum()), 1))  # of a value that took no part
+    within = without * np.sqrt(own / (own - 1 + without**2))  # of one that widened the spread itself
+    variance = np.full(len(usual), 0.1)
+    state = _State.of(precision, right, variance, member)
+    for _ in range(_SWAPS):
+        state = _settled(precision, right, state.variance, member)
+        z = state.tests(precision, right)
+        away = np.where(member, np.abs(z), 0.0) / within
+        back = np.where(member, np.inf, np.abs(z)) / without
+        if away.max() > 1.0:
+            member = member.copy()
+            member[np.unravel_index(np.argmax(away), away.shape)] = False
+        elif back.min() < 1.0:
+            member = member | (back < 1.0)
+        else:
+            break
+    spread = np.sqrt(state.variance)
+    above = np.sqrt(state.variance + state.variance_std) - spread
+    mean_std = np.sqrt(np.diag(state.covariance))
+    return Hierarchy(
+        state.mean * usual,
+        mean_std * usual,
+        spread * usual,
+        above * usual,
+        state.tests(precision, right),
+        member,
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """The weights W (N, p, p), W y (N, p), mean (p,) with covariance (p, p), at variances (p,) and members (N, p)."""
+
+    weights: Array
+    pulled: Array
+    mean: Array
+    covariance: Array
+    variance: Array
+    member: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, precision: Array, right: Array, variance: Array, member: NDArray[np.bool_]) -> _State:
+        weights, pulled = _weights(precision, right, variance, member)
+        covariance = np.linalg.inv(weights.sum(axis=0))
+        return cls(weights, pulled, covariance @ pulled.sum(axis=0), covariance, variance, member)
+
+    @property
+    def gradient(self) -> Array:
+        """(N, p) g, the pull of every robot on the mean."""
+        return self.pulled - self.weights @ self.mean
+
+    @property
+    def freedom(self) -> Array:
+        """(N, p) diagonal of W - W C W."""
+        return np.einsum("ijj->ij", self.weights - self.weights @ self.covariance @ self.weights)
+
+    @property
+    def variance_std(self) -> Array:
+        """(p,) standard errors of the variances."""
+        w, c = self.weights, self.covariance
+        with_mean = np.einsum("ijk,ijk->jk", w, w @ c @ w)
+        of_columns = np.einsum("iaj,ibj->jab", w, w)
+        twice = np.einsum("jab,kba->jk", c @ of_columns, c @ of_columns)
+        information = 0.5 * np.sum(w**2, axis=0) - with_mean + 0.5 * twice
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+        inverse = np.linalg.pinv(information * scale * scale[:, None], hermitian=True)
+        return np.sqrt(np.maximum(np.diag(inverse), 0.0)) * scale
+
+    def tests(self, precision: Array, right: Array) -> Array:
+        """(N, p) z of every value, whether it took part or not; zero where the readings say nothing."""
+        whole, pulled = _weights(precision, right, self.variance, np.ones_like(self.member))
+        off = pulled - whole @ self.mean
+        with_mean = np.einsum("ijj->ij", whole @ self.covariance @ whole)
+        own = np.einsum("ijj->ij", whole)
+        variance = np.where(self.member, own - with_mean, own + with_mean)
+        told = _told(precision) & (variance > 1e-9 * np.maximum(own, 1e-300))
+        return np.where(told, off / np.sqrt(np.where(told, variance, 1.0)), 0.0)
+
+
+def _weights(
+    precision: Array, right: Array, variance: Array, member: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """W (N, p, p) and W y (N, p)."""
+    q = member / variance
+    inverse = _inverse(precision + q[:, :, None] * np.eye(len(variance)))
+    weights = -q[:, :, None] * inverse * q[:, None, :]
+    weights[:, range(len(variance)), range(len(variance))] += q
+    return weights, q * (inverse @ right[:, :, None])[:, :, 0]
+
+
+def _inverse(matrices: Array) -> Array:
+    """Inverses of positive (N, p, p), scaled to unit diagonals meanwhile; what nothing determines is left out."""
+    diagonal = np.einsum("ijj->ij", matrices)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrices * scale[:, :, None] * scale[:, None, :]
+    rows, places = np.nonzero(diagonal <= 0.0)
+    scaled[rows, places, places] = 1.0
+    inverse = np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
+    inverse[rows, places, :] = 0.0
+    inverse[rows, :, places] = 0.0
+    return inverse
+
+
+def _settled(precision: Array, right: Array, variance: Array, member: NDArray[np.bool_]) -> _State:
+    """The variances of restricted maximum likelihood."""
+    state = _State.of(precision, right, variance, member)
+    for step in range(_ROUNDS):
+        ratio = np.sum(state.gradient**2, axis=0) / np.maximum(state.freedom.sum(axis=0), 1e-300)
+        better = np.maximum(state.variance * np.sqrt(ratio), _LEAST**2)
+        moved = np.abs(better - state.variance)
+        arrived = step % 10 == 9 and np.all(moved <= _SETTLED * state.variance_std)
+        state = _State.of(precision, right, better, member)
+        if arrived:
+            break
+    return state
+
+
+def _told(precision: Array) -> NDArray[np.bool_]:
+    """(N, p) whether a robot's readings say anything of a parameter."""
+    return np.einsum("ijj->ij", precision) > 0.0
+
+
+def _first(precision: Array, right: Array) -> NDArray[np.bool_]:
+    """Members to begin with: values not far from the median of their parameter, by the readings alone and in spreads
+    that a few strangers do not widen."""
+    told = _told(precision)
+    eye = np.eye(precision.shape[1])
+    covariance = _inverse(precision + 1e-9 * eye * np.einsum("ijj->ij", precision)[:, :, None])
+    value = np.where(told, (covariance @ right[:, :, None])[:, :, 0], np.nan)
+    member = np.ones(told.shape, dtype=bool)
+    for j in np.flatnonzero(told.sum(axis=0) > 2):
+        of = told[:, j]
+        off = np.abs(value[of, j] - np.median(value[of, j]))
+        own = np.sqrt(covariance[of, j, j])
+        apart = _APART * (1.0 + _FEW / int(of.sum()))
+        member[of, j] = off <= apart * np.maximum(1.4826 * np.median(off), own)
+    return member

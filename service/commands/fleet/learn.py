@@ -1,0 +1,42 @@
+"""`truepose fleet learn`: what robots of one type share, from their model files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calib.prior import Member, learn, prior_document, save_prior
+from service.commands import options
+from service.files import STANDARD_OUTPUT
+from service.printed import type_tables
+from service.printed.terminal import Terminal
+
+
+def learn_command(
+    models: Annotated[
+        list[Path],
+        typer.Argument(metavar="MODEL.json...", help="Models of robots of one type, one a robot."),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="PRIOR.json", help="What the next robot of the type is held to.")
+    ],
+    robot: options.RobotFile = None,
+    json: options.Json = None,
+) -> None:
+    """Learn what robots of one type share."""
+    options.check_outputs({"--out": out, "--json": json}, inputs=(*models, robot))
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        members = []
+        for path in models:
+            terminal.say(f"reading {path}")
+            members.append(Member.read(path, robot_file=robot))
+        terminal.say(f"learning from {len(members)} robots")
+        found = learn(members)
+        options.write_result(prior_document(found), json, terminal)
+        save_prior(out, found)
+        terminal.rest()
+        for shown in type_tables.lesson(found):
+            terminal.out.print(shown)
+        terminal.note(f"prior: {out}")
