@@ -9,7 +9,7 @@ from __future__ import annotations
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
-from calib.effects.thermal.thermal_growth import arm_lengths
+from calib.effects.thermal.thermal_growth import lengths_with
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Constant
 
@@ -29,7 +29,7 @@ _USUAL_PPM = 100.0  # aluminium by 4 K
 
 def arm_growth(robot: Robot) -> Effect:
     """All lengths of the arm since its calibration; parameter expansion, ppm."""
-    places = [(slot, Constant(), length) for slot, length in arm_lengths(robot)]
+    places = lengths_with(robot, Constant())
     return effect(
         "arm_growth",
         "thermal",
