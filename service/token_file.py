@@ -63,7 +63,7 @@ def lasting_tokens(file: Path, first: str = "operator's", harm: str = "move the 
         return _new(usable[0])
     if usable[0] == usable[1]:
         raise DataError(
-            f"gives the {first} and the viewer's token as one.",
+            "has the same token in both lines.",
             do="Use two different ones.",
             file=file,
             line=2,

@@ -27,7 +27,9 @@ BATCH_S = 5.0
 AHEAD = 2  # batches for every worker: the next one is there when one is done
 PATIENCE_S = 60.0  # without a worker
 LOOK_S = 2.0
-STRIKES = 2  # losses after which a data set is given by itself; once more, and it is the one that does it
+STRIKES = (
+    2  # workers lost with a data set before it is given by itself, and then before it is the one that does it
+)
 _ENDS_WORKERS = "its worker ended each time that it was tried: too little memory?"
 _AGAIN = "What is done is kept: see to it, then run the same command again."
 
@@ -52,7 +54,7 @@ class Run:
         self._crew = Crew(client, order.expected)
         self._waiting = deque(sources)
         self._alone: deque[Source] = deque()  # of batches that failed; they wait to be given by themselves
-        self._strikes = Counter[Source]()  # how often it was out when workers were lost
+        self._strikes, self._strikes_by_itself = Counter[Source](), Counter[Source]()  # workers lost with it
         self._by_itself: Future | None = None  # the last one given so
         self._held: list[Source] = []  # somebody else works on them; asked again later
         self._out: dict[Future, tuple[Source, ...]] = {}
@@ -114,17 +116,28 @@ class Run:
             if future.status == "pending" and future.key not in somewhere:
                 del self._out[future]
                 future.cancel()
-                if self._crew.lost > self._lost_before.pop(future):
-                    self._strikes.update(batch)
-                for source in batch:
-                    strikes = self._strikes[source]
-                    if strikes > STRIKES and future is self._by_itself:
-                        self.tally.failed[source.name] = _ENDS_WORKERS
-                    else:
-                        (self._waiting if strikes < STRIKES else self._alone).append(source)
+                struck = self._crew.lost > self._lost_before.pop(future)
+                if future is self._by_itself:
+                    self._again_by_itself(batch[0], struck)
+                else:
+                    self._again(batch, struck)
+
+    def _again(self, batch: tuple[Source, ...], struck: bool) -> None:
+        self._strikes.update(batch if struck else ())
+        for source in batch:
+            (self._alone if self._strikes[source] >= STRIKES else self._waiting).append(source)
+
+    def _again_by_itself(self, source: Source, struck: bool) -> None:
+        self._strikes_by_itself[source] += struck
+        if self._strikes_by_itself[source] >= STRIKES:
+            self.tally.failed[source.name] = _ENDS_WORKERS
+        else:
+            self._alone.append(source)
 
     def _deal(self) -> None:
         """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile."""
+        if self._alone and not self._out:
+            self._look()  # who is there is beyond doubt
         if self._alone and not self._out and self._crew.at_work:
             self._by_itself = self._give((self._alone.popleft(),))
         while not self._alone and self._waiting and len(self._out) < AHEAD * len(self._crew.at_work):

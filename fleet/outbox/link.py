@@ -132,9 +132,7 @@ class Link:
             self._connection.request("PUT", f"{self._base}{document.hash}?{urlencode(said)}", body, headers)
         answer = self._connection.getresponse()
         data = answer.read(LONGEST_ANSWER)
-        if (
-            answer.length and len(data) < LONGEST_ANSWER
-        ):  # `read` of so many bytes says nothing of an early end
+        if answer.length and len(data) < LONGEST_ANSWER:  # cut off, of which such a `read` says nothing
             raise http.client.IncompleteRead(data, answer.length)
         if answer.will_close or not answer.isclosed():
             self._connection.close()

@@ -39,7 +39,7 @@ _SENTENCE = 200  # letters
 _SETTINGS: Any = {"pretty_exceptions_enable": False, "rich_markup_mode": None, "add_completion": False}
 
 
-class _Group(TyperGroup):
+class Group(TyperGroup):
     """A group that lists the first sentences of its commands whole, on as many lines as a narrow terminal needs."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -49,7 +49,7 @@ class _Group(TyperGroup):
             )
 
 
-class _Commands(_Group):
+class _Commands(Group):
     """The group knows its commands by name and summary; the one that is called is imported."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -66,7 +66,7 @@ def load(name: str) -> Any:
         alone.command(name)(found)
         return get_command(alone)
     whole = typer.Typer(**_SETTINGS)
-    whole.add_typer(found, name=name, no_args_is_help=True, cls=_Group)
+    whole.add_typer(found, name=name, no_args_is_help=True, cls=Group)
     group: Any = get_command(whole)
     return group.commands[name]
 
@@ -102,4 +102,4 @@ app: Any = get_command(_app)
 for _name, (_, _summary) in COMMANDS.items():
     app.add_command(TyperCommand(_name, help=_summary))
 
-__all__ = ["COMMANDS", "app", "load"]
+__all__ = ["COMMANDS", "Group", "app", "load"]

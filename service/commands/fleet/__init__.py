@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from service.commands import Group
 from service.commands.fleet.demo import demo_command
 from service.commands.fleet.diagnose import diagnose_command
 from service.commands.fleet.migrate import migrate_command
@@ -13,7 +14,7 @@ from service.commands.fleet.serve import serve_command
 
 app = typer.Typer(help="Keep in one place what the cells of a plant know of their robots.")
 app.command("send")(send_command)
-app.add_typer(outbox, name="outbox", no_args_is_help=True)
+app.add_typer(outbox, name="outbox", no_args_is_help=True, cls=Group)
 app.command("serve")(serve_command)
 app.command("diagnose")(diagnose_command)
 app.command("demo")(demo_command)

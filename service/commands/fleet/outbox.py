@@ -57,22 +57,17 @@ def list_command(folder: Folder, json: options.Json = None) -> None:
 @owner_only()
 def retry_command(
     folder: Folder,
-    hashes: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ID", help="Only these, by the first letters of the hash; default: all."),
-    ] = None,
+    hash: Annotated[
+        str, typer.Argument(metavar="[HASH]", help="Only those that begin so; default: all.")
+    ] = "",
 ) -> None:
     """Let what was set aside be sent again. Files that were not taken are looked at again."""
     with Terminal() as terminal, _opened(folder) as outbox:
-        aside = outbox.entries("aside")
-        for wanted in hashes or []:
-            if not any(entry.hash.startswith(wanted) for entry in aside):
-                raise DataError(
-                    f"nothing set aside begins with '{wanted}'.", do="List them first.", file=folder
-                )
-        again = [each for each in aside if not hashes or any(each.hash.startswith(h) for h in hashes)]
-        count = sum(outbox.retry(entry.hash, utc_now()) for entry in again)
-        if not hashes:
+        again = [entry.hash for entry in outbox.entries("aside") if entry.hash.startswith(hash)]
+        if hash and not again:
+            raise DataError(f"nothing set aside begins with '{hash}'.", do="List them first.", file=folder)
+        count = sum(outbox.retry(each, utc_now()) for each in again)
+        if not hash:
             outbox.look_again()
         terminal.rest()
         terminal.out.print(

@@ -56,6 +56,7 @@ class Noted(WorkerPlugin):
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
+    """Two workers of this computer."""
     with local(2) as client:
         yield client
 
@@ -133,13 +134,13 @@ def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: P
 def test_a_data_set_that_ends_its_worker_is_named_and_stops_no_other(
     client: Client, order: Order, tmp_path: Path
 ) -> None:
-    sources = [*in_files([bad(tmp_path, "deadly")]), *some(tmp_path, 0, 8)]
+    sources = [*in_files([bad(tmp_path, "deadly")]), *some(tmp_path, 0, 4)]
     tally, _, said = run(client, order, sources)
     assert tally.left == 0
     ((name, why),) = tally.failed.items()
     assert name.endswith("deadly.csv")
     assert "its worker ended each time" in why
-    assert kept(order) == len(said) == 8
+    assert kept(order) == len(said) == 4
 
 
 def test_what_has_no_result_is_not_kept_as_one(client: Client, order: Order, tmp_path: Path) -> None:
