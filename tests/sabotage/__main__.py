@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, service, store, watch
+from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, outbox, service, store, watch
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
@@ -28,6 +28,7 @@ CHANGES: tuple[Change, ...] = (
     *motion.CHANGES,
     *watch.CHANGES,
     *store.CHANGES,
+    *outbox.CHANGES,
     *arms.CHANGES,
 )
 
