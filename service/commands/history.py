@@ -126,7 +126,7 @@ def trend_command(
     json: options.Json = None,
 ) -> None:
     """Show how a parameter has changed, with U and the limits of its control chart; without a name: all."""
-    from service.report.trend_picture import ENDINGS, picture_bytes
+    from service.report.figures.trend_picture import ENDINGS, picture_bytes
 
     options.check_outputs({"--json": json, "--picture": picture})
     if picture is not None and (parameter is None or picture.suffix not in ENDINGS):

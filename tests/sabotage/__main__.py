@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, priors, service, store, watch
+from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, outbox, priors, service, store, watch
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
@@ -29,6 +29,7 @@ CHANGES: tuple[Change, ...] = (
     *watch.CHANGES,
     *store.CHANGES,
     *priors.CHANGES,
+    *outbox.CHANGES,
     *arms.CHANGES,
 )
 
