@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
 import sqlalchemy as sa
+from sqlalchemy import exc
 
 from calib.errors import DataError
 
@@ -32,7 +33,7 @@ def for_workers(store: str, scheduler: str) -> str:
     """
     try:
         url = sa.make_url(store)
-    except sa.exc.ArgumentError:  # refused by the store itself, in its words
+    except exc.ArgumentError:  # refused by the store itself, in its words
         return store
     if url.get_backend_name() != "sqlite" or not url.database:
         return store

@@ -15,7 +15,19 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tests.sabotage import acquisition, arms, calib, drivers, fit, motion, outbox, priors, service, store, watch
+from tests.sabotage import (
+    acquisition,
+    arms,
+    calib,
+    drivers,
+    fit,
+    motion,
+    outbox,
+    priors,
+    service,
+    store,
+    watch,
+)
 from tests.sabotage.change import Change
 from tests.sabotage.trial import Copies, Verdict
 
