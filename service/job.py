@@ -66,6 +66,7 @@ def diagnosis(
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
+    from service.garbage import left_alone
     from service.report import diagnosis_report
     from service.results.cell.arrows import arrows_of
     from service.results.judgement.acceptance import EFFECTS, Limits, decide
@@ -87,9 +88,10 @@ def diagnosis(
         final = (found.final.model, found.final.estimate)
         acceptance = decide(held_to, dataset, dataset.validation_rows, *final, EFFECTS)
         document["acceptance"] = acceptance.document()
-    if found.final.converged:
-        save_model(folder / MODEL, found.final, found)
-    replace_file(folder / REPORT, diagnosis_report(found, document, acceptance=acceptance))
+    sealed = save_model(folder / MODEL, found.final, found) if found.final.converged else None
+    with left_alone():
+        report = diagnosis_report(found, document, acceptance=acceptance, model_sha256=sealed)
+    replace_file(folder / REPORT, report)
     replace_file(folder / RESULT, as_json(document))
 
 

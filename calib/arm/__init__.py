@@ -12,6 +12,7 @@ from calib.arm.inverse_kinematics import (
 )
 from calib.arm.kinematics import (
     Chain,
+    Frames,
     Placement,
     forward,
     gravity_at_flange,
@@ -29,6 +30,7 @@ __all__ = [
     "MOST_TURN",
     "Capsule",
     "Chain",
+    "Frames",
     "Load",
     "Placement",
     "Reached",

@@ -115,14 +115,18 @@ def save_model(
     identification: Identification,
     diagnosis: Diagnosis | None = None,
     regression: Regression | None = None,
-) -> None:
-    """Write a model, with the regression that is based on it. Raises DataError for a fit that did not converge."""
+) -> str:
+    """Write a model, with the regression that is based on it; its `content_sha256`.
+
+    Raises DataError for a fit that did not converge.
+    """
     if not identification.converged:
         raise DataError(
             "the fit did not converge: it is not saved as a model.", do="Look at its warnings.", file=path
         )
     document = model_document(identification, diagnosis, regression)
     replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    return document["content_sha256"]
 
 
 def model_document(

@@ -60,11 +60,13 @@ def diagnosis_report(
     verified: Verification | None = None,
     followed_up: FollowedUp | None = None,
     acceptance: Acceptance | None = None,
+    model_sha256: str | None = None,
 ) -> str:
     """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
 
     patched: a residual map, where one was asked for; verified: what the robot did with corrected targets, where they
-    were driven; followed_up: how what was ambiguous at first was settled; acceptance: where limits were given.
+    were driven; followed_up: how what was ambiguous at first was settled; acceptance: where limits were given;
+    model_sha256: of the model where it was saved, to spare making its file again.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
@@ -95,7 +97,7 @@ def diagnosis_report(
         dataset,
         final,
         document,
-        _model_hash(final, diagnosis),
+        model_sha256 or _model_hash(final, diagnosis),
         kind="Diagnosis",
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
         verdict_key=_colour_of(diagnosis),

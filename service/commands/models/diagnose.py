@@ -19,6 +19,7 @@ from service import wording
 from service.commands import options
 from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
 from service.files import STANDARD_OUTPUT
+from service.garbage import left_alone
 from service.printed import tables
 from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import EFFECTS, Acceptance, decide
@@ -163,14 +164,17 @@ def write_results(
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))
-    if model is not None:
-        save_model(model, diagnosis.final, diagnosis)
+    sealed = None if model is None else save_model(model, diagnosis.final, diagnosis)
     if report is not None:
         # drawing is not needed for the numbers, and takes long to import
         from service.report import diagnosis_report
 
         terminal.say("drawing the report")
-        replace_file(report, diagnosis_report(diagnosis, document, carried, patched, acceptance=acceptance))
+        with left_alone():
+            page = diagnosis_report(
+                diagnosis, document, carried, patched, acceptance=acceptance, model_sha256=sealed
+            )
+        replace_file(report, page)
 
 
 def show(

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm import Robot
+from calib.arm import Frames, Robot
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import Identification, Readings, readings_of
@@ -167,6 +167,11 @@ class Sample:
         return dataset.points[np.concatenate([part.rows for part in self.parts])] - self._predicted
 
     @cached_property
+    def _frames(self) -> tuple[Frames, ...]:
+        """The chain at the estimate for each part: every joint is looked at from it."""
+        return tuple(design.frames(self.fitted.estimate) for design in self.designs)
+
+    @cached_property
     def _predicted(self) -> Array:
         return np.concatenate([design.predict(self.fitted.estimate) for design in self.designs])
 
@@ -178,9 +183,9 @@ class Sample:
         without = self.fitted.estimate.copy()
         for effect in effects:
             without[model.positions(effect)] = 0.0
+        frames_of = [design.frames(without) for design in self.designs] if effects else self._frames
         seen = []
-        for part, design in zip(self.parts, self.designs, strict=True):
-            frames = design.frames(without)
+        for part, design, frames in zip(self.parts, self.designs, frames_of, strict=True):
             alone = part.observed.alone
             residual = alone.residual(frames)
             moved = np.zeros_like(residual)

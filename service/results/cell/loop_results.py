@@ -24,8 +24,9 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
     from service.report import diagnosis_report  # drawing takes long to import
 
     document = document_of(result)
-    if result.diagnosis.final.converged:
-        save_model(folder / MODEL, result.diagnosis.final, result.diagnosis)
+    final, sealed = result.diagnosis.final, None
+    if final.converged:
+        sealed = save_model(folder / MODEL, final, result.diagnosis)
     replace_file(folder / TARGETS, targets_csv(result.targets))
     replace_file(
         folder / REPORT,
@@ -34,9 +35,10 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
             document,
             verified=result.verification,
             followed_up=result.followed_up,
+            model_sha256=sealed,
         ),
     )
-    replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, result.diagnosis.final)))
+    replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, final)))
     replace_file(folder / name, as_json(document))
     return document
 
