@@ -8,6 +8,7 @@ import { moment, number } from "./units.js";
 import { t } from "./words.js";
 import { errorsOf } from "./ladder.js";
 
+const signed = (x) => String(x).replace("-", "−");
 const MOST = 40;  // data sets that are looked through
 
 export function open(root) {
@@ -23,12 +24,12 @@ export function open(root) {
     const joints = scene.joints_deg.map((each) => Math.round(each));
     picture.show({ ...scene, described: t("robotDescribed", { joints: joints.join(", ") }) });
     sliders.replaceChildren(...scene.limits_deg.map(([low, high], i) => {
-      const says = h("output", {}, `${joints[i]}°`);
+      const says = h("output", {}, `${signed(joints[i])}°`);
       const slider = h("input", { type: "range", min: Math.ceil(low), max: Math.floor(high), value: joints[i], on: { input: () => {
-        joints[i] = Number(slider.value); says.textContent = `${slider.value}°`;
+        joints[i] = Number(slider.value); says.textContent = `${signed(slider.value)}°`;
         pose(joints).catch(() => {});
       } } });
-      return h("label", {}, h("span", {}, `${t("joint")} ${i + 1}, ${low}° … ${high}°`), slider, says);
+      return h("label", {}, h("span", {}, `${t("joint")} ${i + 1}, ${signed(low)}° … ${signed(high)}°`), slider, says);
     }));
   };
   const look = async () => {

@@ -5,7 +5,7 @@
 import { button, h, svg } from "./dom.js";
 import { t } from "./words.js";
 
-const W = 800, H = 560, EDGE = 14, ROOM = 110, TURN = Math.PI / 12;
+const W = 800, H = 560, EDGE = 14, ROOM = 110, TURN = Math.PI / 12, WORDS = 1e9;  // words are painted last
 const VIEWS = { oblique: [-0.9, 0.45], front: [-Math.PI / 2, 0], side: [0, 0], top: [-Math.PI / 2, Math.PI / 2] };
 const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
 
@@ -75,17 +75,23 @@ export function scenePicture(name) {
     }
     for (const [label, place] of Object.entries(model.nests_mm || {})) {
       const [x, y, depth] = at(place);
-      put(depth + 1, svg("circle", { cx: x, cy: y, r: 6, class: "nest" }), svg("text", { x: x + 9, y: y + 4 }, label));
+      put(depth + 1, svg("circle", { cx: x, cy: y, r: 6, class: "nest" }));
+      put(WORDS, beside(x, y + 4, 9, label));
     }
     if ((model.path_mm || []).length) put(1e8, svg("polyline", { points: path(model.path_mm), class: "way" }));
-    for (const each of model.marks || []) put(1e8 + at(each.at)[2], ...mark(at(each.at), each));
+    for (const each of model.marks || []) {
+      const [x, y, depth] = at(each.at);
+      put(1e8 + depth, ...mark(x, y, each));
+      if (each.shape === "now") put(WORDS, beside(x, y + 4, 17, each.label || "", "here"));
+    }
     for (const each of model.arrows || []) put(at(each.at)[2] + 1e6, ...arrow(at(each.at), at(add(each.at, each.by, model.enlarged || 1))));
-    if (model.station_mm) put(1e9, ...beam(at, model.station_mm, ends));
+    if (model.station_mm) put(WORDS, ...beam(at, model.station_mm, ends));
     parts.sort((a, b) => a[0] - b[0]);
     drawing.replaceChildren(...parts.flatMap(([, nodes]) => nodes));
     says.textContent = model.says || "";
   }
 
+  new ResizeObserver(draw).observe(drawing);  // letters are larger in a narrow window
   const picture = h("figure", { className: "space" }, drawing, says, tools);
   picture.show = (shown) => { model = shown; drawing.setAttribute("aria-label", shown.described || name); draw(); };
   return picture;
@@ -112,11 +118,18 @@ function rod([x1, y1], [x2, y2], radius, kind) {
 }
 
 // A measured reading is full, a planned one open, a skipped one a cross, the one in hand has a ring; validation is square.
-function mark([x, y], { shape, square, label }) {
+function mark(x, y, { shape, square }) {
   if (shape === "skipped") return [svg("path", { d: `M${x - 5} ${y - 5}l10 10M${x + 5} ${y - 5}l-10 10`, class: "mark skipped" })];
   const body = square ? svg("rect", { x: x - 4, y: y - 4, width: 8, height: 8, class: `mark ${shape}` }) : svg("circle", { cx: x, cy: y, r: 4.5, class: `mark ${shape}` });
-  if (shape !== "now") return [body];
-  return [svg("circle", { cx: x, cy: y, r: 13, class: "ring" }), body, svg("text", { x: x + 17, y: y + 4, class: "here" }, label || "")];
+  return shape === "now" ? [svg("circle", { cx: x, cy: y, r: 13, class: "ring" }), body] : [body];
+}
+
+// Words to the right of a place; where they would leave the picture to its left, or above it as far right as they may be.
+function beside(x, y, away, words, kind = "") {
+  const narrow = matchMedia("(max-width: 700px)").matches, wide = (narrow ? 17 : 8.5) * words.length;
+  if (x + away + wide <= W) return svg("text", { x: x + away, y, class: kind }, words);
+  if (x - away >= wide) return svg("text", { x: x - away, y, "text-anchor": "end", class: kind }, words);
+  return svg("text", { x: Math.max(0, W - wide), y: y - (narrow ? 34 : 20), class: kind }, words);
 }
 
 function arrow([x1, y1], [x2, y2]) {
@@ -129,6 +142,5 @@ function beam(at, station, ends) {
   const origin = [0, 1, 2].map((i) => (ends[i][0] + ends[i][1]) / 2), to = add(station, origin, -1), far = Math.hypot(...to);
   const reach = Math.min(1, 0.5 * Math.hypot(...ends.map(([low, high]) => high - low)) / far);
   const [x1, y1] = at(add(origin, to, reach * 0.75)), [x2, y2] = at(add(origin, to, reach));
-  return [svg("line", { x1, y1, x2, y2, class: "beam" }), svg("text", { x: x2 > W - 200 ? x2 - 8 : x2 + 8, y: Math.min(Math.max(y2 + 5, 16), H - 8), "text-anchor": x2 > W - 200 ? "end" : "start" },
-    t("stationAway", { m: (far / 1000).toFixed(1) }))];
+  return [svg("line", { x1, y1, x2, y2, class: "beam" }), beside(x2, Math.min(Math.max(y2 + 5, 16), H - 8), 8, t("stationAway", { m: (far / 1000).toFixed(1) }))];
 }

@@ -3,8 +3,8 @@
 import { clock } from "./connection.js";
 import { language, t } from "./words.js";
 
-export const number = (x, digits = 3) => (typeof x === "number" ? x.toFixed(digits) : "–");
-export const mm = (x) => (typeof x === "number" ? `${x.toFixed(3)} mm` : "–");
+export const number = (x, digits = 3) => (typeof x === "number" ? x.toFixed(digits).replace("-", "−") : "–");
+export const mm = (x) => (typeof x === "number" ? `${number(x)} mm` : "–");
 export const length = (vector) => Math.hypot(...vector);
 export const minus = (a, b) => a.map((x, i) => x - b[i]);
 
