@@ -18,3 +18,10 @@ def new_id() -> str:
 def safe_id(name: str) -> bool:
     """Whether a name cannot lead out of its folder, whatever a client sends."""
     return _SAFE.fullmatch(name) is not None
+
+
+def plain_name(given: str) -> str:
+    """The name of a file that a client sends, as one that any system keeps: no folders, at most 80 letters."""
+    last = given.replace("\\", "/").rsplit("/", 1)[-1]
+    kept = re.sub(r"[^\w. ()+-]", "_", last).strip(" .")
+    return kept[-80:].lstrip(" .") or "file"

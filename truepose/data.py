@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import tomli_w
 
 from calib.data import Dataset, dataset_of, header_of, read_dataset, read_header
 from calib.errors import DataError
+from calib.foreign import converted, data_set_of, read_map
 from calib.text import Columns
 from truepose.frames import frame
 
@@ -69,12 +70,19 @@ class Data:
         return frame(columns, of.reading_id, "reading_id")
 
 
-def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str | Path | None = None) -> Data:
+def read(
+    source: str | Path | Sequence[str | Path] | pandas.DataFrame,
+    header: Mapping[str, Any] | str | Path | None = None,
+    *,
+    map: str | Path | None = None,
+) -> Data:
     """Read a data set.
 
     source: `NAME.csv`, with `NAME.toml` beside it; or a DataFrame with the columns of such a file, units in their names
-    (`j1_deg`, `x_mm`), whose index, where it has a name, is the reading_id. header: for a DataFrame, the table that
-    the .toml would hold, or the file itself. Raises DataError (file, line or key, what to do).
+    (`j1_deg`, `x_mm`), whose index, where it has a name, is the reading_id; with a map a file of another program, or
+    two, one with joints and one with points. header: for a DataFrame, the table that the .toml would hold, or the file
+    itself. map: what the columns of foreign files are (`truepose-map/1`), as `truepose convert FILE --propose` writes
+    it; what converting would refuse is refused. Raises DataError (file, line or key, what to do).
 
     >>> truepose.read("irb120.csv")
     <irb120.csv: 120 readings of abb-irb120, 80 to fit, 40 to validate>
@@ -82,6 +90,8 @@ def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str 
     Traceback (most recent call last):
     calib.errors.DataError: irb121.csv: there is no such file. Check the name.
     """
+    if map is not None:
+        return Data(_by_map(source, Path(map), header))
     if isinstance(source, str | Path):
         if header is not None:
             raise DataError(
@@ -91,6 +101,8 @@ def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str 
                 key="header",
             )
         return Data(read_dataset(source))
+    if isinstance(source, Sequence):
+        raise DataError("several files need a map.", do="Give map=, or one file.", key="source")
     if not hasattr(source, "to_csv"):
         raise DataError(
             f"is {type(source).__name__}.", do="Give the name of a .csv file, or a DataFrame.", key="source"
@@ -105,6 +117,18 @@ def read(source: str | Path | pandas.DataFrame, header: Mapping[str, Any] | str 
         written, path = tomli_w.dumps(dict(header)), _IN_MEMORY.with_suffix(".toml")
         return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), header_of(header, path, written)))
     return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), read_header(Path(header))))
+
+
+def _by_map(source: Any, map_path: Path, header: object) -> Dataset:
+    """The data set of foreign files, in memory; a robot file is named from the folder of the map."""
+    if header is not None:
+        raise DataError("holds the header.", do="Leave header= out.", file=map_path, key="header")
+    given = [source] if isinstance(source, str | Path) else source
+    if not isinstance(given, list | tuple) or not all(isinstance(each, str | Path) for each in given):
+        raise DataError("goes with names of files.", do="Give one file, or a list of two.", key="map")
+    files = [Path(each) for each in given]
+    table = converted(read_map(map_path), files, map_path, map_path.parent).table
+    return data_set_of(table, map_path.with_name(f"{files[0].stem}.csv"), files)
 
 
 def data_of(source: Data | str | Path) -> Data:

@@ -4,7 +4,7 @@
 what is open, `map` keeps it, `readings` applies it; `convert` goes the whole way from files and a map to a data set.
 """
 
-from calib.foreign.convert import Converted, converted
+from calib.foreign.convert import Converted, converted, data_set_of
 from calib.foreign.map.map_file import Map, read_map, text_of
 from calib.foreign.meanings.assigned import Finding, Question
 from calib.foreign.proposal.proposal import propose
@@ -18,6 +18,7 @@ __all__ = [
     "Proposal",
     "Question",
     "converted",
+    "data_set_of",
     "propose",
     "read_map",
     "text_of",

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from calib.arm.robot import load_robot
 from calib.convert.table import Table
+from calib.data.dataset import Dataset
+from calib.data.header import header_of
+from calib.data.read import dataset_of
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.map.map_file import FileMap, Map, refuse_other
@@ -15,6 +18,8 @@ from calib.foreign.proposal.evidence import Fit, fit_of
 from calib.foreign.proposal.proposal import tables_of
 from calib.foreign.readings.data_set import table_of
 from calib.foreign.readings.one_file import readings_of
+from calib.text.columns import Columns
+from calib.text.toml_text import parse_toml
 from calib.units import DEG
 
 
@@ -71,3 +76,25 @@ def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
     found = tables_of(path, made.separator, made.sheet, made.lines)[0]
     refuse_other(made, found, map_path)
     return found
+
+
+def data_set_of(table: Table, csv: Path, files: Sequence[Path]) -> Dataset:
+    """The data set that a table is as the file `csv`, held against its nominal robot and not written.
+
+    files: those it was made of. Raises DataError for a table that is no data set, saying that the map can be changed.
+    """
+    header = csv.with_suffix(".toml")
+    try:
+        return dataset_of(
+            Columns.of_text(table.text, csv),
+            header_of(parse_toml(table.header, header), header, table.header),
+        )
+    except (
+        DataError
+    ) as error:  # of files that are not written: what can be changed is the map, or the answers
+        raise DataError(
+            f"as they are mapped {error.what}",
+            do=f"{error.do} The map's [header], or --robot and --answer, hold what is not in the files.",
+            file=" and ".join(file.name for file in files),
+            key=error.key,
+        ) from error

@@ -55,7 +55,7 @@ export const reckoned = (path) => reach(path, { headers: bearer() }, ORDER_MS, (
 
 export function upload(path, files) {
   const form = new FormData();
-  for (const [name, value] of Object.entries(files)) form.append(name, value);
+  for (const [name, value] of Object.entries(files)) for (const each of [value].flat()) form.append(name, each);
   return reach(path, { method: "POST", headers: { ...bearer(), ...key() }, body: form }, ORDER_MS, (answer) => answer.json());
 }
 

@@ -23,7 +23,7 @@ function all(root) {
     event.preventDefault();
     order(async () => { await upload("/datasets", { csv: csv.files[0], toml: toml.files[0], name: csv.files[0].name.replace(/\.csv$/i, "") }); send.reset(); });
   } } }, h("label", {}, "DATA.csv", csv), h("label", {}, "DATA.toml", toml), h("button", {}, t("upload")));
-  const own = h("section", { className: "wide" }, h("h2", {}, t("ownData")), send);
+  const own = h("section", { className: "wide" }, h("h2", {}, t("ownData")), send, mapped());
   root.append(h("section", { className: "wide" }, h("h2", {}, t("dataSets")), limits(), list), h("section", { className: "wide" }, h("h2", {}, t("loops")), loops), own);
   const look = async () => {
     own.hidden = looksOn();
@@ -35,6 +35,23 @@ function all(root) {
       h("a", { href: `#/result/${each.id}`, className: "do" }, `${sign(each.state)} ${each.name} ${moment(new Date(each.created_utc))}: ${state(each.state)}`))) : h("li", {}, t("noLoops")));
   };
   return { look, show: () => {} };
+}
+
+// Files of another program and the map of their columns.
+function mapped() {
+  const files = h("input", { type: "file", id: "foreign", multiple: true, required: true }), map = h("input", { type: "file", id: "map", accept: ".toml", required: true }), told = h("div", { id: "mapped", role: "status" });
+  const send = h("form", { className: "form", on: { submit: (event) => {
+    event.preventDefault();
+    order(async () => {
+      told.replaceChildren();
+      const made = await upload("/datasets/mapped", { files: [...files.files], map: map.files[0], name: files.files[0].name.replace(/\.\w+$/, "") });
+      const fit = made.fit_of_robot;
+      told.replaceChildren(h("p", {}, t("mappedTo", { name: made.name, n: made.readings }), fit ? ` ${t("mappedFit", { robot: fit.robot, mm: number(fit.miss_mm) })}` : ""),
+        h("ul", { lang: "en" }, made.said.map((each) => h("li", {}, each))));
+      send.reset();
+    });
+  } } }, h("label", {}, t("foreignFiles"), files), h("label", {}, "MAP.toml", map), h("button", {}, t("upload")));
+  return h("div", {}, h("h3", {}, t("otherProgram")), h("p", { className: "dim" }, t("otherProgramHint")), send, told);
 }
 
 function one(root, id) {

@@ -8,7 +8,10 @@ from typing import Any
 
 import pytest
 
+import truepose
 from calib.data.read import read_dataset
+from calib.foreign import propose, text_of
+from tests.calib.exports import CASES, ROBOT, N
 from tests.service.campaigns import edit_rows, write_data
 from tests.service.test_http_support import Served, problem, served
 
@@ -107,3 +110,48 @@ def test_a_diagnosis_that_cannot_be_is_a_failed_one(service: Served, data: Path,
     assert done["state"] == "failed"
     assert "calibration readings" in done["problem"]["operator_text"]
     assert done["problem"]["key"] == "set"
+
+
+def mapped(folder: Path, robot: str = ROBOT) -> tuple[Path, bytes]:
+    """A file of another program, and its map."""
+    (file,) = next(case for case in CASES if case.name == "excel_german").write(folder)
+    proposal = propose([file], {"robot": ROBOT, "sigma_mm": "0.1"}, None)
+    return file, text_of(proposal.made, ()).replace(ROBOT, robot).encode()
+
+
+def test_a_file_of_another_program_is_uploaded_with_its_map(service: Served, tmp_path: Path) -> None:
+    file, map_text = mapped(tmp_path)
+    sent = {"files": ("../../<b>x.csv", file.read_bytes()), "map": map_text}
+    key = {"Idempotency-Key": "mapped"}
+    answer = service.client.post("/datasets/mapped", files=sent, headers=key)
+    assert answer.status_code == 201, answer.text
+    made = answer.json()
+    assert (made["robot"], made["readings"], made["name"]) == (ROBOT, N, "_b_x")
+    assert made["fit_of_robot"]["miss_mm"] == pytest.approx(0.3, abs=0.05)
+    assert any("Windows-1252" in each for each in made["said"])
+    again = service.client.post("/datasets/mapped", files=sent, headers=key).json()
+    assert again["id"] == made["id"]
+    (tmp_path / "map.toml").write_bytes(map_text)
+    for name in ("data.csv", "data.toml"):
+        (tmp_path / name).write_bytes(service.client.get(f"/datasets/{made['id']}/{name}").content)
+    here, there = truepose.read(file, map=tmp_path / "map.toml"), truepose.read(tmp_path / "data.csv")
+    assert here.readings.equals(there.readings)
+
+
+@pytest.mark.parametrize(
+    ("robot", "count", "told"),
+    [
+        ("ur10", 1, "as they are mapped"),
+        ("../../robot.toml", 1, "names a file of the server"),
+        (ROBOT, 2, "is for 1 files, and 2 are given"),
+        (ROBOT, 3, "files"),
+    ],
+)
+def test_what_converting_refuses_is_refused(
+    service: Served, tmp_path: Path, robot: str, count: int, told: str
+) -> None:
+    file, map_text = mapped(tmp_path, robot)
+    before = service.client.get("/datasets").json()
+    sent = [("files", ("x.csv", file.read_bytes()))] * count + [("map", ("m", map_text))]
+    assert told in problem(service.client.post("/datasets/mapped", files=sent), 422)["detail"]
+    assert service.client.get("/datasets").json() == before

@@ -15,10 +15,9 @@ import typer
 
 from calib.arm import built_in_robots, load_robot
 from calib.convert import Table
-from calib.data import dataset_of, header_of
 from calib.errors import DataError
-from calib.foreign import Map, Proposal, Question, converted, propose, read_map, text_of
-from calib.text import Columns, parse_toml, replace_file
+from calib.foreign import Map, Proposal, Question, converted, data_set_of, propose, read_map, text_of
+from calib.text import replace_file
 from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
@@ -156,22 +155,8 @@ class OwnFiles:
         made = _from(made, home, self.out.parent)
         found = converted(made, self.files, kept, self.out.parent)
         table = held_out(found.table)
-        header = self.out.with_suffix(".toml")
         terminal.say("holding it against the nominal robot")
-        try:
-            dataset_of(
-                Columns.of_text(table.text, self.out),
-                header_of(parse_toml(table.header, header), header, table.header),
-            )
-        except (
-            DataError
-        ) as error:  # of files that are not written: what can be changed is the map, or the answers
-            raise DataError(
-                f"as they are mapped {error.what}",
-                do=f"{error.do} The map's [header], or --robot and --answer, hold what is not in the files.",
-                file=" and ".join(file.name for file in self.files),
-                key=error.key,
-            ) from error
+        data_set_of(table, self.out, self.files)
         terminal.say(f"writing {self.out}")
         table.write(self.out)
         write_json(conversion.mapped_document(self.out, table, holdout, found, kept), json)

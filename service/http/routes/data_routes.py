@@ -10,7 +10,14 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies import Campaigns, CampaignShown, Datasets, DatasetShown, NewCampaign
+from service.http.wire.bodies import (
+    Campaigns,
+    CampaignShown,
+    DatasetMapped,
+    Datasets,
+    DatasetShown,
+    NewCampaign,
+)
 from service.http.wire.headers import CampaignId, DatasetId, IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
@@ -75,6 +82,46 @@ def upload_dataset(
     # The files count, not the body: its boundaries differ every time it is sent.
     hashes = [hashlib.sha256(part).hexdigest() for part in (table, header)]
     return here.keys.once(idempotency_key, (DATASETS, name, *hashes), work)
+
+
+@router.post(
+    "/datasets/mapped",
+    operation_id="uploadMappedDataset",
+    status_code=201,
+    response_model=DatasetMapped,
+    tags=["datasets"],
+)
+def upload_mapped(
+    here: Here,
+    files: Annotated[
+        list[UploadFile],
+        File(
+            description="The file of another program (text or .xlsx), or one with joints and one with points.",
+            min_length=1,
+            max_length=2,
+        ),
+    ],
+    map_file: Annotated[
+        UploadFile,
+        File(
+            alias="map",
+            description="MAP.toml: what its columns are, as `truepose convert --propose` writes it.",
+        ),
+    ],
+    name: Annotated[str, Form(max_length=200, description="A name for people.", examples=["night 1"])] = "",
+    idempotency_key: IdempotencyKey = "",
+) -> JSONResponse:
+    """Upload files of another program with their map: they become a data set, or are refused as `truepose convert`
+    refuses them."""
+    given = [(each.filename or "", each.file.read()) for each in files]
+    text = map_file.file.read()
+
+    def work() -> JSONResponse:
+        dataset = here.workers.call(here.datasets.upload_mapped, given, text, name)
+        return reply(201, dataset, location=f"{DATASETS}/{dataset['id']}")
+
+    hashes = [hashlib.sha256(part).hexdigest() for part in (*(content for _, content in given), text)]
+    return here.keys.once(idempotency_key, (DATASETS, "mapped", name, *hashes), work)
 
 
 @router.get("/datasets", operation_id="listDatasets", response_model=Datasets, tags=["datasets"])

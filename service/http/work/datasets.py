@@ -5,19 +5,24 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import acquisition
 from acquisition import read_status
 from acquisition.record import Acceptance, export_together
 from calib.errors import DataError
+from calib.foreign import converted, data_set_of, read_map
 from calib.text import decoded, parse_toml
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import Deletions, take_away
 from service.http.work.kept import read_kept, readable
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset
-from service.names import safe_id
+from service.names import plain_name, safe_id
+from service.results.files import conversion
+
+MAP = "map.toml"
 
 
 class Datasets:
@@ -36,6 +41,29 @@ class Datasets:
             (folder / TOML).write_bytes(header)
 
         return keep_dataset(self._folder, write, name or "upload")
+
+    def upload_mapped(self, files: Sequence[tuple[str, bytes]], map_text: bytes, name: str) -> dict[str, Any]:
+        """Keep the data set of foreign files (name, content) and their map, with how the robot fits them and what was
+        made of the files. Raises DataError as `truepose convert` does."""
+        told: dict[str, Any] = {}
+
+        def write(folder: Path) -> None:
+            with TemporaryDirectory() as given:
+                map_path = Path(given) / MAP
+                map_path.write_bytes(map_text)
+                made = read_map(map_path)
+                _refuse_path(made.header.get("robot", ""), MAP)
+                paths = [Path(given) / str(i) / plain_name(each) for i, (each, _) in enumerate(files)]
+                for path, (_, content) in zip(paths, files, strict=True):
+                    path.parent.mkdir()
+                    path.write_bytes(content)
+                found = converted(made, paths, map_path, folder)
+                data_set_of(found.table, folder / CSV, paths)
+            found.table.write(folder / CSV)
+            of_files = conversion.told_of(found)
+            told.update(fit_of_robot=of_files["fit"], said=of_files["said"])
+
+        return keep_dataset(self._folder, write, name or Path(plain_name(files[0][0])).stem) | told
 
     def keep(self, data: Path, name: str) -> dict[str, Any]:
         """A copy of a data set that this program has made."""
@@ -93,6 +121,9 @@ class Datasets:
 
 def _refuse_paths(header: bytes) -> None:
     """A robot given as a path would be looked for among the server's files; built-in ones have names."""
-    robot = parse_toml(decoded(header, TOML), TOML).get("robot", "")
+    _refuse_path(parse_toml(decoded(header, TOML), TOML).get("robot", ""), TOML)
+
+
+def _refuse_path(robot: object, file: str) -> None:
     if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
-        raise DataError("names a file of the server.", do="Name a built-in robot.", file=TOML, key="robot")
+        raise DataError("names a file of the server.", do="Name a built-in robot.", file=file, key="robot")

@@ -33,9 +33,13 @@ def mapped_document(
     out: Path, table: Table, holdout: str | None, found: Converted, kept: Path
 ) -> dict[str, Any]:
     """The same of files that were read by a map, with how the nominal robot fits them."""
+    return document(out, table, holdout) | {"map": str(kept)} | told_of(found)
+
+
+def told_of(found: Converted) -> dict[str, Any]:
+    """How the nominal robot fits files that were read by a map, and what was made of them."""
     fit = found.fit
-    return document(out, table, holdout) | {
-        "map": str(kept),
+    return {
         "fit": None if fit is None else {"robot": fit.robot, "miss_mm": fit.miss, "extent_mm": fit.extent},
         "said": list(found.said),
     }

@@ -74,6 +74,21 @@ class DatasetShown(Answered):
     validation: Annotated[int, told("Number of readings that only judge.", 120)]
 
 
+class MappedFit(Answered):
+    """How near the nominal robot, put in its best place with its tool fitted, comes to readings."""
+
+    robot: Annotated[str, told("The robot.", "abb-irb120")]
+    miss_mm: Annotated[float, told("Median distance, mm.", 0.8)]
+    extent_mm: Annotated[float, told("Extent of the points, mm.", 900.0)]
+
+
+class DatasetMapped(DatasetShown):
+    """A data set made of foreign files by their map."""
+
+    fit_of_robot: Annotated[MappedFit | None, told("Null: this cannot be said of these readings.", None)]
+    said: Annotated[list[str], told("What was left aside or made of the files.", ["left aside: 'Remark'"])]
+
+
 class Campaigns(Answered):
     """Every campaign."""
 
