@@ -1,14 +1,15 @@
 """A picture of an arm from its robot file: oblique, from the front, from the side and from above, as one SVG file.
 
-The body as capsules, every axis as a dashed line with the joint's number, the base frame with its letters. No library
-is asked: it is lines and circles, and ids that could clash are not needed. Lengths mm; z up, x to the right in front.
+The body as capsules, every axis as a dashed line with the joint's number, the base frame with its letters, and every
+link with its length, mm, once: in the view that sees it longest. Words move aside until they stand on no others. No
+library is asked: it is lines and circles, and ids that could clash are not needed. z up, x to the right in front.
 """
 
 from __future__ import annotations
 
 import html
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -25,6 +26,12 @@ _VIEWS = {
     "from above": (-np.pi / 2, np.pi / 2),
 }
 _SIZE, _EDGE, _HEAD = 380.0, 34.0, 26.0
+_LETTER, _LINE = 0.62, 1.1  # width and height of a letter, in sizes of its font
+_LEAST = 20.0  # a link that is drawn shorter has no length written on it
+_ASIDE = [
+    (0.0, 0.0),
+    *((r * np.cos(a), r * np.sin(a)) for r, a in product(range(6, 61, 6), np.arange(8) * np.pi / 4)),
+]
 
 
 def arm_svg(robot: Robot, joints: Array, title: str) -> str:
@@ -38,9 +45,10 @@ def arm_svg(robot: Robot, joints: Array, title: str) -> str:
         lines.append([p + axes @ np.array(end) for end in (capsule.from_mm, capsule.to_mm)])
         radii.append(capsule.radius_mm)
     directions, points = axes_of(robot, joints)
-    skeleton = np.array([np.zeros(3), *points, at[-1][3]])
+    skeleton, fixed = _skeleton(robot, joints)
+    written = _written(skeleton, fixed)
     body = np.array(lines).reshape(-1, 2, 3)
-    everything = np.concatenate([skeleton, body.reshape(-1, 3)])
+    everything = np.concatenate([skeleton, points, body.reshape(-1, 3)])
     size = float(np.ptp(everything, axis=0).max()) + 2.0 * max(radii, default=0.0)
     scale = (_SIZE - 2.0 * _EDGE) / max(size, 1e-6)
     centre = (everything.min(axis=0) + everything.max(axis=0)) / 2.0
@@ -54,10 +62,61 @@ def arm_svg(robot: Robot, joints: Array, title: str) -> str:
         across, down = (number % 2) * _SIZE, _HEAD + (number // 2) * (_SIZE + _HEAD)
         parts.append(f'<g transform="translate({across:g} {down:g})">')
         parts.append(f'<rect width="{_SIZE:g}" height="{_SIZE:g}" fill="none" stroke="{GRID}"/>')
-        parts += _view(eye, scale, centre, body, radii, skeleton, directions)
+        here = [link for link, view in written.items() if view == number]
+        parts += _view(eye, scale, centre, body, radii, skeleton, points, directions, here)
         parts.append(f'<text x="10" y="{_SIZE + 17:g}" fill="{QUIET}">{name}</text></g>')
     parts.append(_bar(scale, height))
     return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _skeleton(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
+    """The corners of a line from the base to the flange along every a and d of the robot file, (n + 1, 3), mm; and
+    whether each of its n parts has its length from there: one along which a joint slides has not."""
+    chain, values = Chain.of(robot), nominal_values(robot, joints[None, :])
+    frames = propagate(chain, values, Placement())
+    corners, fixed = [np.zeros(3)], []
+    for slot in (motion.slot for link in (chain.base, *chain.links) for motion in link):
+        length = np.broadcast_to(values.get(slot, 0.0), 1)[0]
+        if not frames.turns[slot] and length != 0.0:
+            corners.append(corners[-1] + length * np.broadcast_to(frames.axis[slot], (3, 1))[:, 0])
+            fixed.append(slot not in robot.joint_slots)
+    return np.array(corners), fixed
+
+
+def _written(skeleton: Array, fixed: Sequence[bool]) -> dict[int, int]:
+    """The line by number from the base -> the view that has its length written on it: the first of those that see it
+    longest. A line that is as long as a joint has slid has none."""
+    lines = np.diff(skeleton, axis=0)
+    seen = np.stack([np.linalg.norm(lines @ _turn(*eye)[:2].T, axis=1) for eye in _VIEWS.values()], axis=1)
+    best = seen.max(axis=1)
+    return {
+        line: int(np.argmax(seen[line] > 0.999 * best[line])) for line in range(len(lines)) if fixed[line]
+    }
+
+
+class _Words:
+    """Words on one view that stand on no others."""
+
+    def __init__(self) -> None:
+        self._taken: list[tuple[float, float, float, float]] = []
+
+    def put(self, x: float, y: float, words: str, size: float, look: str) -> str:
+        """A text whose middle is at x, y, or as little aside as is free."""
+        wide, high = size * _LETTER * len(words) + 4.0, size * _LINE
+        places = [(x + dx - wide / 2, y + dy - high / 2) for dx, dy in _ASIDE]
+        left, top = next(((a, b) for a, b in places if self._free(a, b, wide, high)), places[0])
+        self._taken.append((left, top, left + wide, top + high))
+        at = f'x="{left + wide / 2:.1f}" y="{top + 0.8 * high:.1f}" text-anchor="middle"'
+        halo = 'stroke="#fff" stroke-width="3" paint-order="stroke"'
+        return f'<text {at} font-size="{size:g}" {halo} {look}>{words}</text>'
+
+    def _free(self, left: float, top: float, wide: float, high: float) -> bool:
+        if min(left, top) < 1.0 or max(left + wide, top + high) > _SIZE - 1.0:
+            return False
+        return all(
+            left >= right or left + wide <= start or top >= low or top + high <= high_
+            for start, high_, right, low in self._taken
+        )
 
 
 def _view(
@@ -67,8 +126,11 @@ def _view(
     body: Array,
     radii: Sequence[float],
     skeleton: Array,
+    points: Array,
     directions: Array,
+    written: Sequence[int],
 ) -> Iterator[str]:
+    """One view. written: the links that have their lengths here."""
     turn = _turn(*eye)
 
     def paper(place: Array) -> Array:
@@ -85,19 +147,29 @@ def _view(
         yield _line(a, b, f'stroke="{GRID}" stroke-width="{width:.1f}" stroke-linecap="round"')
     for start, end in pairwise(skeleton):
         yield _line(paper(start), paper(end), f'stroke="{AFTER}" stroke-width="2.5" stroke-linecap="round"')
-    reach = 42.0 / scale
+    reach, words, base = 42.0 / scale, _Words(), []
     for axis, letter in zip(np.eye(3), "xyz", strict=True):
         end = paper(reach * axis)
         yield _line(paper(np.zeros(3)), end, f'stroke="{NOMINAL}" stroke-width="1.5"')
-        yield f'<text x="{end[0] + 2:.1f}" y="{end[1]:.1f}" fill="{QUIET}" font-size="11">{letter}</text>'
-    for number, (point, direction) in enumerate(zip(skeleton[1:-1], directions, strict=True), start=1):
+        base.append(words.put(end[0] + 6.0, end[1], letter, 11.0, f'fill="{QUIET}"'))
+    tip, said = paper(skeleton[-1]), []
+    for number, (point, direction) in enumerate(zip(points, directions, strict=True), start=1):
         start, end = paper(point - 0.7 * reach * direction), paper(point + 0.7 * reach * direction)
         yield _line(start, end, f'stroke="{FITTED}" stroke-width="1.5" stroke-dasharray="5 3"')
-        # Axes through one point would write over each other: each number a little farther out
-        out = paper(point + (0.75 + 0.12 * (number % 3)) * reach * direction)
-        yield f'<text x="{out[0]:.1f}" y="{out[1]:.1f}" fill="{FITTED}" font-size="12">{number}</text>'
-    tip = paper(skeleton[-1])
+        out = paper(point + 0.85 * reach * direction)
+        said.append(words.put(out[0], out[1], str(number), 12.0, f'fill="{FITTED}"'))
+    for link in written:
+        a, b = skeleton[link], skeleton[link + 1]
+        start, end = paper(a), paper(b)
+        if float(np.hypot(*(end - start)[:2])) < _LEAST:
+            continue
+        middle = (start + end) / 2.0
+        length = float(np.linalg.norm(b - a))
+        said.append(
+            words.put(middle[0], middle[1], f"{length:.5g}", 11.0, f'fill="{AFTER}" font-weight="bold"')
+        )
     yield f'<circle cx="{tip[0]:.1f}" cy="{tip[1]:.1f}" r="4" fill="{AFTER}"/>'
+    yield from (*base, *said)  # no line crosses a word
 
 
 def _turn(azimuth: float, elevation: float) -> Array:
