@@ -1,4 +1,4 @@
-"""Values as other programs can read them: no NaN in JSON, no formula in a table, times as RFC 3339 UTC."""
+"""Values as other programs can read them: no NaN in JSON, times as RFC 3339 UTC."""
 
 from __future__ import annotations
 
@@ -17,20 +17,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [finite(each) for each in value]
     return value
-
-
-def no_formula(text: str) -> str:
-    """The text of a cell that a spreadsheet takes as text: `'` before what it would work out. Numbers stay numbers.
-
-    Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
-    """
-    if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
-        return text
-    try:
-        float(text)
-    except ValueError:
-        return f"'{text}"
-    return text
 
 
 def utc_text(seconds: float) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from calib.errors import DataError
 from calib.text.files import replace_file
+from calib.text.formula import no_formula
 
 Holdout = Literal["random", "block"]
 BLOCKS = 20
@@ -67,11 +68,13 @@ class Table:
 
     @property
     def text(self) -> str:
-        """The columns as CSV, their names in the first line."""
+        """The columns as CSV, their names in the first line; what a spreadsheet would work out has a ' before it."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.columns)
-        writer.writerows(zip(*self.columns.values(), strict=True))
+        writer.writerows(
+            zip(*([no_formula(cell) for cell in cells] for cells in self.columns.values()), strict=True)
+        )
         return text.getvalue()
 
     def write(self, path: Path) -> None:

@@ -3,6 +3,7 @@
 from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
 from calib.text.files import replace_file
+from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
@@ -18,6 +19,8 @@ __all__ = [
     "Vector",
     "decoded",
     "did_you_mean",
+    "meant_by",
+    "no_formula",
     "parse_json",
     "parse_toml",
     "parse_xml",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.errors import DataError
 from calib.text.csv_text import refuse_twice, rows_of
+from calib.text.formula import meant_by
 from calib.text.text_file import read_text
 
 
@@ -86,10 +87,11 @@ class Columns:
             raise DataError(f"column '{name}' is missing.", do=do, file=self.path, line=1)
 
     def text(self, name: str, default: str = "") -> NDArray[np.str_]:
-        """(n,) cells without surrounding blanks; `default` for empty cells and for an absent column."""
+        """(n,) cells without surrounding blanks, and without the ' before what a spreadsheet would work out; `default`
+        for empty cells and for an absent column."""
         if name not in self._cells:
             return np.full(len(self), default)
-        return np.array([cell.strip() or default for cell in self._cells[name]])
+        return np.array([meant_by(cell.strip()) or default for cell in self._cells[name]])
 
     def numbers(self, name: str, *, required: bool = False) -> Array:
         """(n,) numbers; an empty cell is NaN, unless `required`. A cell that is not a finite number is refused."""

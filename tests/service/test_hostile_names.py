@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 import tomli_w
 
+from calib.convert import Table
+from calib.data import read_dataset
 from service.cli import main
 from service.report.figures.quantities import Quantity
 from service.report.figures.residual_pictures import by_group, over
@@ -199,3 +201,26 @@ def test_a_picture_draws_a_name_as_it_is(text: str) -> None:
         assert f"{text}A" in found.text
         assert {tag for tag, _ in found.tags} <= set(KNOWN)
         assert not {name for _, attributes in found.tags for name in attributes if name.startswith("on")}
+
+
+@pytest.mark.parametrize("mark", ["=", "+", "-", "@"])
+def test_a_data_set_that_is_written_holds_no_formula_and_is_read_as_it_was(mark: str, tmp_path: Path) -> None:
+    data = write_data(tmp_path, effects=(), n=60)
+    header = tomllib.loads(data.with_suffix(".toml").read_text("utf-8"))
+    named = {name: f"{mark}1+{name}" for name in header["tool_targets"]}
+    header["tool_targets"] = {named[name]: place for name, place in header["tool_targets"].items()}
+    with data.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    columns["tool_target"] = [named[name] for name in columns["tool_target"]]
+    columns["reading_id"] = [f"{mark}HYPERLINK({i})" for i in range(len(rows))]
+    Table(columns, tomli_w.dumps(header)).write(tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(encoding="utf-8", newline="") as file:
+        cells = [cell for row in csv.reader(file) for cell in row]
+    negative = [cell for cell in cells if cell.startswith(("=", "+", "-", "@"))]
+    assert negative == [f"{float(cell):.{len(cell.partition('.')[2])}f}" for cell in negative]  # numbers
+    assert negative
+    read = read_dataset(tmp_path / "out.csv")
+    assert list(read.reading_id) == columns["reading_id"]
+    assert set(read.conditions.target_names) == set(named.values())
+    assert read.conditions.joints == pytest.approx(read_dataset(data).conditions.joints, abs=0.0)

@@ -13,6 +13,7 @@ import pytest
 from fastapi.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 
+from calib.text import no_formula
 from drivers.errors import ConfigError
 from service.http.access.gate import Gate
 from service.http.access.roles import Tokens
@@ -20,7 +21,7 @@ from service.http.access.settings import Settings
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply
 from service.names import new_id, safe_id
-from service.plain import finite, no_formula, utc_text
+from service.plain import finite, utc_text
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 

@@ -6,7 +6,7 @@ import csv
 import io
 
 from calib.diagnose import Diagnosis
-from service.plain import no_formula
+from calib.text import no_formula
 
 COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm")
 
