@@ -51,7 +51,7 @@ function mapped() {
       send.reset();
     });
   } } }, h("label", {}, t("foreignFiles"), files), h("label", {}, "MAP.toml", map), h("button", {}, t("upload")));
-  return h("div", {}, h("h3", {}, t("otherProgram")), h("p", { className: "dim" }, t("otherProgramHint")), send, told);
+  return h("div", { className: "also" }, h("h3", {}, t("otherProgram")), h("p", { className: "dim" }, t("otherProgramHint")), send, told);
 }
 
 function one(root, id) {

@@ -63,7 +63,7 @@ def test_what_is_said_to_be_500_mb_is_refused_before_it_comes(client: TestClient
         raise AssertionError("the body was asked for")
         yield b""
 
-    for path in ("/api/v1/datasets", "/api/v1/alignments", "/api/v1/campaigns"):
+    for path in ("/api/v1/datasets", "/api/v1/datasets/mapped", "/api/v1/alignments", "/api/v1/campaigns"):
         answer = client.post(path, content=nothing(), headers=said)
         assert answer.status_code == 413, answer.text
         assert answer.headers["content-type"] == "application/problem+json"
@@ -116,3 +116,13 @@ def test_a_damaged_file_of_the_record_is_named_and_takes_no_list_down(tmp_path: 
             assert told.status_code == 500
             assert f"{each}.json" in told.json()["detail"]
         assert [each["id"] for each in client.get("/api/v1/campaigns").json()["campaigns"]] == [ids[2]]
+
+
+def test_a_body_of_another_type_is_told_which_it_came_as(client: TestClient) -> None:
+    sent = {"content": b'{"campaign": {}}', "headers": {"Content-Type": "application/x-www-form-urlencoded"}}
+    answer = client.post("/api/v1/runs", **sent)
+    assert answer.status_code == 422
+    told = answer.json()["what_to_do"]
+    assert told.startswith(
+        "Send JSON, with Content-Type: application/json; it came as application/x-www-form"
+    )

@@ -145,13 +145,18 @@ def test_a_file_of_another_program_is_uploaded_with_its_map(service: Served, tmp
         ("../../robot.toml", 1, "names a file of the server"),
         (ROBOT, 2, "is for 1 files, and 2 are given"),
         (ROBOT, 3, "files"),
+        ("", 1, "is not made as the file for which the map map.toml was made"),
     ],
 )
 def test_what_converting_refuses_is_refused(
     service: Served, tmp_path: Path, robot: str, count: int, told: str
 ) -> None:
-    file, map_text = mapped(tmp_path, robot)
+    file, map_text = mapped(tmp_path, robot or ROBOT)
+    if not robot:  # a file that the map is not for
+        file.write_text("a;b;c\n" + "1;2;3\n" * 9, "utf-8")
     before = service.client.get("/datasets").json()
     sent = [("files", ("x.csv", file.read_bytes()))] * count + [("map", ("m", map_text))]
-    assert told in problem(service.client.post("/datasets/mapped", files=sent), 422)["detail"]
+    said = problem(service.client.post("/datasets/mapped", files=sent), 422)["detail"]
+    assert told in said
+    assert "/" not in said  # no folder of the server
     assert service.client.get("/datasets").json() == before

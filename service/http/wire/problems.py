@@ -130,7 +130,11 @@ async def _of_request(request: Request, error: Exception) -> Response:
     ]
     first = errors[0] if errors else {"where": "the request", "what": "cannot be read"}
     text = f"{first['where']}: {first['what']}."
-    return response(422, text, "Correct the request; /openapi.json describes it.", errors=errors)
+    do = "Correct the request; /openapi.json describes it."
+    kind = request.headers.get("content-type", "")
+    if first["where"] == "body" and "json" not in kind:  # what curl -d says of every body
+        do = f"Send JSON, with Content-Type: application/json; it came as {kind[:100] or 'nothing'}."
+    return response(422, text, do, errors=errors)
 
 
 def _in_words(error: Mapping[str, Any]) -> str:

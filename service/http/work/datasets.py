@@ -57,7 +57,7 @@ class Datasets:
                 for path, (_, content) in zip(paths, files, strict=True):
                     path.parent.mkdir()
                     path.write_bytes(content)
-                found = converted(made, paths, map_path, folder)
+                found = converted(made, paths, MAP, folder)
                 data_set_of(found.table, folder / CSV, paths)
             found.table.write(folder / CSV)
             of_files = conversion.told_of(found)
