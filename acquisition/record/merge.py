@@ -124,20 +124,22 @@ def merge(
     names = list(dict.fromkeys(name for row in rows for name in row))
     weaknesses = "; ".join(dict.fromkeys(each for text in unprotected for each in text.split("; ") if each))
     unseen = {"unprotected": weaknesses} if weaknesses else {}
-    measured = _measured([each for each in occasions if each])
+    measured = _measured(occasions)
     columns = {name: [row.get(name, "") for row in rows] for name in names}
     return DataTable(first.name, columns, header | unseen | measured | series.header)
 
 
-def _measured(occasions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The times at which the first of the parts began and the last ended, and everybody who worked on them."""
-    if not occasions:
+def _measured(occasions: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
+    """The times at which the first of the parts began and the last ended, everybody who worked on them, how many."""
+    known = [each for each in occasions if each]
+    if not known:
         return {}
     return {
         "measured": {
-            "began": min(each["began"] for each in occasions),
-            "ended": max(each["ended"] for each in occasions),
-            "operators": list(dict.fromkeys(who for each in occasions for who in each["operators"])),
+            "began": min(each["began"] for each in known),
+            "ended": max(each["ended"] for each in known),
+            "operators": list(dict.fromkeys(who for each in known for who in each["operators"])),
+            "campaigns": sum((each or {}).get("campaigns", 1) for each in occasions),
         }
     }
 

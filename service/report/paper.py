@@ -69,11 +69,15 @@ def _devices(dataset: Dataset) -> list[tuple[str, str]]:
     return devices_of(dataset) or [("Serial numbers", _MISSING)]
 
 
+def _merged(campaigns: int) -> str:
+    return f", {campaigns} campaigns merged" if campaigns > 1 else ""
+
+
 def _measured(dataset: Dataset) -> list[tuple[str, str]]:
     occasion = dataset.header.occasion
     if occasion is None:
         return [("Measured", _MISSING), ("Operators", _MISSING)]
     return [
-        ("Measured", f"{occasion.began} to {occasion.ended}"),
+        ("Measured", f"{occasion.began} to {occasion.ended}{_merged(occasion.campaigns)}"),
         ("Operators", ", ".join(occasion.operators) or _MISSING),
     ]

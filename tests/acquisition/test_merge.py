@@ -112,4 +112,4 @@ def test_the_whole_was_measured_from_the_first_reading_to_the_last_by_everybody(
     # the first of the parts says nothing
     parts = [Part(_table(campaigns[1]), 0.0, None), Part(_table(again), 0.0, None)]
     occasion = merge(_table(campaigns[0]), WORLD, parts).dataset().header.occasion
-    assert occasion == Occasion("2026-03-01 08:00 UTC", "2026-03-02 10:00 UTC", ("anna", "bert"))
+    assert occasion == Occasion("2026-03-01 08:00 UTC", "2026-03-02 10:00 UTC", ("anna", "bert"), campaigns=3)

@@ -29,11 +29,11 @@ def say_when(data: Path, text: str) -> None:
 
 
 def test_a_report_can_be_filed_and_signed(data: Path, tmp_path: Path) -> None:
-    say_when(data, MEASURED + DEVICE)
+    say_when(data, MEASURED + "campaigns = 3\n" + DEVICE)
     report, model = tmp_path / "r.html", tmp_path / "m.json"
     assert main(["identify", str(data), "--report", str(report), "--model", str(model)]) == 0
     page = report.read_text("utf-8")
-    assert "2026-03-02 09:15 UTC to 2026-03-02 11:40 UTC" in page
+    assert "2026-03-02 09:15 UTC to 2026-03-02 11:40 UTC, 3 campaigns merged" in page
     assert "anna, &lt;b&gt;" in page
     assert page.count("serial number 120-5, software 6.08") == 1
     assert f"<code>{json.loads(model.read_text('utf-8'))['content_sha256']}</code>" in page
@@ -75,6 +75,7 @@ def test_what_a_data_set_does_not_say_is_said_to_be_missing(data: Path) -> None:
     ("measured", "key"),
     [
         ('began = "a"\nended = "b"\noperators = "anna"', "operators"),
+        ('began = "a"\nended = "b"\ncampaigns = 0', "campaigns"),
         ('ended = "b"', "began"),
         ('began = 3\nended = "b"', "began"),
         ('began = "a"\nended = "b"\noperator = "anna"', "operator"),

@@ -26,9 +26,10 @@ class Body(BaseModel):
 
 
 class Answered(BaseModel):
-    """A response; members may be added in time."""
+    """A response; members may be added in time. What checks it is made when it is first sent: all of them together were
+    a seventh of the start of the service."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", defer_build=True)
 
 
 class DescribedAs:
