@@ -101,9 +101,9 @@ def read(
                 key="header",
             )
         return Data(read_dataset(source))
-    if isinstance(source, Sequence):
+    if _several(source):
         raise DataError("several files need a map.", do="Give map=, or one file.", key="source")
-    if not hasattr(source, "to_csv"):
+    if isinstance(source, Sequence) or not hasattr(source, "to_csv"):
         raise DataError(
             f"is {type(source).__name__}.", do="Give the name of a .csv file, or a DataFrame.", key="source"
         )
@@ -117,6 +117,10 @@ def read(
         written, path = tomli_w.dumps(dict(header)), _IN_MEMORY.with_suffix(".toml")
         return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), header_of(header, path, written)))
     return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), read_header(Path(header))))
+
+
+def _several(source: object) -> bool:
+    return isinstance(source, list | tuple) and all(isinstance(each, str | Path) for each in source)
 
 
 def _by_map(source: Any, map_path: Path, header: object) -> Dataset:

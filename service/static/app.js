@@ -2,7 +2,7 @@
 
 import * as campaigns from "./campaigns.js";
 import * as cellView from "./cell.js";
-import { Refusal, Silence, clock, connection, enter, leave, signals } from "./connection.js";
+import { Refusal, Silence, ask, clock, connection, enter, leave, signals } from "./connection.js";
 import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } from "./desk.js";
 import { $, fill, h, wait } from "./dom.js";
 import * as report from "./report.js";
@@ -126,7 +126,14 @@ function begin() {
   if (known) keepUp(); else $("token").focus();
 }
 
-signals.addEventListener("heard", () => { silence(); if (!connection.silent) { prolong(); look(); } });
+// Whether the service that is back is the one that this page is of. Nothing is loaded by itself: a reason may be half typed.
+async function compare() {
+  const health = await ask("GET", "/health").catch(() => null);
+  if (health && health.page) $("old").hidden = health.page === document.documentElement.dataset.page;
+}
+
+signals.addEventListener("heard", () => { silence(); if (!connection.silent) { prolong(); look(); compare(); } });
+$("again").addEventListener("click", () => location.reload());
 signals.addEventListener("left", () => {
   keep(null);
   if (view && view.close) view.close();

@@ -22,6 +22,7 @@ const WORDS = {
   tokenHint: ["Paste a token that truepose serve printed: the operator's, or the viewer's to look on, pause and stop. It is forgotten when this window is closed.",
     "Einen Schlüssel einfügen, den truepose serve ausgegeben hat: den des Bedieners, oder den des Zuschauers zum Ansehen, Pausieren und Anhalten. Er wird vergessen, wenn dieses Fenster geschlossen wird."],
   enter: ["Enter", "Anmelden"],
+  oldPage: ["The service is of another version than this page.", "Der Dienst ist von einer anderen Version als diese Seite."], loadAgain: ["Load the page again", "Seite neu laden"],
   leave: ["Leave", "Abmelden"],
   noSafety: ["Not a safety function: the emergency stop is hardware.", "Keine Sicherheitsfunktion: der Not-Halt ist Hardware."],
   noConnection: ["NO CONNECTION", "KEINE VERBINDUNG"],

@@ -45,6 +45,11 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         page.value("document.querySelector('#runs').focus()")
         assert not shown(page, "#silence")
 
+        assert (
+            page.value("document.documentElement.dataset.page")
+            == service.client.get("/health").json()["page"]
+        )
+        assert not shown(page, "#old")
         service.process.send_signal(signal.SIGSTOP)  # it is there, and does not answer
         try:
             until(lambda: page.text("#alarm") == ALARM)
@@ -59,11 +64,14 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
             assert "You hold it" not in page.text("#holder")
             assert "What is grey is as it was at" in page.text("#since")
             assert page.value("document.title").startswith("NO CONNECTION")
+            page.value("document.documentElement.dataset.page = 'of an older version'")
         finally:
             service.process.send_signal(signal.SIGCONT)
         until(lambda: not shown(page, "#silence"))
         until(lambda: not page.value("document.querySelector('#desk').inert"))
         assert page.value("document.activeElement.id") == "runs"  # the focus is where it was
+        until(lambda: shown(page, "#old"))  # when the service was exchanged meanwhile
+        assert on_top(page, "#stop")
         # On a machine that took long about it the lease has lapsed meanwhile, and nothing is asked any more.
         until(
             lambda: (

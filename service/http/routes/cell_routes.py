@@ -9,6 +9,7 @@ from fastapi import APIRouter, Request, Response
 
 from service.http.access.motion_lease import Held
 from service.http.routes.json_route import JsonRoute
+from service.http.routes.pages.page import page_hash
 from service.http.state import Here
 from service.http.wire.bodies import CellShown, Health, LeaseShown, TakeLease, TakeLeaseOver
 from service.http.wire.headers import LeaseId
@@ -21,7 +22,7 @@ router = APIRouter(route_class=JsonRoute, tags=["cell"])
 async def get_health(here: Here) -> dict[str, Any]:
     """The service answers. Needs no token."""
     simulated = here.settings.simulated is not None
-    return {"status": "ok", "version": version("truepose"), "simulated": simulated}
+    return {"status": "ok", "version": version("truepose"), "page": page_hash(), "simulated": simulated}
 
 
 @router.get("/cell", operation_id="getCell", response_model=CellShown)

@@ -99,6 +99,7 @@ def upload_mapped(
             description="The file of another program (text or .xlsx), or one with joints and one with points.",
             min_length=1,
             max_length=2,
+            examples=[["joints.txt", "points.csv"]],
         ),
     ],
     map_file: Annotated[

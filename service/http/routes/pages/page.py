@@ -12,6 +12,7 @@ import base64
 import hashlib
 import re
 import secrets
+from functools import cache
 from pathlib import Path
 
 from fastapi import APIRouter
@@ -29,10 +30,18 @@ _HEADERS = {
 }
 
 
+@cache
+def page_hash() -> str:
+    """By which an open page knows, when the service is back, whether it is still its page."""
+    texts = (path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.is_file())
+    return hashlib.sha256(b"".join(texts)).hexdigest()[:12]
+
+
 def page_text(nonce: str) -> str:
     """The page with its style in it, and its script marked with this number."""
     text, style = ((FOLDER / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     text = text.replace("<style></style>", f"<style>{style}</style>")
+    text = text.replace('<html lang="en">', f'<html lang="en" data-page="{page_hash()}">')
     return text.replace('<script type="module"', f'<script type="module" nonce="{nonce}"')
 
 

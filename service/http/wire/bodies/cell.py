@@ -13,6 +13,9 @@ class Health(Answered):
 
     status: Annotated[Literal["ok"], told("It answers.", "ok")]
     version: Annotated[str, told("The version of the program.", "0.1.0")]
+    page: Annotated[
+        str, told("Hash of the operator's page: an open one of another hash is old.", "3f9a1c07b2e4")
+    ]
     simulated: Simulated
 
 
