@@ -85,7 +85,7 @@ CHANGES = (
     ),
     Change(
         "calib/fit/least_squares.py",
-        "- held**2 * at.estimate[active] + tied.T @ left) / size",
+        "- held**2 * (at.estimate - mean)[active] + tied.T @ left) / size",
         "- 0.0 * at.estimate[active] + tied.T @ left) / size",
         "the prior pulls to wherever the fit stands and not to zero",
         FIT,
