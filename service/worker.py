@@ -12,9 +12,7 @@ import os
 import pickle
 import queue
 import threading
-import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from service.refusals import REFUSALS
@@ -24,14 +22,11 @@ Call = tuple[Callable[..., Any], tuple[Any, ...]]
 PATIENT = 10
 """By how much a worker yields to the service, which has to hear a stop; Windows knows no such thing."""
 
-SESSION = "/proc/{}/autogroup"
-"""Where Linux keeps the priority of a process's session: "/autogroup-5737 nice 0"."""
-
 
 def main() -> None:
     """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
     if os.name == "posix":
-        _lower_priority()
+        os.nice(PATIENT)  # within the session, which is the service's: see docs/decisions/0033
     calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     requests = os.fdopen(os.dup(0), "rb")
@@ -47,30 +42,6 @@ def main() -> None:
             outcome = None, refusal
         answers.write(pickle.dumps(outcome))  # whole, or not at all
         answers.flush()
-
-
-def _lower_priority() -> None:
-    """Let the service go first, in this worker's session as well as before others.
-
-    Where Linux shares the processors out between sessions, a process is nice to its own session alone, and a worker is
-    in one by itself. Its session has a file of its own for that, which takes one order in a tenth of a second from all
-    programs together. Below the service's own session: that may have a low priority itself.
-    """
-    os.nice(PATIENT)
-    try:
-        of_service = int(Path(SESSION.format(os.getppid())).read_text(encoding="ascii").split()[-1])
-    except OSError:  # sessions share nothing out here
-        return
-    own = Path(SESSION.format("self"))
-    for _ in range(10):
-        try:
-            own.write_text(str(min(of_service + PATIENT, 19)), encoding="ascii")
-        except BlockingIOError:
-            time.sleep(0.1)
-        except OSError:  # refused: somebody else's rule
-            return
-        else:
-            return
 
 
 def _listen(requests: BinaryIO, calls: queue.SimpleQueue[Call]) -> None:

@@ -180,9 +180,9 @@ CHANGES = (
         ("tests/service/test_refused_politely.py",),
     ),
     Change(
-        "service/worker.py",
-        '            own.write_text(str(min(of_service + PATIENT, 19)), encoding="ascii")\n',
-        "            pass\n",
+        "service/http/work/workers.py",
+        "            process_group=0,  #",
+        "            start_new_session=True,  #",
         "workers take the processors from a service that has to hear a stop",
         ("tests/service/test_priority.py",),
     ),

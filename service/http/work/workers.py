@@ -107,7 +107,7 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | threads,
-            start_new_session=True,  # Ctrl-C at the terminal is for the service
+            process_group=0,  # Ctrl-C at the terminal is for the service; a session of its own would have its own share
         )
         self._killed: Problem | None = None  # why
 
