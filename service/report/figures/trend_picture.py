@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 
-from service.report import drawing
+from service.report.figures import drawing
 from service.results.history import Trend
 
 ENDINGS = (".svg", ".png")
