@@ -172,7 +172,8 @@ def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_maps(asked: dict[str, Asked], tmp_path: Path) -> None:
-    text = '[[file]]\n[file.columns]\nx = "X[mm]"\n[file.targets.T1]\nx = "a"\ny = "b"\nz = "c"\n'
+    columns = "".join(f'{axis} = "{axis}[mm]"\n' for axis in "xyz")
+    text = f"[[file]]\n[file.columns]\n{columns}[file.targets.T1]\n{columns}"
     (tmp_path / "map.toml").write_text(f'format = "truepose-map/1"\n{text}[match]\nby = "name"\n', "utf-8")
     read_map(tmp_path / "map.toml")
     read = asked["truepose-map/1"]
