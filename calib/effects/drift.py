@@ -5,6 +5,8 @@ Source: trackers warm up and tripods creep; AT960 drifts by tenths of a millimet
 
 from __future__ import annotations
 
+import numpy as np
+
 from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
@@ -39,17 +41,19 @@ KINDS = (
 )
 
 
-def drift_translation() -> Effect:
-    """The instrument's frame shifts; parameters x, y, z, mm/h."""
-    acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time())], (-20.0, 20.0)) for axis in "xyz"}
+def drift_translation(start_s: float = 0.0) -> Effect:
+    """The instrument's frame shifts from a time on; parameters x, y, z, mm/h."""
+    acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time(start_s))], (-20.0, 20.0)) for axis in "xyz"}
     return effect(
         "drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts
     )
 
 
-def drift_rotation() -> Effect:
-    """The instrument's frame turns about the station; parameters rx, ry, rz, deg/h."""
-    acts = {axis: ("deg/h", 0.02, [(f"frame.{axis}", Time())], (-2.0, 2.0)) for axis in ("rx", "ry", "rz")}
+def drift_rotation(start_s: float = 0.0) -> Effect:
+    """The instrument's frame turns about the station from a time on; parameters rx, ry, rz, deg/h."""
+    acts = {
+        axis: ("deg/h", 0.02, [(f"frame.{axis}", Time(start_s))], (-2.0, 2.0)) for axis in ("rx", "ry", "rz")
+    }
     return effect(
         "drift_rotation",
         "instrument",
@@ -60,8 +64,9 @@ def drift_rotation() -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Both, while the check poses are measured, where the readings carry their time."""
-    return [candidate.effect for candidate in offer(survey)]
+    """Both, since the first of the check poses, where the readings carry their time: the frame was set up then."""
+    start_s = float(np.min(survey.conditions.time))
+    return [drift_translation(start_s), drift_rotation(start_s)] if offer(survey) else []
 
 
 def offer(survey: Survey) -> list[Candidate]:

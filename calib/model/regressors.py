@@ -301,11 +301,13 @@ class LoadedSide:
 
 @dataclass(frozen=True)
 class Time:
-    """Seconds since the start of the campaign."""
+    """Seconds since the start of the campaign, or since so many seconds after it."""
+
+    start_s: float = 0.0
 
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) s."""
-        return conditions.time
+        return conditions.time - self.start_s
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The time itself."""

@@ -4,6 +4,7 @@ from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
 from calib.watch.missed import Missed, missed
+from calib.watch.nests import NestLimit, nest_limit
 from calib.watch.plan import Plan, judged, plan
 from calib.watch.planned import planned
 from calib.watch.proposals import Proposal, proposals
@@ -21,6 +22,7 @@ __all__ = [
     "SEEN",
     "WANTED",
     "Missed",
+    "NestLimit",
     "Plan",
     "Proposal",
     "Seen",
@@ -39,6 +41,7 @@ __all__ = [
     "keep_up",
     "later",
     "missed",
+    "nest_limit",
     "plan",
     "planned",
     "proposals",

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calib.arm.start import align
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.model.model import Design, RobotModel
@@ -25,8 +26,8 @@ def placed(dataset: Dataset, model: RobotModel, estimate: Array) -> Dataset:
         return dataset
     predicted = Design(model, dataset.conditions.take(rows)).predict(estimate)
     measured = dataset.points[rows]
-    turn, _ = Rotation.align_vectors(predicted - predicted.mean(axis=0), measured - measured.mean(axis=0))
-    shift = predicted.mean(axis=0) - turn.apply(measured.mean(axis=0))
+    rotation, shift = align(measured, predicted, np.ones(len(measured)))
+    turn = Rotation.from_matrix(rotation)
     points = dataset.points.copy()
     points[dataset.pointed] = turn.apply(points[dataset.pointed]) + shift
     orientation = dataset.orientation.copy()

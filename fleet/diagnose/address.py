@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
 import sqlalchemy as sa
+from sqlalchemy import exc
 
 from calib.errors import DataError
 
@@ -30,7 +31,10 @@ def for_workers(store: str, scheduler: str) -> str:
 
     Raises DataError for an SQLite file and workers elsewhere, who have no file of this name, or another one.
     """
-    url = sa.make_url(store)
+    try:
+        url = sa.make_url(store)
+    except exc.ArgumentError:  # refused by the store itself, in its words
+        return store
     if url.get_backend_name() != "sqlite" or not url.database:
         return store
     if scheduler and is_elsewhere(scheduler):

@@ -51,6 +51,7 @@ def diagnose_all(
             "this computer; use tls://, or a network of its own (truepose docs fleet-engine)"
         )
     spent = time.process_time()
+    Store.open(order.store).close()  # tables are made before workers come to them together
     run: Run | None = None
     try:
         with connected(scheduler) if scheduler else local(workers or processors()) as client:

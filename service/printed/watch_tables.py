@@ -45,6 +45,11 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     lines: list[RenderableType] = [shown]
     if found.plan.shown.unseen:
         lines.append(f"Not shown by these readings at all: {', '.join(found.plan.shown.unseen)}.")
+    if found.nests is not None:
+        lines.append(
+            f"The nests are measured again half-way: beyond {found.nests.limit_mm:.3f} mm a person is asked; the "
+            f"instrument moved by {found.nests.seen_mm:.3f} mm is noticed in {SEEN:.0%}."
+        )
     if found.proposals:
         lines += _proposals(found.proposals)
         lines += _lever(found)

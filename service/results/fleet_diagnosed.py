@@ -23,11 +23,13 @@ from fleet.diagnose import (
     Tally,
     changes_between,
     diagnose_all,
+    for_workers,
     in_files,
     in_store,
     named,
 )
 from fleet.store import Result, Store, utc_now
+from service.wording import counted
 
 FORMAT = "truepose-fleet-run/1"
 
@@ -68,10 +70,10 @@ class FleetDiagnosed:
 
         say: hears each step; tell: sentences about workers; progress: how far it is, after every batch.
         """
-        with Store.open(asked.store) as store:
-            order = Order(
-                asked.store, f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}", asked.most
-            )
+        address = for_workers(asked.store, asked.scheduler)
+        owner = f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}"
+        with Store.open(address) as store:
+            order = Order(address, owner, asked.most)
             versions = []
             if asked.since:  # refused before the work, not after it
                 versions = named(asked.since, store.work.programs(order.task), order.expected)
@@ -81,7 +83,7 @@ class FleetDiagnosed:
                 raise DataError("holds no data set.", do="Send some, or name files.", file=store.place)
             jobs = {order.job(source): source for source in sources}
             done = store.work.done(list(jobs))
-            say(f"{len(jobs)} data sets, {len(done)} of them have a result of this version")
+            say(f"{counted(len(jobs), 'data set')}, {len(done)} with a result of this version")
             todo = [source for job, source in jobs.items() if job not in done]
             tally = diagnose_all(
                 todo, order, tell, progress, workers=asked.workers, scheduler=asked.scheduler

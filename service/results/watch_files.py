@@ -23,9 +23,15 @@ NOT_TOUCHED = "rejected:not touched yet"
 
 
 def campaign_of(
-    model: str, asked: PlanQuestion, targets: Sequence[str], poses: Sequence[Pose], visits: Visits
+    model: str,
+    asked: PlanQuestion,
+    targets: Sequence[str],
+    poses: Sequence[Pose],
+    visits: Visits,
+    nest_limit_mm: float | None,
 ) -> str:
-    """The campaign that visits the poses in their order."""
+    """The campaign that visits the poses in their order; nest_limit_mm: of the nests that are measured again half-way,
+    None where none are."""
     block: dict[str, Any] = {
         "set": "calibration",
         "joints_deg": [list(pose.joints_deg) for pose in poses],
@@ -41,6 +47,8 @@ def campaign_of(
         "approach": {"offset_deg": -asked.offset_deg, "sides": "both" if asked.both else "one"},
         "block": [block],
     }
+    if nest_limit_mm is not None:
+        table["nest_check"] = {"every": max(visits.readings // 2, 1), "limit_mm": round(nest_limit_mm, 4)}
     return f"# Check poses of {model}, by truepose watch plan.\n{tomli_w.dumps(table)}"
 
 

@@ -19,12 +19,12 @@ from acquisition import Cell
 from acquisition.campaign import Arrival, Pose, Visit, drawn_poses, stance_poses, touch_poses
 from acquisition.record import planned_header
 from calib import watch
-from calib.data import Header, header_of
+from calib.data import Header, Noise, header_of
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel
 from calib.units import DEG
-from calib.watch import Plan, Proposal, Visits
+from calib.watch import NestLimit, Plan, Proposal, Visits
 from service.plain import finite
 from service.results.watch_files import campaign_of, touched_files
 
@@ -68,6 +68,7 @@ class Planned:
     poses: tuple[Pose, ...]
     balls: tuple[str, ...]
     plan: Plan
+    noise: Noise
     proposals: tuple[Proposal, ...]
 
     @staticmethod
@@ -133,17 +134,29 @@ class Planned:
                 frame_known=asked.frame_known,
             )
         touched = tuple(balls[i] for i in found.chosen) * asked.rounds if balls else ()
-        return Planned(cell, model, asked, targets, poses, touched, found, proposals)
+        return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals)
 
     @property
     def driven(self) -> bool:
         """Whether `truepose watch run` can drive the plan; a touched artefact is touched by a person."""
         return not self.asked.touch
 
+    @property
+    def nests(self) -> NestLimit | None:
+        """The limit of the nests, which are measured again half-way; None where nothing measures them by itself."""
+        cell = self.cell
+        lengths = cell.instrument.declared.measures_lengths
+        if self.asked.touch or lengths or not cell.nests or cell.instrument.one_smr:
+            return None
+        three = dict(list(cell.nests.items())[:3])
+        return watch.nest_limit(three, self.noise, self.asked.rate)
+
     def files(self, out: Path) -> dict[Path, str]:
         """What is written, by path: the campaign, or the data set to be filled in with its header."""
         if self.driven:
-            return {out: campaign_of(self.model.name, self.asked, self.targets, self.poses, self.plan.visits)}
+            limit = None if self.nests is None else self.nests.limit_mm
+            visits = self.plan.visits
+            return {out: campaign_of(self.model.name, self.asked, self.targets, self.poses, visits, limit)}
         return touched_files(out, self.cell, self.asked, self.targets[0], self.poses, self.balls)
 
     def document(self) -> dict[str, Any]:
@@ -177,6 +190,9 @@ class Planned:
                     for each in self.plan.shown.causes
                 ],
                 "not_seen": list(self.plan.shown.unseen),
+                "nests": None
+                if self.nests is None
+                else {"limit_mm": self.nests.limit_mm, "seen_from_mm": self.nests.seen_mm},
                 "proposals": [
                     {
                         "targets": list(each.targets),

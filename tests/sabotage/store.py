@@ -33,8 +33,8 @@ CHANGES = (
     ),
     Change(
         "fleet/store/adding.py",
-        "        raise Overtaken from error",
-        "        raise",
+        "    except exc.IntegrityError as error:\n        raise Overtaken from error\n",
+        "",
         "two programs that add the same at once end with an error",
         _STORE,
     ),

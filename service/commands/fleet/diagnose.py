@@ -10,6 +10,7 @@ import typer
 from calib.diagnose import MOST_EFFECTS
 from calib.errors import DataError
 from fleet.diagnose import EngineGone
+from fleet.errors import StoreGone
 from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -75,7 +76,7 @@ def diagnose_command(
             found = FleetDiagnosed.of(
                 asked, terminal.say, lambda text: terminal.note(f"truepose: {text}"), FleetProgress(terminal)
             )
-        except EngineGone as error:
+        except (EngineGone, StoreGone) as error:
             terminal.rest()
             terminal.note(f"truepose: {error}")
             raise typer.Exit(exit_codes.NOT_AVAILABLE) from error

@@ -21,8 +21,7 @@ async def _worker(scheduler: str, build: str) -> None:
 
     if build:
         batch.this_program = crew.this_program = lambda: build
-    where = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
-    async with Worker(scheduler, nthreads=1, **where) as it:
+    async with Worker(scheduler, nthreads=1, host="127.0.0.1", dashboard_address="127.0.0.1:0") as it:
         print(it.address, flush=True)  # noqa: T201
         await it.finished()
 

@@ -63,7 +63,9 @@ def client() -> Iterator[Client]:
 
 @pytest.fixture
 def order(tmp_path: Path) -> Order:
-    return Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1, lease_s=5.0)
+    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1, lease_s=5.0)
+    Store.open(order.store).close()  # before workers come to it together
+    return order
 
 
 def some(folder: Path, goods: int, bads: int) -> list[Source]:

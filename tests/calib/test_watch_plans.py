@@ -1,0 +1,167 @@
+"""Check poses of other instruments, several visits, nests, and what it would take to see more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.data import Noise
+from calib.effects.arm_growth import arm_growth
+from calib.errors import DataError
+from calib.fit import identify
+from calib.model import Design, RobotModel
+from calib.saved import SavedModel, as_saved
+from calib.units import DEG
+from calib.watch import Seen, Visits, judge, judged, nest_limit, plan, planned, proposals, within_stroke
+from calib.watch.lack import scatter_beyond
+from tests.benchmarks.coverage import KINDS, RANGE, ROBOT, Kind, header_of, simulate
+from tests.calib.machines import machine
+
+LEGS = (("T1", "B1"), ("T1", "B2"), ("T2", "B2"), ("T2", "B3"), ("T3", "B3"), ("T3", "B1"))
+POINTS = Kind("points", 60)
+
+
+def visits_of(read: tuple[tuple[str, str], ...], count: int = 12) -> Visits:
+    rng = np.random.default_rng(3)
+    joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (count, ROBOT.joints))
+    sides = rng.choice((-1.0, 1.0), size=joints.shape)
+    return Visits(joints, sides, np.full(count, 5.0 * DEG), (read,) * count)
+
+
+def baseline(kind: Kind) -> SavedModel:
+    return as_saved(identify(simulate(kind, 5).data))
+
+
+@pytest.fixture(scope="module")
+def by_points() -> SavedModel:
+    return baseline(POINTS)
+
+
+@pytest.fixture(scope="module")
+def by_legs() -> SavedModel:
+    return baseline(next(k for k in KINDS if k.name == "distances"))
+
+
+def test_legs_are_planned_and_see_what_the_lengths_of_legs_show(by_legs: SavedModel) -> None:
+    header = header_of(KINDS[3])
+    found = plan(by_legs, header, visits_of(LEGS), 6)
+    assert found.visits.readings == found.shown.readings == 36
+    sizes = {c.label: c.size for c in found.shown.causes}
+    assert set(sizes) >= {f"joint_step:j{k}" for k in range(1, 7)} | {"tool_shift", "base_shift"}
+    # lengths have no scale of the tracker, and nothing of a frame that carries both ends
+    assert set(found.shown.unseen) == {"tracker_scale", "drift_translation", "drift_rotation"}
+    would = planned(by_legs, header, found.visits)
+    assert would.spanned.all()
+    assert not would.pointed.any()
+    # an independent number: the derivative of the lengths by joint 1, which no gravity loads, by differences
+    step = 1e-6
+    moved = replace(found.visits, joints=found.visits.joints + step * np.eye(6)[0])
+    by_difference = (planned(by_legs, header, moved).lengths - would.lengths) / step
+    seen = Seen.of(by_legs, would, lack=0.0)
+    column = seen.columns[[c.label for c in seen.causes].index("joint_step:j1")][:, 0]
+    np.testing.assert_allclose(column * header.noise.length_mm, by_difference, atol=0.02)
+
+
+def test_turns_of_cameras_are_planned_and_tell_the_wrist(by_points: SavedModel) -> None:
+    posed = baseline(replace(KINDS[2], readings=40))
+    header = header_of(KINDS[2])
+    some = visits_of((("T1", ""),))
+    assert planned(posed, header, some).turned.all()
+    sizes = {c.label: c.size for c in judged(posed, header, some).causes}
+    points = header_of(POINTS)
+    without = {c.label: c.size for c in judged(by_points, points, visits_of((("T1", ""),))).causes}
+    assert "joint_step:j6" not in without  # T1 is on the axis: points of it do not show it
+    assert sizes["joint_step:j6"] < 0.05
+
+
+def test_a_leg_of_a_check_pose_is_as_long_as_the_bar(by_legs: SavedModel) -> None:
+    header = header_of(KINDS[3])
+    near = visits_of(LEGS[:5], 8)
+    lengths = planned(by_legs, header, near).lengths.reshape(8, -1)
+    bar = float(lengths[0, 0])
+    one = replace(near, read=(LEGS[:1],) * 8)
+    found, off = within_stroke(by_legs, header, one, bar)
+    reached = off < 1e-3
+    assert reached.sum() >= 4
+    again = planned(by_legs, header, found).lengths
+    np.testing.assert_allclose(again[reached], bar, atol=1e-3)
+
+
+def test_every_other_round_comes_from_the_opposite_side() -> None:
+    once = visits_of((("T1", ""),), 4)
+    twice = once.again(2)
+    np.testing.assert_array_equal(twice.joints[4:], once.joints)
+    np.testing.assert_array_equal(twice.sides[4:], -once.sides)
+    assert len(once.again(3)) == 12
+
+
+def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: SavedModel) -> None:
+    header, by_points = header_of(POINTS), replace(by_points, noise_scale=1.0)
+    one, two = visits_of((("T2", ""),), 8), visits_of((("T2", ""), ("T3", "")), 8)
+
+    def of_wrist(visits: Visits) -> float:
+        return {c.label: c.size for c in judged(by_points, header, visits).causes}["joint_step:j6"]
+
+    shown = {c.label: c for c in judged(by_points, header, one).causes}["joint_step:j6"]
+    assert shown.lever_mm == pytest.approx(np.hypot(75.0, 93.675), rel=1e-3)  # of T2 off the axis
+    assert shown.wanted == 0.01
+    assert shown.share is not None
+    assert shown.share < 0.5
+    # levers of 120 and 150 mm: sum of squares 2.56 of one target's; four rounds 4 times the readings
+    assert of_wrist(one) / of_wrist(two) == pytest.approx(np.sqrt(2.56), rel=0.15)
+    assert 1.4 < of_wrist(one) / of_wrist(one.again(4)) < 2.05  # what the baseline is uncertain by stays
+    choices = [("T2",), ("T2", "T3")]
+    found = proposals(by_points, header, one, choices, judged(by_points, header, one).limit)
+    assert {each.targets for each in found} == set(choices)
+    assert found[0].size <= found[1].size
+    assert all(each.reached == (each.size <= 0.01) for each in found)
+
+
+def test_what_is_declared_of_slides_is_not_taken_for_what_the_model_lacks(tmp_path: Path) -> None:
+    scara = machine("scara", tmp_path)
+    model = RobotModel(scara, (arm_growth(scara),), {"main": {"T1": (0.0, 0.0, 50.0)}})
+    held_out = 0.09
+    saved = SavedModel(
+        model, np.zeros(1), np.zeros((1, 1)), scara.loads, (0.0, 0.0, -9.81), "none", "", {}, held_out
+    )
+    joints = np.array([[0.1, 0.2, -100.0, 0.3], [0.4, -0.5, -50.0, 0.1]])
+    visits = Visits(joints, np.ones_like(joints), np.full(2, 5.0 * DEG), ((("T1", ""),),) * 2)
+    header = replace(header_of(POINTS), robot=scara, loads=scara.loads)
+    noise = Noise("isotropic", sigma_mm=0.01)
+    assert scatter_beyond(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0
+    # a slide moves the point by as much as it scatters, and this is all of the error
+    slides = replace(noise, repeatability_mm=float(np.sqrt(held_out**2 - 3 * 0.01**2)))
+    known = planned(saved, replace(header, noise=slides), visits)
+    assert scatter_beyond(saved, known) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_frame_of_its_own_may_lie_anywhere(by_points: SavedModel) -> None:
+    header = header_of(POINTS)
+    would = planned(by_points, header, visits_of((("T2", ""), ("T3", ""))))
+    rng = np.random.default_rng(4)
+    points = would.points + header.noise.sigma_mm * rng.normal(size=would.points.shape)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    elsewhere = points @ (turn * np.sign(np.linalg.det(turn))).T + np.array([900.0, -2000.0, 50.0])
+    seen = Seen.of(by_points, replace(would, points=elsewhere), frame_known=False)
+    assert judge(seen).kind == "unchanged"
+    joints = would.conditions.joints + np.array([0.0, 0.0, 0.3 * DEG, 0.0, 0.0, 0.0])
+    lost = Design(by_points.model, replace(would.conditions, joints=joints)).predict(by_points.estimate)
+    verdict = judge(Seen.of(by_points, replace(would, points=lost), frame_known=False))
+    assert "joint_step:j3" in [cause.label for cause, _ in verdict.causes]
+
+
+def test_the_limit_of_the_nests_keeps_its_rate() -> None:
+    nests = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
+    found = nest_limit(nests, Noise("isotropic", sigma_mm=0.02), 0.05)
+    rng = np.random.default_rng(6)
+    drawn = 0.02 * rng.normal(size=(2, 20_000, 3, 3))
+    apart = drawn[1] - drawn[0]
+    worst = np.max(np.linalg.norm(apart, axis=2), axis=1)
+    assert np.mean(worst > found.limit_mm) == pytest.approx(0.05, abs=0.006)
+    shifted = np.linalg.norm(apart[:, 0] + np.array([found.seen_mm, 0.0, 0.0]), axis=1)
+    assert np.mean(shifted > found.limit_mm) == pytest.approx(0.95, abs=0.006)
+    with pytest.raises(DataError, match="noise"):
+        nest_limit(nests, Noise("isotropic", sigma_mm=0.0), 0.05)
