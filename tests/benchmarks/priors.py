@@ -91,7 +91,9 @@ def data_of(cell: Cell, truth: Mapping[str, float], seed: int) -> tuple[Dataset,
     middle, half = RANGE.mean(axis=1), 0.5 * cell.window * np.ptp(RANGE, axis=1)
     joints = rng.uniform(middle - half, middle + half, (POSES, ROBOT.joints))
     several = len(cell.targets)
-    joints = np.vstack([np.repeat(joints, several, axis=0), rng.uniform(*RANGE.T, (FRESH, ROBOT.joints))])
+    joints = np.vstack(
+        [np.repeat(joints, several, axis=0), rng.uniform(RANGE[:, 0], RANGE[:, 1], (FRESH, ROBOT.joints))]
+    )
     n = len(joints)
     conditions = replace(
         conditions_of(ROBOT, joints, seed),

@@ -43,7 +43,7 @@ def prior(kind: Type, folder: Path) -> TypePrior:
     return learnt(CELL, kind, 1, folder, ROBOTS)
 
 
-def new_robot(kind: Type, seed: int = 3, **off: float) -> Dataset:
+def new_robot(kind: Type, seed: int = 3, /, **off: float) -> Dataset:
     """A further robot of the type; off: spreads by which parameters of it lie beside the type."""
     return data_of(CELL, kind.robot(np.random.default_rng(seed), off), seed)[0]
 

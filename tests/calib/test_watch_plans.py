@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calib.effects.arm_growth import arm_growth
 
 from calib.data import Noise
+from calib.effects.thermal.arm_growth import arm_growth
 from calib.errors import DataError
 from calib.fit import identify
 from calib.model import Design, RobotModel

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calib.effects.arm_growth import arm_growth
-from calib.effects.drift import drift_translation
-from calib.effects.warm_up import warm_up
 
 from calib.data import Dataset
+from calib.effects.instrument.drift import drift_translation
+from calib.effects.thermal.arm_growth import arm_growth
+from calib.effects.thermal.warm_up import warm_up
 from calib.errors import DataError
 from calib.fit import identify
 from calib.model import Design, RobotModel

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calib.effects.warm_up import warm_up
 
 from acquisition.campaign import make_plan, read_campaign
 from acquisition.cell import read_cell, targets_at
 from calib.data import read_dataset
+from calib.effects.thermal.warm_up import warm_up
 from calib.errors import DataError
 from calib.fit import identify
 from calib.saved import as_saved, load_model, save_model
