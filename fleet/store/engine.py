@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from fleet.errors import StoreError, StoreFull, StoreGone
 WRITES = {"writes": True}
 """Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
 BUSY_S = 30.0  # how long another program may hold an SQLite file
+_AGAIN_S = 0.05
 _CONNECT_S = 5
 _MISSING = "Install it with: pip install 'truepose[fleet]'"
 
@@ -64,8 +66,23 @@ def shown(url: sa.URL) -> str:
 
 def _prepare_sqlite(connection: sqlite3.Connection, _: object) -> None:
     connection.isolation_level = None  # transactions begin in _begin_sqlite
-    for statement in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+    _write_ahead(connection)
+    for statement in ("synchronous = FULL", "foreign_keys = ON"):
         connection.execute(f"PRAGMA {statement}")
+
+
+def _write_ahead(connection: sqlite3.Connection) -> None:
+    """Switch the file to a write-ahead log. SQLite does not wait there for a program that is making the same file."""
+    until = time.monotonic() + BUSY_S
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                raise
+            time.sleep(_AGAIN_S)
+        else:
+            return
 
 
 def _begin_sqlite(connection: sa.Connection) -> None:

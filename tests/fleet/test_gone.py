@@ -205,3 +205,23 @@ def test_a_defect_is_not_hidden(store: Store) -> None:
     """Only what the database says becomes a refusal."""
     with pytest.raises(exc.InvalidRequestError), engines.refusals(store._engine):
         raise exc.InvalidRequestError("a defect of ours")
+
+
+def test_a_file_that_another_program_is_making_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "store.sqlite3"
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    other.execute("CREATE TABLE theirs (x)")
+    waited: list[float] = []
+
+    def wait(seconds: float) -> None:
+        waited.append(seconds)
+        other.execute("COMMIT")
+
+    monkeypatch.setattr("fleet.store.engine.time.sleep", wait)
+    with engines.engine_of(f"sqlite:///{path}").connect() as connection:
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
+    assert len(waited) == 1
+    other.close()
