@@ -327,8 +327,9 @@ def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
         return
     slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
     do = (
-        'Drive it by hand (driver = "manual"); or by its own controller, write joints and readings into a data set '
-        "(NAME.csv, NAME.toml) and identify from that; or give the robot file without that axis where it stands still."
+        "Name the driver of a robot that is driven by hand ('truepose docs howto/without-a-driver'); or drive it by "
+        "its own controller, write joints and readings into a data set (NAME.csv, NAME.toml) and identify from that; "
+        "or give the robot file without that axis where it stands still."
     )
     if slides:
         raise table.refuse(

@@ -157,7 +157,8 @@ def test_the_true_arm_stands_where_the_simulator_says(cell: tuple[Campaign, Data
 
 
 def test_every_law_of_the_simulator_is_compared() -> None:
-    assert {label.partition(":")[0] for label in TRANSLATIONS} == set(LAWS)
+    of_slides = {"slide_backlash", "slide_scale"}  # found by name in tests/end_to_end/test_manual.py
+    assert {label.partition(":")[0] for label in TRANSLATIONS} == set(LAWS) - of_slides
 
 
 @pytest.mark.parametrize("label", TRANSLATIONS)

@@ -114,7 +114,7 @@ def test_more_unpacked_than_is_taken_is_refused_before_it_is_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = workbook(tmp_path, old="</sheetData>", new="</sheetData>" + " " * 3_000_000)
-    monkeypatch.setattr("calib.foreign.packed.MOST_UNPACKED", 2_000_000)
+    monkeypatch.setattr("calib.foreign.files.packed.MOST_UNPACKED", 2_000_000)
     with pytest.raises(DataError, match="MB unpacked"):
         workbook_sheets(path)
 

@@ -336,8 +336,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/record/export.py",
-        '[f"prev{k}_deg" for k in every], [row.approach for',
-        '[f"prev{k}_deg" for k in every], [row.joints for',
+        "list(robot.previous_columns), [row.approach for",
+        "list(robot.previous_columns), [row.joints for",
         "the data set says that no joint moved on its way to a pose",
         ("tests/acquisition/test_export.py", "tests/acquisition/test_blocks.py"),
     ),

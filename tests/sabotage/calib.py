@@ -13,21 +13,21 @@ _HOSTILE = ("tests/calib/test_hostile_files.py",)
 
 CHANGES = (
     Change(
-        "calib/foreign/workbook.py",
+        "calib/foreign/files/workbook.py",
         " or size[0] * size[1] > MOST_CELLS:",
         ":",
         "two cells of a workbook become a sheet of three hundred million",
         _HOSTILE,
     ),
     Change(
-        "calib/foreign/packed.py",
+        "calib/foreign/files/packed.py",
         'if name in ("mergeCell", "hyperlink"):',
         'if name == "hyperlink":',
         "a range is merged over all of a sheet",
         _HOSTILE,
     ),
     Change(
-        "calib/foreign/packed.py",
+        "calib/foreign/files/packed.py",
         "        self._parser.StartDoctypeDeclHandler = self._refuse_document_type\n",
         "",
         "a workbook may declare entities",

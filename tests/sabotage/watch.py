@@ -116,7 +116,7 @@ CHANGES = (
         _WARMTH,
     ),
     Change(
-        "calib/effects/drift.py",
+        "calib/effects/instrument/drift.py",
         "start_s = float(np.min(survey.conditions.time))",
         "start_s = 0.0",
         "an instrument is taken to drift since the robot was cold",

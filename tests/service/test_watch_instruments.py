@@ -114,6 +114,7 @@ def test_the_warmth_of_the_day_is_updated_and_the_clock_is_asked_for(
         fitted,
         model=fitted.model.append(warm_up(fitted.model.robot, 1500.0)),
         estimate=np.append(fitted.estimate, 1e-6),
+        prior=np.append(fitted.prior, 0.0),
         covariance=np.pad(fitted.covariance, ((0, 1), (0, 1)))
         + np.diag([0.0] * len(fitted.estimate) + [1e-10]),
     )

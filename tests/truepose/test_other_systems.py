@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 IMPORT_ALL = """
 import asyncio, importlib, os, pkgutil, sys, warnings
-import fastapi, matplotlib.figure, numpy, pandas, pymodbus.client, rich, scipy, serial, typer, uvicorn
+import distributed, fastapi, matplotlib.figure, numpy, pandas, pymodbus.client, rich, scipy, serial, typer, uvicorn
 
 for name in ("fcntl", "grp", "pty", "pwd", "resource", "syslog", "termios", "tty"):
     sys.modules[name] = None
@@ -22,7 +22,7 @@ warnings.simplefilter("ignore")  # of the file lock, which has another implement
 seen = 0
 for package in ("acquisition", "calib", "drivers", "fleet", "mocks", "service", "truepose"):
     for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-        if not found.name.endswith(("__main__", ".serial_line")):
+        if not found.name.endswith(("__main__", ".serial_line", ".migrations.env")):
             importlib.import_module(found.name)
             seen += 1
 print(seen)

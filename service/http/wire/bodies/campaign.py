@@ -196,7 +196,7 @@ class LegsBlock(_Block):
     ]
     approach_sides: NotRequired[
         Annotated[
-            list[list[int]],
+            list[list[Literal[-1, 1]]],
             told("+1 (from below) or -1 for every joint of every pose.", [[1, 1, -1, 1, -1, 1]]),
         ]
     ]
