@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
 from acquisition.campaign.plan import DECIMALS
-from acquisition.cell.cell import Cell, RobotSection
+from acquisition.cell.cell import Cell
+from acquisition.cell.robot_section import RobotSection
 from acquisition.cell.transit import may_visit
 from calib.array import Array
 from calib.compensate import Correction, correct
