@@ -126,7 +126,7 @@ def test_killed_in_mid_run_it_comes_back_paused_and_moves_only_when_resumed(tmp_
             ]
             assert [answer.status_code for answer in resumed] == [202, 202]
             done = service.until(f"/runs/{run}", "succeeded", "failed", "paused")
-            assert (done["state"], done["done"]) == ("succeeded", done["total"])
+            assert (done["state"], done["done"]) == ("succeeded", done["total"]), done
             problem(service.client.post(f"/runs/{run}/resume"), 409)
 
 

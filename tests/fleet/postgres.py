@@ -114,12 +114,9 @@ class Cluster:
         for folder in _folders():
             if self._may_run(folder / "bin"):
                 return folder / "bin"
-            if self._as and not folder.is_relative_to("/usr"):  # lies where the other user may not look
-                copy = self.folder / "programs"
-                shutil.copytree(folder, copy)
-                if self._may_run(copy / "bin"):
-                    return copy / "bin"
-        raise Absent("no PostgreSQL here: make counterparts, or install that of the system")
+        raise Absent(
+            "no PostgreSQL here that this user may run: make counterparts, or install that of the system"
+        )
 
     def _may_run(self, programs: Path) -> bool:
         try:
