@@ -30,7 +30,7 @@ _FRUITLESS = 20  # batches of touches without a pose that is clear
 
 @dataclass(frozen=True)
 class Arrival:
-    """How poses are arrived at. offset_deg: how long the last move is; both: from sides drawn for each joint, else from
+    """The arrival at poses. offset_deg: how long the last move is; both: from sides drawn for each joint, else from
     below; opposite: whether the opposite sides must be clear too."""
 
     offset_deg: float

@@ -65,7 +65,7 @@ class Identification:
 
     @property
     def weighed(self) -> tuple[Weighed, ...]:
-        """What decided each parameter that robots of the type share: their prior, or the readings."""
+        """The weight of prior and readings in each parameter that robots of the type share."""
         return weighed(self.model, self.estimate, self.covariance, 1.0 / self.held_std)
 
     @property

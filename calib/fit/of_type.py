@@ -1,4 +1,4 @@
-"""What robots of one type share, beside the readings of one of them: Gaussian rows on parameters, and their trial.
+"""The prior that a robot's type gives, beside the readings of this robot: Gaussian rows on parameters, and their trial.
 
 A parameter that robots of the type share has the prior N(centre, spread^2) in the place of its usual size. With V its
 posterior variance and h = V / spread^2 the share of it that the prior decides, the fit without this one prior row
@@ -63,7 +63,7 @@ class Found:
 
 @dataclass(frozen=True)
 class TypePrior:
-    """What robots of one type share, as a fit takes it.
+    """A prior that the robots of one type share, as a fit takes it.
 
     robot, robot_sha256, coupling: the type; groups: what of the robot its base model frees; redundant: parameters that
     no readings of the type determined, and what makes up for them; found: effects beside the base model; robots: how

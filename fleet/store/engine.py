@@ -112,6 +112,20 @@ _NO_DATABASE = ("not a database", "malformed")
 _NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
 
 
+@contextmanager
+def reading(engine: sa.Engine) -> Iterator[sa.Connection]:
+    """A connection that reads; what the database refuses is refused as by `refusals`."""
+    with refusals(engine), engine.connect() as connection:
+        yield connection
+
+
+@contextmanager
+def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
+    """A transaction that writes, kept where the block ends without an error; refused as by `refusals`."""
+    with refusals(engine), engine.connect().execution_options(**WRITES) as connection, connection.begin():
+        yield connection
+
+
 def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
     """By the words of the database: SQLite has no classes for its errors."""
     words = str(error.orig)

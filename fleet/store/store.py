@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import datetime
 
 import sqlalchemy as sa
@@ -14,7 +13,7 @@ from fleet.errors import StoreError, StoreGone
 from fleet.store import tables
 from fleet.store.adding import Overtaken, added, already
 from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
-from fleet.store.engine import WRITES, engine_of, refusals, shown
+from fleet.store.engine import WRITES, engine_of, reading, refusals, shown, writing
 from fleet.store.rows import rows_of
 from fleet.store.schema import carried_over, newest, version
 from fleet.store.work import Work
@@ -75,7 +74,7 @@ class Store:
         rows = [rows_of(each) for each in documents]
         for _ in range(_TRIES):
             try:
-                with self._writing() as connection:
+                with writing(self._engine) as connection:
                     return added(connection, documents, rows)
             except Overtaken:  # another program has added the same just now
                 continue
@@ -90,7 +89,7 @@ class Store:
         question = (
             sa.select(tables.content.c.bytes).join(tables.document).where(tables.document.c.hash == hash)
         )
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             found = connection.execute(question).scalar_one_or_none()
         if found is None:
             raise DataError(f"has no document '{hash}'.", do="List those it has.", file=self.place)
@@ -98,7 +97,7 @@ class Store:
 
     def known(self, hashes: Sequence[str]) -> set[str]:
         """Those of the hashes that the store has."""
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             return set(already(connection, hashes))
 
     def robots(self) -> list[Known]:
@@ -124,7 +123,7 @@ class Store:
         counts: dict[RobotKey, dict[Kind, int]] = defaultdict(dict)
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
         last: dict[RobotKey, datetime] = {}
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             for serial, model, cell, kind, count, latest in connection.execute(question):
                 key = RobotKey(serial, model)
                 counts[key][kind] = counts[key].get(kind, 0) + count
@@ -170,7 +169,7 @@ class Store:
             question = question.where(d.measured_at >= since)
         if identity is not None:
             question = question.where(d.identity == identity)
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             found = connection.execute(question).all()
         return [Entry(h, k, RobotKey(s, m), *rest) for h, k, s, m, *rest in found]
 
@@ -186,7 +185,7 @@ class Store:
         )
         if parameter is not None:
             question = question.where(p.name == parameter)
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             return [Point(*row) for row in connection.execute(question)]
 
     def verdicts(
@@ -211,7 +210,7 @@ class Store:
         )
         asked = question.with_only_columns(d.id).order_by(None)
         causes: dict[int, list[Named]] = defaultdict(list)
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             for number, *rest in connection.execute(named.where(c.document.in_(asked))):
                 causes[number].append(Named(*rest))
             found = connection.execute(question).all()
@@ -219,20 +218,6 @@ class Store:
             Said(RobotKey(serial, model), at, what, hash, verdict, words, advice, tuple(causes[number]))
             for number, serial, model, at, what, hash, verdict, words, advice in found
         ]
-
-    @contextmanager
-    def _reading(self) -> Iterator[sa.Connection]:
-        with refusals(self._engine), self._engine.connect() as connection:
-            yield connection
-
-    @contextmanager
-    def _writing(self) -> Iterator[sa.Connection]:
-        with (
-            refusals(self._engine),
-            self._engine.connect().execution_options(**WRITES) as connection,
-            connection.begin(),
-        ):
-            yield connection
 
 
 def _prepare(engine: sa.Engine) -> None:

@@ -8,8 +8,7 @@ result finds it there.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
@@ -18,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy import exc
 
 from fleet.store import tables
-from fleet.store.engine import WRITES, refusals
+from fleet.store.engine import reading, writing
 
 _MANY = 1000  # keys in one question
 
@@ -61,7 +60,7 @@ class Work:
         """
         until = now + timedelta(seconds=for_s)
         mine: list[Job] = []
-        with self._writing() as connection:
+        with writing(self._engine) as connection:
             for job in sorted(set(jobs) - self._done(connection, jobs), key=lambda each: each.key):
                 if _taken(connection, job.key, owner, now, until):
                     mine.append(job)
@@ -81,7 +80,7 @@ class Work:
             "bytes": content,
         }
         try:
-            with self._writing() as connection:
+            with writing(self._engine) as connection:
                 connection.execute(sa.insert(tables.result), row)
         except exc.IntegrityError:
             return False
@@ -89,7 +88,7 @@ class Work:
 
     def done(self, jobs: Sequence[Job]) -> set[Job]:
         """Those of the jobs that have a result."""
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             return self._done(connection, jobs)
 
     def results(
@@ -101,7 +100,7 @@ class Work:
         for column, value in ((c.task, task), (c.data, data), (c.program, program)):
             if value is not None:
                 question = question.where(column == value)
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             return [
                 Result(
                     Job(row.task, row.data, row.program),
@@ -117,7 +116,7 @@ class Work:
         """The versions that have results of a task, the one that finished one last at the end."""
         c = tables.result.c
         question = sa.select(c.program).where(c.task == task).group_by(c.program)
-        with self._reading() as connection:
+        with reading(self._engine) as connection:
             return list(connection.execute(question.order_by(sa.func.max(c.finished_at))).scalars())
 
     def _done(self, connection: sa.Connection, jobs: Sequence[Job]) -> set[Job]:
@@ -127,20 +126,6 @@ class Work:
             some = sa.select(column).where(column.in_(wanted[begin : begin + _MANY]))
             found |= {keys[key] for key in connection.execute(some).scalars()}
         return found
-
-    @contextmanager
-    def _reading(self) -> Iterator[sa.Connection]:
-        with refusals(self._engine), self._engine.connect() as connection:
-            yield connection
-
-    @contextmanager
-    def _writing(self) -> Iterator[sa.Connection]:
-        with (
-            refusals(self._engine),
-            self._engine.connect().execution_options(**WRITES) as connection,
-            connection.begin(),
-        ):
-            yield connection
 
 
 def _taken(connection: sa.Connection, key: str, owner: str, now: datetime, until: datetime) -> bool:

@@ -1,4 +1,4 @@
-"""What a workbook unpacks to, counted part by part before anything is built of it.
+"""The size to which a workbook unpacks, counted part by part before anything is built of it.
 
 A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a merged range
 over all of it, a formula that every cell shares. Whoever builds cells first notices too late. Expat reads every part of
@@ -20,7 +20,7 @@ from calib.errors import DataError
 
 MOST_UNPACKED = 256 * 1024 * 1024
 MOST_CELLS = 1_000_000
-"""Of a sheet, as a rectangle: 20,000 readings of 50 columns."""
+"""The largest sheet, as a rectangle of cells: 20,000 readings of 50 columns."""
 _MOST_OTHERS = 500_000  # elements that are no cells: styles, texts, names
 _MOST_MERGED = 1_000_000  # cells within merged ranges and links
 _MOST_SHARED = 20_000_000  # characters of formulas written out
@@ -29,7 +29,7 @@ _ROWS, _COLUMNS = 1 << 20, 1 << 14  # of a sheet, as Excel has them
 _CELL = frozenset({"c", "v", "f", "row"})
 UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError)
 UNREADABLE += (ValueError, IndexError, OverflowError)
-"""What reading a damaged, encrypted or oddly packed archive ends in."""
+"""Errors in which the reading of a damaged, encrypted or oddly packed archive ends."""
 _PIECE = 1 << 20
 
 
