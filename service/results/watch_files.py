@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import tomli_w
 
@@ -15,9 +15,7 @@ from acquisition.campaign import Pose
 from acquisition.record import planned_header
 from calib.errors import DataError
 from calib.watch import Visits
-
-if TYPE_CHECKING:
-    from service.results.watch_plan import PlanQuestion
+from service.results.watch_question import PlanQuestion
 
 NOT_TOUCHED = "rejected:not touched yet"
 

@@ -27,32 +27,13 @@ from calib.units import DEG
 from calib.watch import NestLimit, Plan, Proposal, Visits
 from service.plain import finite
 from service.results.watch_files import campaign_of, touched_files
+from service.results.watch_question import PlanQuestion
 
 PLAN_FORMAT = "truepose-watch-plan/1"
 _STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
 _CORRECTED_DEG = 2.0  # by which a calibrated robot's joints differ from the nominal ones at most
 _SIDES_EACH = 4  # choices of sides for every stance
 _SETS = 12  # choices of targets that are compared
-
-
-@dataclass(frozen=True)
-class PlanQuestion:
-    """What to plan. targets: names, None for all of the cell; offset_deg: from how far every joint arrives; both: from
-    sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose is visited; touch:
-    balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats; frame_known: whether
-    instrument or artefact will stand where they stood."""
-
-    poses: int
-    candidates: int
-    targets: tuple[str, ...] | None
-    offset_deg: float
-    both: bool
-    rate: float
-    seed: int
-    rounds: int = 1
-    touch: tuple[str, ...] = ()
-    touch_mm: float = 0.02
-    frame_known: bool = True
 
 
 @dataclass(frozen=True)
