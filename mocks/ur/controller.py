@@ -27,7 +27,8 @@ from mocks.ur.packets import (
     realtime_packet,
     version_message,
 )
-from mocks.ur.rtde import RtdeClient
+from mocks.ur.registers import Registers, Variable
+from mocks.ur.rtde import RtdeClient, unsimulated
 from mocks.ur.script import AWAIT, Call, ScriptError, ScriptReader, parse_program
 from mocks.ur.servo import Servo
 from mocks.world import World
@@ -56,14 +57,8 @@ class UrController:
         of_today = name.endswith("e") or name in ("ur20", "ur30")
         self.software: tuple[int, int, int, int] = (5, 11, 1, 108318) if of_today else (3, 15, 8, 106339)
         self.serial = SERIAL
-        self.has_registers = True  # integer registers 24 to 47: software 3.9 and later
-        self._registers: Past[dict[int, int]] = Past(arm.now, {})
-        self._doubles: Past[dict[int, float]] = Past(arm.now, {})
+        self.registers = Registers(arm.now)
         self._playing = Past(arm.now, False)
-        self.input_values: dict[int, int] = {}
-        self.input_changed = asyncio.Event()
-        self.inputs: dict[str, RtdeClient] = {}
-        self.input_seen: dict[str, float] = {}
         self.forced_safety_mode: int | None = None
         self.speed_slider = 1.0
         self.refused: list[str] = []  # programs that it did not run, and why
@@ -86,14 +81,6 @@ class UrController:
         return PROTECTIVE_STOP if self.arm.hung else NORMAL
 
     @property
-    def registers(self) -> dict[int, int]:
-        return self._registers.value
-
-    @property
-    def doubles(self) -> dict[int, float]:
-        return self._doubles.value
-
-    @property
     def runtime_state(self) -> int:
         if self._playing.value:
             return PLAYING
@@ -102,6 +89,22 @@ class UrController:
     @property
     def can_run(self) -> bool:
         return self.arm.can_move and self.safety_mode == NORMAL
+
+    def variables(self) -> dict[str, Variable]:
+        """Variables of RTDE that can be asked for."""
+        state: dict[str, Variable] = {
+            "timestamp": ("DOUBLE", self.clock.now),
+            "target_q": ("VECTOR6D", self.servo.target),
+            "target_qd": ("VECTOR6D", self.servo.target_speed),
+            "actual_q": ("VECTOR6D", self.servo.actual),
+            "actual_qd": ("VECTOR6D", self.servo.actual_speed),
+            "robot_mode": ("INT32", lambda: self.robot_mode),
+            "safety_mode": ("INT32", lambda: self.safety_mode),
+            "runtime_state": ("UINT32", lambda: self.runtime_state),
+            "speed_scaling": ("DOUBLE", lambda: self.speed_slider),
+            "joint_temperatures": ("VECTOR6D", lambda: (30.0,) * 6),
+        }
+        return state | unsimulated() | self.registers.variables()
 
     def orders(self) -> dict[str, Callable[[dict[str, Any]], dict[str, Any] | None]]:
         """Orders of the back door for this device alone.
@@ -112,7 +115,7 @@ class UrController:
         return {
             "ur_safety_mode": lambda order: self._force_safety(order["mode"]),
             "ur_speed_slider": lambda order: setattr(self, "speed_slider", float(order["fraction"])),
-            "ur_registers": lambda order: setattr(self, "has_registers", bool(order["on"])),
+            "ur_registers": lambda order: setattr(self.registers, "served", bool(order["on"])),
             "ur_refused": lambda _: {"refused": list(self.refused)},
         }
 
@@ -171,13 +174,13 @@ class UrController:
         if call.name == "stopj":
             self.arm.halt()
         elif call.name == "write_output_integer_register":
-            self._registers.change(self.registers | {values["output_register"]: values["value"]})
+            self.registers.write_integer(values["output_register"], values["value"])
         elif call.name == "write_output_float_register":
-            self._doubles.change(self.doubles | {values["output_register"]: float(values["value"])})
+            self.registers.write_double(values["output_register"], float(values["value"]))
         elif call.name == AWAIT:
-            while self.input_values.get(values["input_register"], 0) != values["value"]:
-                self.input_changed.clear()
-                await self.input_changed.wait()
+            while self.registers.inputs.get(values["input_register"], 0) != values["value"]:
+                self.registers.input_changed.clear()
+                await self.registers.input_changed.wait()
         elif call.name == "sleep":
             await self.clock.wait(values["t"], asyncio.Event())
         return True
@@ -201,7 +204,9 @@ class UrController:
         """Watchdog over a link, so on the clock of the wall: without an update for too long it acts."""
         begun = time.monotonic()
         while (
-            left := max(self.input_seen.get(variable_name, 0.0), begun) + 1 / min_frequency - time.monotonic()
+            left := max(self.registers.received_s(variable_name), begun)
+            + 1 / min_frequency
+            - time.monotonic()
         ) > 0:
             await asyncio.sleep(left)
         if action != "ignore":
@@ -221,7 +226,8 @@ class UrController:
         return [Endpoint(name, protocol, first + offset) for name, (protocol, offset, _) in ports.items()]
 
     async def serve_rtde(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await RtdeClient(self, reader, writer).serve()
+        rtde = RtdeClient(self.variables, self.registers, self.clock, self.software, reader, writer)
+        await rtde.serve()
 
     async def serve_realtime(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await self._stream(reader, writer, self._realtime, max(PERIOD_S / self.clock.time_scale, QUICKEST_S))

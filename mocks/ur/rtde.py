@@ -1,19 +1,18 @@
 """The RTDE server of a simulated UR controller (protocol version 2), written from the maker's guide.
 
-Kept on purpose: recipes belong to one connection; an input variable belongs to one client at a time (`IN_USE`
-for the others); nothing is refused for pausing twice; an unknown package is answered by a text message.
+Kept on purpose: recipes belong to one connection; nothing is refused for pausing twice; an unknown package is
+answered by a text message.
 """
 
 from __future__ import annotations
 
 import asyncio
 import struct
-import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from mocks.ur.controller import UrController
+from mocks.shared.clock import CellClock
+from mocks.ur.registers import Registers, Variable
 
 LAYOUTS = {
     "DOUBLE": "d",
@@ -37,35 +36,31 @@ ZEROS = {  # other clients set these up before they do anything; nothing of them
 }
 
 
-def outputs(ur: UrController) -> dict[str, tuple[str, Callable[[], Any]]]:
-    """Variables that can be asked for: type and value."""
-    table: dict[str, tuple[str, Callable[[], Any]]] = {
-        "timestamp": ("DOUBLE", ur.clock.now),
-        "target_q": ("VECTOR6D", ur.servo.target),
-        "target_qd": ("VECTOR6D", ur.servo.target_speed),
-        "actual_q": ("VECTOR6D", ur.servo.actual),
-        "actual_qd": ("VECTOR6D", ur.servo.actual_speed),
-        "robot_mode": ("INT32", lambda: ur.robot_mode),
-        "safety_mode": ("INT32", lambda: ur.safety_mode),
-        "runtime_state": ("UINT32", lambda: ur.runtime_state),
-        "speed_scaling": ("DOUBLE", lambda: ur.speed_slider),
-        "joint_temperatures": ("VECTOR6D", lambda: (30.0,) * 6),
-    }
+def unsimulated() -> dict[str, Variable]:
+    """Variables that are zero for ever."""
+    table: dict[str, Variable] = {}
     for kind, names in ZEROS.items():
         nothing = struct.unpack(">" + LAYOUTS[kind], bytes(struct.calcsize(">" + LAYOUTS[kind])))
         table |= {name: (kind, lambda nothing=nothing: nothing) for name in names.split()}
-    if ur.has_registers:
-        for i in range(48):
-            table[f"output_int_register_{i}"] = ("INT32", lambda i=i: ur.registers.get(i, 0))
-            table[f"output_double_register_{i}"] = ("DOUBLE", lambda i=i: ur.doubles.get(i, 0.0))
     return table
 
 
 class RtdeClient:
-    """One connection."""
+    """One connection. variables: a function that returns what can be asked for now, by name."""
 
-    def __init__(self, ur: UrController, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.ur = ur
+    def __init__(
+        self,
+        variables: Callable[[], dict[str, Variable]],
+        registers: Registers,
+        clock: CellClock,
+        software: tuple[int, int, int, int],
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+    ) -> None:
+        self.variables = variables
+        self.registers = registers
+        self.clock = clock
+        self.software = software
         self.reader = reader
         self.writer = writer
         self.version = 1
@@ -82,8 +77,7 @@ class RtdeClient:
                 await self.writer.drain()
         finally:
             self._stop()
-            for name in [name for name, owner in self.ur.inputs.items() if owner is self]:
-                del self.ur.inputs[name]
+            self.registers.release(self)
 
     def _send(self, kind: str, payload: bytes) -> None:
         self.writer.write(struct.pack(">HB", len(payload) + 3, ord(kind)) + payload)
@@ -94,7 +88,7 @@ class RtdeClient:
             self.version = payload[1] if good else self.version
             self._send("V", bytes([good]))
         elif kind == "v":
-            self._send("v", struct.pack(">4I", *self.ur.software))
+            self._send("v", struct.pack(">4I", *self.software))
         elif kind == "O":
             self._set_up_outputs(payload)
         elif kind == "I":
@@ -114,7 +108,7 @@ class RtdeClient:
             (frequency,) = struct.unpack(">d", payload[:8])
             payload = payload[8:]
             self.period_s = 1.0 / min(max(frequency, 1.0), 125.0)
-        table = outputs(self.ur)
+        table = self.variables()
         found = [table.get(name) for name in payload.decode("latin-1").rstrip(",").split(",")]
         kinds = [entry[0] if entry else "NOT_FOUND" for entry in found]
         number = len(self.recipes) + 1 if all(found) else 0
@@ -124,19 +118,11 @@ class RtdeClient:
         self._send("O", head + ",".join(kinds).encode())
 
     def _set_up_inputs(self, names: list[str]) -> None:
-        known = {f"input_int_register_{i}" for i in range(48)} if self.ur.has_registers else set()
-        kinds = [
-            "NOT_FOUND"
-            if name not in known
-            else "IN_USE"
-            if self.ur.inputs.get(name, self) is not self
-            else "INT32"
-            for name in names
-        ]
+        kinds = [self.registers.kind_of_input(name, self) for name in names]
         number = len(self.inputs) + 1 if set(kinds) == {"INT32"} else 0
         if number:
             self.inputs[number] = names
-            self.ur.inputs |= dict.fromkeys(names, self)
+            self.registers.claim(names, self)
         self._send("I", bytes([number]) + ",".join(kinds).encode())
 
     def _input(self, payload: bytes) -> None:
@@ -144,10 +130,7 @@ class RtdeClient:
         if names is None or len(payload) != 1 + 4 * len(names):
             self._text("input of no known recipe")
             return
-        for name, value in zip(names, struct.unpack(f">{len(names)}i", payload[1:]), strict=True):
-            self.ur.input_seen[name] = time.monotonic()
-            self.ur.input_values[int(name.rpartition("_")[2])] = value
-        self.ur.input_changed.set()
+        self.registers.receive(names, struct.unpack(f">{len(names)}i", payload[1:]))
 
     def _text(self, message: str) -> None:
         source = "RTDE"
@@ -156,9 +139,9 @@ class RtdeClient:
 
     async def _stream(self) -> None:
         number, fields = max(self.recipes.items())
-        async for _, at_s in self.ur.clock.ticks(self.period_s):
+        async for _, at_s in self.clock.ticks(self.period_s):
             data = bytearray([number])
-            with self.ur.clock.held(at_s):
+            with self.clock.held(at_s):
                 for layout, value in fields:
                     got = value()
                     data += struct.pack(">" + layout, *(got if isinstance(got, tuple) else (got,)))

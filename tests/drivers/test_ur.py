@@ -258,7 +258,7 @@ def test_without_rtde_the_real_time_packet_serves(fast: CellThread, caplog: pyte
 
 def test_tool_speed_is_held_by_the_speed_of_the_joint(fast: CellThread) -> None:
     assert fast.cell is not None
-    fast.cell.ur.has_registers = False
+    fast.cell.ur.registers.served = False
     arm = connected(fast, speed_mm_s=100.0, speed_deg_s=20.0)
     arm.arm()
     speeds: list[float] = []

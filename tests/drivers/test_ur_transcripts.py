@@ -217,8 +217,13 @@ def test_simulator_runs_the_drivers_program_and_stops() -> None:
             for first, last in ((0, 4), (12, 108), (252, 348), (756, 764), (812, 820), (1052, 1060)):
                 assert shown[first:last] == golden[first:last]
             client.sendall(PROGRAM)
-            until(lambda: controller.registers.get(46) == 6)
-            assert [controller.doubles[i] for i in (24, 29, 30, 31)] == [0.5, -0.25, 1.047198, 0.349066]
+            until(lambda: controller.registers.integers.get(46) == 6)
+            assert [controller.registers.doubles[i] for i in (24, 29, 30, 31)] == [
+                0.5,
+                -0.25,
+                1.047198,
+                0.349066,
+            ]
             assert cell.do("state")["joints_deg"] == (0.0,) * 6  # it waits for its number
             with socket.create_connection(("127.0.0.1", cell.port("ur")), timeout=PATIENCE_S) as rtde:
                 for request, _ in (OPENING[0], CLAIM):
@@ -228,7 +233,7 @@ def test_simulator_runs_the_drivers_program_and_stops() -> None:
                 until(lambda: cell.do("state")["joints_deg"][0] == pytest.approx(28.6478898))
             client.sendall(b"stopj(4)\nnonsense(1)\ndef f():\n  movej([0,0,0,0,0],v=0.5)\n  popup(1)\nend\n")
             until(lambda: len(cell.do("ur_refused")["refused"]) == 2)
-        assert cell.cell.ur.registers[46] == 6
+        assert cell.cell.ur.registers.integers[46] == 6
         assert cell.do("state")["joints_deg"] == pytest.approx((28.6478898, 0, 0, 0, 0, -14.3239449))
 
 
