@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from mocks.world.arm import ArmState
+from mocks.world.draw import Session
 from mocks.world.effect import Effect
 from mocks.world.poses import random_state
-
-if TYPE_CHECKING:
-    from mocks.world.world import World
+from mocks.world.robots import Robot
 
 Reading = tuple[ArmState, str]
 """A state of the arm and the target that is measured in it."""
@@ -21,7 +20,23 @@ Reading = tuple[ArmState, str]
 REHEARSAL_READINGS = 100
 
 
-def rehearsal(world: World) -> list[Reading]:
+class Cell(Protocol):
+    """What has to be known of a world to tell how large an effect is in it."""
+
+    robot: Robot
+    seed: int
+    session: Session
+    targets: dict[str, tuple[float, ...]]
+    air_c: Callable[[float], float]
+
+    def indicated_point(
+        self, state: ArmState, target: str, effects: Sequence[Effect] | None = None
+    ) -> tuple[float, float, float]: ...
+
+    def noise_variance(self, state: ArmState, target: str) -> float: ...
+
+
+def rehearsal(world: Cell) -> list[Reading]:
     """Random readings spread over the world's session, for a world that knows no campaign yet."""
     rng = np.random.default_rng([world.seed, 99])
     names = list(world.targets)
@@ -35,7 +50,7 @@ def rehearsal(world: World) -> list[Reading]:
     return readings
 
 
-def displacement(world: World, effect: Effect, readings: Sequence[Reading]) -> np.ndarray:
+def displacement(world: Cell, effect: Effect, readings: Sequence[Reading]) -> np.ndarray:
     """What `effect` alone does to the noise-free readings, (n, 3) mm."""
     without = [world.indicated_point(state, target, ()) for state, target in readings]
     with_it = [world.indicated_point(state, target, (effect,)) for state, target in readings]
@@ -47,12 +62,12 @@ def rms_per_axis(vectors: np.ndarray) -> float:
     return math.sqrt(float(np.mean(vectors**2)))
 
 
-def noise_rms(world: World, readings: Sequence[Reading]) -> float:
+def noise_rms(world: Cell, readings: Sequence[Reading]) -> float:
     """RMS per axis, mm, of the tracker's noise and the robot's repeatability over the readings."""
     return math.sqrt(sum(world.noise_variance(state, target) for state, target in readings) / len(readings))
 
 
-def scaled(world: World, effect: Effect, readings: Sequence[Reading], size: float) -> Effect:
+def scaled(world: Cell, effect: Effect, readings: Sequence[Reading], size: float) -> Effect:
     """`effect` with its amplitudes scaled so that its displacement is `size` times the noise.
 
     Both are RMS per axis over the readings. Signs and proportions of the amplitudes stay. The displacement
