@@ -45,6 +45,10 @@ def test_no_file_is_longer_than_a_reader_has_patience() -> None:
         capture_output=True,
         text=True,
     )
-    lines = {name: (REPO / name).read_bytes().count(b"\n") for name in named.stdout.split() if (REPO / name).exists()}
+    lines = {
+        name: (REPO / name).read_bytes().count(b"\n")
+        for name in named.stdout.split()
+        if (REPO / name).exists()
+    }
     assert len(lines) > 1000
     assert {name: count for name, count in lines.items() if count > LONGEST} == {}

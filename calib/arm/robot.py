@@ -19,6 +19,7 @@ import numpy as np
 
 from calib.arm.capsules import Capsule, default_capsules, parse_capsules
 from calib.arm.joint_kinds import FACTORS, UNITS, JointKind, external_of, kind_of, limits_of
+from calib.arm.joint_matrix import JointMatrix, parse_joint_matrix
 from calib.arm.loads import FARTHEST_MM, Load, parse_loads
 from calib.array import Array
 from calib.errors import DataError
@@ -40,17 +41,8 @@ _KEYS = (
     *("format", "name", "maker", "convention", "base", "parallel_axes", "source", "link", "loads"),
     *("joint_matrices", "controller_world_mm", "capsule"),
 )
-_MATRIX_KEYS = ("matrix", "offset_deg", "offset_mm")
 _LEANS = 10.0 * DEG
 """Axes that lean by more are not meant to be parallel."""
-
-
-@dataclass(frozen=True)
-class JointMatrix:
-    """model joint = matrix @ controller joint + offset; rad, and mm of joints that slide."""
-
-    matrix: tuple[tuple[float, ...], ...]
-    offset: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -264,7 +256,7 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
             ),
             loads=parse_loads(table.get("loads", []), joints, path),
             joint_matrices={
-                name: _joint_matrix(entry, kinds, path, f"joint_matrices.{name}")
+                name: parse_joint_matrix(entry, kinds, path, f"joint_matrices.{name}")
                 for name, entry in table.get("joint_matrices", {}).items()
             },
             controller_world_mm=_three(table.get("controller_world_mm", (0.0, 0.0, 0.0))),
@@ -285,32 +277,6 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
         ) from error
     refuse_impossible(robot, path)
     return robot
-
-
-def _joint_matrix(entry: dict[str, Any], kinds: Sequence[JointKind], path: Path, key: str) -> JointMatrix:
-    """A joint matrix, whose numbers are those of a file (deg, mm): model joint = matrix @ controller joint + offset."""
-    refuse_unknown(entry, _MATRIX_KEYS, path, f"{key}.")
-    offset = [0.0] * len(kinds)
-    for kind, unit in UNITS.items():
-        given = [float(x) for x in entry.get(f"offset_{unit}", [0.0] * len(kinds))]
-        misplaced = [
-            k for k, x in enumerate(given, start=1) if x and k <= len(kinds) and kinds[k - 1] != kind
-        ]
-        if misplaced:
-            raise DataError(
-                f"gives an offset in {unit} for joint {misplaced[0]}, which {kinds[misplaced[0] - 1]}.",
-                do="Give offset_deg for joints that turn, offset_mm for those that slide, 0 in the other.",
-                file=path,
-                key=f"{key}.offset_{unit}",
-            )
-        if f"offset_{unit}" in entry:
-            offset = [x * FACTORS[kind] or y for x, y in itertools.zip_longest(given, offset, fillvalue=0.0)]
-    factor = [FACTORS[kind] for kind in kinds]
-    rows = [
-        [float(x) * (factor[i] / factor[j] if max(i, j) < len(kinds) else 1.0) for j, x in enumerate(row)]
-        for i, row in enumerate(entry["matrix"])
-    ]
-    return JointMatrix(tuple(tuple(row) for row in rows), tuple(offset))
 
 
 def _twisted(

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from calib.arm.robot import Robot
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor, Torque
+from calib.model.gravity_regressors import Torque
+from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor
 
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 

@@ -1,8 +1,6 @@
 """`MODEL.json`: an identified model on disk (`truepose-model/1`), complete enough to predict from.
 
-Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
-regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
-holds; the held-out error. A hash is no signature: it shows that a file was changed, not who wrote it. A fit that did
+A hash is no signature: it shows that a file was changed, not who wrote it. A fit that did
 not converge is refused: nobody should drive a robot with it. A regression that is based on the model is kept in the
 same file, under the same hash (`calib.saved.regression`).
 """
@@ -11,15 +9,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.arm.capsules import parse_capsules
+from calib.arm.joint_matrix import JointMatrix
 from calib.arm.robot import (
-    JointMatrix,
     Load,
     Robot,
     built_in_robots,
@@ -39,7 +37,6 @@ from calib.model.model import RobotModel
 from calib.model.stated import StatedConditions
 from calib.regression.regression import Regression
 from calib.saved.model_checks import (
-    content_hash,
     covariance_of,
     dropped_of,
     estimate_of,
@@ -50,14 +47,12 @@ from calib.saved.model_checks import (
     refuse_other_table,
     rigid,
 )
-from calib.saved.regression import document_of, refuse_unlikely_shift, regression_of
+from calib.saved.model_document import FORMAT, model_document, scope_of
+from calib.saved.regression import refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
-from calib.text.program import written_by
 from calib.text.toml_table import FARTHEST_MM, Vector
-from calib.units import FACTORS, to_display
 
-FORMAT = "truepose-model/1"
 SIMULATED = "SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one."
 _SIDES = ("from below", "from above", "both sides")
 _MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
@@ -108,7 +103,7 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         gravity=header.gravity,
         coupling=header.coupling,
         data_sha256=identification.data_sha256,
-        holds_for=_scope_of(identification),
+        holds_for=scope_of(identification),
         held_out_rms_mm=None if judged is None else judged.rms,
         notes=(SIMULATED,) if header.simulated else (),
         simulated=header.simulated,
@@ -136,109 +131,6 @@ def save_model(
     document = model_document(identification, diagnosis, regression)
     replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
     return document["content_sha256"]
-
-
-def model_document(
-    identification: Identification, diagnosis: Diagnosis | None = None, regression: Regression | None = None
-) -> dict[str, Any]:
-    """A model as its file has it, with its `content_sha256`."""
-    model = identification.model
-    errors = identification.standard_errors
-    judged = None if diagnosis is None else diagnosis.error_after
-    occasion = identification.header.occasion
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        "program": written_by(),
-        "robot": model.robot.name,
-        "robot_table": asdict(model.robot),
-        "robot_sha256": robot_hash(model.robot),
-        "loads": [asdict(load) for load in identification.header.loads],
-        "gravity_base": list(identification.header.gravity),
-        "joint_coupling": identification.header.coupling,
-        "groups": [e.label for e in model.effects if e.group == "base model"],
-        "parameters": parameters_of(model, identification.estimate, errors, identification.held_std),
-        "dropped": [
-            {"name": d.name, "stand_ins": [[name, move] for name, move in d.stand_ins]}
-            for d in identification.dropped
-        ],
-        "effects": [effect.to_json() for effect in model.effects],
-        "covariance_internal_units": triangle(identification.covariance),
-        "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
-        "tool_targets_mm": {
-            series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
-        },
-        "tool_turns": {name: np.asarray(turn).tolist() for name, turn in model.turns.items()},
-        "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
-        "station_mm": list(model.station),
-        "data_sha256": identification.data_sha256,
-        "simulated": identification.header.simulated,
-        "holds_for": _scope_of(identification),
-        "held_out": None
-        if judged is None or diagnosis is None
-        else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
-        "noise_scale": identification.noise_scale,
-        "device": [dict(each) for each in identification.header.devices],
-        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
-    }
-    if regression is not None:
-        document["regression"] = document_of(regression)
-    document["content_sha256"] = content_hash(document)
-    return document
-
-
-def parameters_of(
-    model: RobotModel, estimate: Array, errors: Array, held: Array | None = None
-) -> list[dict[str, Any]]:
-    """Every parameter of a model as its file has it; estimate and errors (m,), internal units; held (m,): standard
-    deviation of its prior in the fit, inf where it had none, None where nobody knows any more."""
-    return [
-        {
-            "name": parameter.name,
-            "value": to_display(float(estimate[i]), parameter.unit),
-            "std": to_display(float(errors[i]), parameter.unit),
-            "unit": parameter.unit,
-            "nominal": _nominal(model, parameter.name),
-            "owner": owner,
-        }
-        | ({} if held is None else {"held_std": _held(float(held[i]), parameter.unit)})
-        for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
-    ]
-
-
-def _held(std: float, unit: str) -> float | None:
-    return to_display(std, unit) if np.isfinite(std) else None
-
-
-def _scope_of(identification: Identification) -> dict[str, Any]:
-    """The approach and the temperature for which a model holds: those of its readings."""
-    conditions = identification.readings.conditions
-    one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
-    temperature = conditions.temperature[np.isfinite(conditions.temperature)]
-    return {
-        "approach": [
-            ("both sides" if not one else "from below" if side[0] > 0 else "from above")
-            for one, side in zip(one_sided, conditions.side.T, strict=True)
-        ],
-        "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
-    }
-
-
-def triangle(covariance: Array) -> list[list[float]]:
-    """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
-    return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
-
-
-def _nominal(model: RobotModel, name: str) -> float | None:
-    """Nominal DH number of a geometric parameter in its unit; None for parameters that have none."""
-    for kind, values, unit in (
-        ("alpha", model.robot.alpha, "deg"),
-        ("theta", model.robot.theta, "deg"),
-        ("a", model.robot.a, "mm"),
-        ("d", model.robot.d, "mm"),
-    ):
-        if name.startswith(kind) and name[len(kind) :].isdigit():
-            return values[int(name[len(kind) :]) - 1] / FACTORS[unit]
-    return 0.0 if name.startswith("beta") else None
 
 
 def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None) -> SavedModel:

@@ -39,8 +39,9 @@ from calib.effects.transmission.periodic import periodic
 from calib.effects.transmission.settling import settling
 from calib.fit.placing import base_model_of
 from calib.model.effect import Effect, effect
+from calib.model.gravity_regressors import Torque
 from calib.model.model import Design, RobotModel
-from calib.model.regressors import Constant, Regressor, Torque
+from calib.model.regressors import Constant, Regressor
 from calib.units import DEG
 from mocks.campaign import Campaign
 from mocks.world import scaled

@@ -17,9 +17,9 @@ from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page
 from tests.service.campaigns import write_data
+from tests.service.operator_page import ARMED, enter, in_a_browser, run_of
 from tests.service.robot_programs import RAPID
 from tests.service.test_http_support import Served, served
-from tests.service.test_operator_page import ARMED, enter, in_a_browser, run_of
 from tests.service.workplace import audit, open_view
 
 HOSTILE = """<img src=x onerror="window.ran=1">'&{name}$&"""

@@ -12,8 +12,8 @@ from pathlib import Path
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import cell_file
 from tests.service.browser import Page, browser
+from tests.service.operator_page import enter, in_a_browser, run_of
 from tests.service.test_http_support import Served, problem, served
-from tests.service.test_operator_page import enter, in_a_browser, run_of
 
 REPORT = "<!doctype html><title>of the test</title>"
 

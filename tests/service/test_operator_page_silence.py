@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.drivers.waiting import until
 from tests.service.browser import Page
-from tests.service.test_operator_page import at_the_page, in_a_browser, run_of
+from tests.service.operator_page import at_the_page, in_a_browser, run_of
 
 ALARM = "NOT stopped: no connection. Use the emergency stop"
 

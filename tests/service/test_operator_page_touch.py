@@ -14,8 +14,8 @@ from pathlib import Path
 
 from tests.drivers.waiting import until
 from tests.service.browser import Page
+from tests.service.operator_page import ARMED, at_the_page, in_a_browser, run_of
 from tests.service.test_http_support import Served
-from tests.service.test_operator_page import ARMED, at_the_page, in_a_browser, run_of
 from tests.service.test_operator_page_silence import shown
 
 LATENCY_MS, BYTES_PER_S = 400, 50_000

@@ -19,8 +19,8 @@ from service.http.routes.pages.page import FOLDER, MODULES
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page
+from tests.service.operator_page import ARMED, enter, in_a_browser
 from tests.service.test_http_support import Served, lasting_port, served
-from tests.service.test_operator_page import ARMED, enter, in_a_browser
 from tests.service.workplace import audit, enter_on, open_view, reachable, tab_to
 
 HOSTILE = "<img src=x onerror=alert(1)>"

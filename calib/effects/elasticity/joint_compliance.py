@@ -6,7 +6,7 @@ from __future__ import annotations
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Torque
+from calib.model.gravity_regressors import Torque
 from calib.scan.fixed import Candidate
 
 KINDS = (

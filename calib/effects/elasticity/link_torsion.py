@@ -12,7 +12,8 @@ from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Moment, MomentBehind, Regressor
+from calib.model.gravity_regressors import Moment, MomentBehind
+from calib.model.regressors import Regressor
 from calib.scan.fixed import Candidate
 from calib.units import to_display
 

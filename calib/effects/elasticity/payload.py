@@ -13,7 +13,7 @@ from calib.arm.robot import Load
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import LoadTorque
+from calib.model.gravity_regressors import LoadTorque
 from calib.scan.fixed import Candidate
 
 Compliance = Mapping[int, float]

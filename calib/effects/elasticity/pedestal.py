@@ -11,7 +11,7 @@ from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Overturning
+from calib.model.gravity_regressors import Overturning
 from calib.scan.fixed import Candidate
 
 KINDS = (

@@ -11,7 +11,7 @@ import numpy as np
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import TorqueSign
+from calib.model.gravity_regressors import TorqueSign
 from calib.scan.fixed import Candidate
 
 SMOOTHED = 0.05  # share of the largest torque

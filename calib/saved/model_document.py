@@ -1,0 +1,129 @@
+"""The document of an identified model (`truepose-model/1`), as its file holds it.
+
+Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
+regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
+holds; the held-out error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from calib.arm.robot_hash import robot_hash
+from calib.array import Array
+from calib.diagnose.diagnosis import Diagnosis
+from calib.fit.identification import Identification
+from calib.model.model import RobotModel
+from calib.regression.regression import Regression
+from calib.saved.model_checks import content_hash
+from calib.saved.regression import document_of
+from calib.text.program import written_by
+from calib.units import FACTORS, to_display
+
+FORMAT = "truepose-model/1"
+
+
+def model_document(
+    identification: Identification, diagnosis: Diagnosis | None = None, regression: Regression | None = None
+) -> dict[str, Any]:
+    """A model as its file has it, with its `content_sha256`."""
+    model = identification.model
+    errors = identification.standard_errors
+    judged = None if diagnosis is None else diagnosis.error_after
+    occasion = identification.header.occasion
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "program": written_by(),
+        "robot": model.robot.name,
+        "robot_table": asdict(model.robot),
+        "robot_sha256": robot_hash(model.robot),
+        "loads": [asdict(load) for load in identification.header.loads],
+        "gravity_base": list(identification.header.gravity),
+        "joint_coupling": identification.header.coupling,
+        "groups": [e.label for e in model.effects if e.group == "base model"],
+        "parameters": parameters_of(model, identification.estimate, errors, identification.held_std),
+        "dropped": [
+            {"name": d.name, "stand_ins": [[name, move] for name, move in d.stand_ins]}
+            for d in identification.dropped
+        ],
+        "effects": [effect.to_json() for effect in model.effects],
+        "covariance_internal_units": triangle(identification.covariance),
+        "placements": {name: np.asarray(pose).tolist() for name, pose in model.placements.items()},
+        "tool_targets_mm": {
+            series: {t: list(v) for t, v in own.items()} for series, own in model.targets.items()
+        },
+        "tool_turns": {name: np.asarray(turn).tolist() for name, turn in model.turns.items()},
+        "base_targets_mm": {name: list(place) for name, place in model.anchors.items()},
+        "station_mm": list(model.station),
+        "data_sha256": identification.data_sha256,
+        "simulated": identification.header.simulated,
+        "holds_for": scope_of(identification),
+        "held_out": None
+        if judged is None or diagnosis is None
+        else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
+        "noise_scale": identification.noise_scale,
+        "device": [dict(each) for each in identification.header.devices],
+        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
+    }
+    if regression is not None:
+        document["regression"] = document_of(regression)
+    document["content_sha256"] = content_hash(document)
+    return document
+
+
+def parameters_of(
+    model: RobotModel, estimate: Array, errors: Array, held: Array | None = None
+) -> list[dict[str, Any]]:
+    """Every parameter of a model as its file has it; estimate and errors (m,), internal units; held (m,): standard
+    deviation of its prior in the fit, inf where it had none, None where nobody knows any more."""
+    return [
+        {
+            "name": parameter.name,
+            "value": to_display(float(estimate[i]), parameter.unit),
+            "std": to_display(float(errors[i]), parameter.unit),
+            "unit": parameter.unit,
+            "nominal": _nominal(model, parameter.name),
+            "owner": owner,
+        }
+        | ({} if held is None else {"held_std": _held(float(held[i]), parameter.unit)})
+        for i, (parameter, owner) in enumerate((p, e.owner) for e in model.effects for p in e.parameters)
+    ]
+
+
+def _held(std: float, unit: str) -> float | None:
+    return to_display(std, unit) if np.isfinite(std) else None
+
+
+def scope_of(identification: Identification) -> dict[str, Any]:
+    """The approach and the temperature for which a model holds: those of its readings."""
+    conditions = identification.readings.conditions
+    one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
+    temperature = conditions.temperature[np.isfinite(conditions.temperature)]
+    return {
+        "approach": [
+            ("both sides" if not one else "from below" if side[0] > 0 else "from above")
+            for one, side in zip(one_sided, conditions.side.T, strict=True)
+        ],
+        "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
+    }
+
+
+def triangle(covariance: Array) -> list[list[float]]:
+    """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
+    return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
+
+
+def _nominal(model: RobotModel, name: str) -> float | None:
+    """Nominal DH number of a geometric parameter in its unit; None for parameters that have none."""
+    for kind, values, unit in (
+        ("alpha", model.robot.alpha, "deg"),
+        ("theta", model.robot.theta, "deg"),
+        ("a", model.robot.a, "mm"),
+        ("d", model.robot.d, "mm"),
+    ):
+        if name.startswith(kind) and name[len(kind) :].isdigit():
+            return values[int(name[len(kind) :]) - 1] / FACTORS[unit]
+    return 0.0 if name.startswith("beta") else None
