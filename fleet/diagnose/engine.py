@@ -25,6 +25,11 @@ _PLAIN = {
     "distributed.scheduler.http.routes": [],  # pages that nobody asked for
     "distributed.worker.http.routes": [],
     "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second
+    # What looks after itself many times a second, in every process: 2 % of a processor each, for nobody.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.scheduler.active-memory-manager.start": False,
 }
 
 
