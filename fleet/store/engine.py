@@ -24,8 +24,8 @@ _MISSING = "Install it with: pip install 'truepose[fleet]'"
 def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
     """The database at an address, not yet connected: sqlite:///FILE, postgresql://USER:PASSWORD@HOST/NAME.
 
-    forever: a PostgreSQL may take as long as it does; else as `fleet.store.postgres` says. Raises StoreError for another
-    kind of address, for an SQLite file without a folder, or without the driver.
+    forever: a PostgreSQL may take as long as it does; else as `fleet.store.postgres` says. Raises StoreError for
+    another kind of address, for an SQLite file without a folder, or without the driver.
     """
     try:
         parsed = sa.make_url(url)

@@ -1,8 +1,8 @@
 """Many data sets by two local workers against one, and what scheduler and command cost beside the work.
 
 Elapsed times tell of the neighbours on a busy machine, so the processor time of every process stands beside them: what
-two workers spend, and so what they would take on two processors of their own. The start of the call is apart: it is paid
-once, whether four data sets follow or a hundred thousand.
+two workers spend, and so what they would take on two processors of their own. The start of the call is apart: it is
+paid once, whether four data sets follow or a hundred thousand.
 
 The data sets have a gear error each, of eight kinds of chance; beyond eight a remark in the header makes one another,
 which costs the same work. Every run has a store of its own.
