@@ -1,6 +1,6 @@
 """A model on disk: written with a hash, read back with every number held against what a robot can be."""
 
-from calib.saved.model_document import model_document
+from calib.saved.model_document import model_document, parameters_of
 from calib.saved.model_file import SIMULATED, SavedModel, as_saved, load_model, save_model
 from calib.saved.updated import save_update
 
@@ -10,6 +10,7 @@ __all__ = [
     "as_saved",
     "load_model",
     "model_document",
+    "parameters_of",
     "save_model",
     "save_update",
 ]

@@ -21,8 +21,8 @@ from fleet.diagnose.program import this_program
 from fleet.diagnose.source import Source, Unseen, opened
 from fleet.errors import StoreError, StoreGone
 from fleet.store import Job, Store, Work, utc_now
+from fleet.store.rediagnosed import TASK
 
-TASK = "diagnose"
 LEASE_S = 20.0
 """How long a claim holds without being renewed: so long a lost worker's data sets wait for another command."""
 
@@ -41,7 +41,7 @@ class Order:
     @property
     def task(self) -> str:
         """The task with its settings, as the store keys it."""
-        return f"{TASK} most={self.most}"
+        return TASK if self.most == MOST_EFFECTS else f"{TASK} most={self.most}"
 
     def job(self, source: Source) -> Job:
         """The job of one data set."""

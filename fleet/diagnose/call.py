@@ -60,7 +60,7 @@ def diagnose_all(
     finally:
         if run is not None and not scheduler:
             _free(run.in_hand, order)
-    tally.overhead_s = time.process_time() - spent
+    tally.start_s = time.process_time() - spent - tally.overhead_s
     return tally
 
 

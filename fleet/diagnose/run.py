@@ -18,9 +18,10 @@ from distributed.comm.core import CommClosedError
 from fleet.diagnose.batch import Order, work_off
 from fleet.diagnose.crew import Crew, resource
 from fleet.diagnose.errors import EngineGone
+from fleet.diagnose.patience import Patience
 from fleet.diagnose.source import Source
 from fleet.diagnose.tally import Tally
-from fleet.errors import StoreError
+from fleet.errors import StoreError, StoreGone
 
 BATCH_S = 5.0
 """So long a batch shall take: a thousand times what the scheduler spends on it, and little is lost with a worker."""
@@ -59,18 +60,21 @@ class Run:
         self._held: list[Source] = []  # somebody else works on them; asked again later
         self._out: dict[Future, tuple[Source, ...]] = {}
         self._lost_before: dict[Future, int] = {}  # workers, when it was given
+        self._store = Patience(tell)
         self._begin = time.monotonic()
+        self._spent = time.process_time()
         self._looked = self._manned = self._asked = self._begin
         self.tally = Tally(len(sources))
 
     def run(self, progress: Callable[[Tally], None]) -> Tally:
         """Diagnose them all; progress: hears how far it is after every batch.
 
-        Raises EngineGone where the scheduler or all workers are gone, StoreError where results cannot be kept: what is
-        done is kept, and the same call later does the rest.
+        Raises EngineGone where the scheduler or all workers are gone, StoreError where results cannot be kept; a store
+        that is away is waited for first. What is done is kept, and the same call later does the rest.
         """
         try:
             self._look()
+            self._begin, self._spent = time.monotonic(), time.process_time()
             while self._waiting or self._alone or self._held or self._out:
                 self._deal()
                 for future in self._ended():
@@ -135,13 +139,18 @@ class Run:
             self._alone.append(source)
 
     def _deal(self) -> None:
-        """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile."""
+        """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile. One data
+        set now and then, while the store is away."""
+        if self._store.away and (self._out or not self._store.worth_asking()):
+            return
         if self._alone and not self._out:
             self._look()  # who is there is beyond doubt
         if self._alone and not self._out and self._crew.at_work:
             self._by_itself = self._give((self._alone.popleft(),))
-        while not self._alone and self._waiting and len(self._out) < AHEAD * len(self._crew.at_work):
-            size = size_of(len(self._waiting), len(self._crew.at_work), self.tally.seconds_each)
+        at_work = len(self._crew.at_work)
+        most = min(at_work, 1) if self._store.away else AHEAD * at_work
+        while not self._alone and self._waiting and len(self._out) < most:
+            size = 1 if self._store.away else size_of(len(self._waiting), at_work, self.tally.seconds_each)
             self._give(tuple(self._waiting.popleft() for _ in range(size)))
 
     def _give(self, batch: tuple[Source, ...]) -> Future:
@@ -172,6 +181,10 @@ class Run:
             return
         batch = self._out.pop(future)
         del self._lost_before[future]
+        if isinstance(error, StoreGone):
+            self._store.refused(error)
+            self._again(batch, struck=False)
+            return
         if isinstance(error, (StoreError, EngineGone)):
             raise error
         if error is not None:
@@ -180,6 +193,7 @@ class Run:
             else:
                 self._alone.extend(batch)
             return
+        self._store.answered()
         tally = self.tally
         tally.done += outcome.done
         tally.refused += outcome.refused
@@ -191,6 +205,7 @@ class Run:
 
     def _counted(self) -> Tally:
         self.tally.elapsed = time.monotonic() - self._begin
+        self.tally.overhead_s = time.process_time() - self._spent
         self.tally.workers, self.tally.lost = len(self._crew.at_work), self._crew.lost
         return self.tally
 

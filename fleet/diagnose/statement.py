@@ -1,4 +1,4 @@
-"""What is kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 2 kB, or the refusal of data that cannot be used.
+"""What is kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 5 kB, or the refusal of data that cannot be used.
 
 Values are in the units of files and screens; null stands for what there is not.
 """
@@ -12,8 +12,9 @@ from typing import Any
 from calib.diagnose import Diagnosis, Found
 from calib.errors import DataError
 from calib.fit import ErrorStatistics
+from calib.saved import parameters_of
+from fleet.store.rediagnosed import FORMAT
 
-FORMAT = "truepose-fleet-diagnosis/1"
 REFUSED = "refused"
 """The verdict of a data set that cannot be used."""
 
@@ -33,6 +34,7 @@ def of_diagnosis(name: str, found: Diagnosis) -> dict[str, Any]:
         "error_nominal_mm": _errors(found.error_nominal),
         "error_before_mm": _errors(found.error_before),
         "error_after_mm": _errors(found.error_after),
+        "parameters": _parameters(found) if found.final.converged else [],
         "structure": [each.where for each in found.structure],
         "converged": bool(found.final.converged),
     }
@@ -50,6 +52,21 @@ def of_refusal(name: str, error: DataError) -> dict[str, Any]:
         "line": error.line,
         "key": error.key,
     }
+
+
+def _parameters(found: Diagnosis) -> list[dict[str, Any]]:
+    """The parameters of the model with its effects, as trends take them."""
+    final = found.final
+    entries = parameters_of(final.model, final.estimate, final.standard_errors)
+    return [
+        {"name": e["name"], "value": _short(e["value"]), "std": _short(e["std"]), "unit": e["unit"]}
+        for e in entries
+    ]
+
+
+def _short(value: float) -> float | None:
+    """To nine digits: a hundred thousand of these tables are kept."""
+    return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
 def _effect(found: Found) -> dict[str, Any]:

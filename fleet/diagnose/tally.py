@@ -11,7 +11,8 @@ class Tally:
 
     known: had a result before; done: by this call, refused among them; found: had a result when a worker came to them,
     from a worker that was lost since or from another call; twice: computed, though another result came first; failed:
-    without a result, with the reason. seconds: processor time of the workers; overhead_s: of scheduler and command.
+    without a result, with the reason. seconds: processor time of the diagnoses; overhead_s: of scheduler and command
+    while they are dealt out; start_s: of the command before and after that; elapsed: since the workers were there.
     """
 
     total: int
@@ -25,6 +26,7 @@ class Tally:
     lost: int = 0
     seconds: float = 0.0
     overhead_s: float = 0.0
+    start_s: float = 0.0
     elapsed: float = 0.0
     failed: dict[str, str] = field(default_factory=dict)
 

@@ -3,6 +3,7 @@
 from fleet.store.dataset import dataset_content, dataset_texts
 from fleet.store.document import (
     KINDS,
+    LONGEST,
     Added,
     Document,
     Entry,
@@ -23,6 +24,7 @@ from fleet.store.work import Job, Result, Work
 __all__ = [
     "ERROR",
     "KINDS",
+    "LONGEST",
     "READER",
     "WRITER",
     "Added",

@@ -100,7 +100,7 @@ class Known:
 @dataclass(frozen=True)
 class Point:
     """One value of a parameter over time. u: expanded uncertainty U (k = 2), None where the model states none; both in
-    `unit`."""
+    `unit`. hash: of the document that says it; rediagnosed: that of the data set, of which `program` says it."""
 
     measured_at: datetime
     parameter: str
@@ -109,6 +109,7 @@ class Point:
     unit: str
     hash: str
     program: str
+    rediagnosed: bool = False
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,14 @@ WRITES = {"writes": True}
 """Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
 BUSY_S = 30.0  # how long another program may hold an SQLite file
 _AGAIN_S = 0.05
-_CONNECT_S = 5
 _MISSING = "Install it with: pip install 'truepose[fleet]'"
 
 
-def engine_of(url: str) -> sa.Engine:
+def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
     """The database at an address, not yet connected: sqlite:///FILE, postgresql://USER:PASSWORD@HOST/NAME.
 
-    Raises StoreError for another kind of address, for an SQLite file without a folder, or without the driver.
+    forever: a PostgreSQL may take as long as it does; else as `fleet.store.postgres` says. Raises StoreError for
+    another kind of address, for an SQLite file without a folder, or without the driver.
     """
     try:
         parsed = sa.make_url(url)
@@ -49,11 +49,9 @@ def engine_of(url: str) -> sa.Engine:
             f"is an address of {kind}.", do="Stores are kept by SQLite and PostgreSQL.", file=place
         )
     try:
-        return sa.create_engine(
-            parsed.set(drivername="postgresql+psycopg"),
-            pool_pre_ping=True,  # a server that was away is there again without a restart of ours
-            connect_args={"connect_timeout": parsed.query.get("connect_timeout", _CONNECT_S)},
-        )
+        from fleet.store.postgres import limited
+
+        return limited(parsed.set(drivername="postgresql+psycopg"), place, forever=forever)
     except ImportError as error:
         raise StoreError("the driver psycopg is not installed.", do=_MISSING, file=place) from error
 

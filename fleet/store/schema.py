@@ -25,7 +25,7 @@ def migrate(url: str, *, roles: bool = False) -> tuple[str, str]:
     All or nothing. roles: make the roles of a PostgreSQL as well; those that are there get their rights in any case.
     Raises StoreError, StoreGone.
     """
-    engine = engine_of(url)
+    engine = engine_of(url, forever=True)  # a step may go through every row
     try:
         with refusals(engine), engine.connect().execution_options(**WRITES) as connection, connection.begin():
             versions = carried_over(connection, engine)

@@ -10,6 +10,7 @@ import sqlalchemy as sa
 
 from calib.errors import DataError
 from fleet.errors import StoreError, StoreGone
+from fleet.store import rediagnosed as rediagnoses
 from fleet.store import tables
 from fleet.store.adding import Overtaken, added, already
 from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
@@ -173,11 +174,16 @@ class Store:
             found = connection.execute(question).all()
         return [Entry(h, k, RobotKey(s, m), *rest) for h, k, s, m, *rest in found]
 
-    def trend(self, robot: RobotKey, parameter: str | None = None) -> list[Point]:
-        """The values of one parameter of a robot, or of all (None), by name and time."""
+    def trend(
+        self, robot: RobotKey, parameter: str | None = None, *, rediagnosed: bool = True
+    ) -> list[Point]:
+        """The values of one parameter of a robot, or of all (None), by name and time.
+
+        rediagnosed: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
+        """
         p, d, r = tables.parameter.c, tables.document.c, tables.robot.c
         question = (
-            sa.select(p.measured_at, p.name, p.value, p.u, p.unit, d.hash, d.program)
+            sa.select(p.measured_at, p.name, p.value, p.u, p.unit, d.hash, d.program, d.kind)
             .join_from(tables.parameter, tables.robot)
             .join(tables.document, d.id == p.document)
             .where(r.serial == robot.serial, r.model == robot.model)
@@ -186,7 +192,13 @@ class Store:
         if parameter is not None:
             question = question.where(p.name == parameter)
         with reading(self._engine) as connection:
-            return [Point(*row) for row in connection.execute(question)]
+            rows = connection.execute(question).all()
+            again = rediagnoses.rediagnosed(connection, robot) if rediagnosed else []
+        points, kinds = [Point(*row[:-1]) for row in rows], {row.hash: row.kind for row in rows}
+        if not again:
+            return points
+        wanted = [each for each in again if parameter in (None, each.parameter)]
+        return rediagnoses.replaced(points, kinds, {each.measured_at for each in again}, wanted)
 
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None

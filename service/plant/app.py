@@ -1,8 +1,8 @@
 """The application: cells put documents in, viewers read. What arrives twice is kept once; what contradicts is kept
 beside what was there and told.
 
-Gate, problems and tokens are those of a cell's service. The first token is the cells': it puts documents in and reads
-nothing, for it lies on every cell PC; the viewer's reads everything and writes nothing.
+Gate, problems and tokens are those of a cell's service. The token of a cell puts documents in and reads nothing, for it
+lies on a cell PC; the viewer's reads everything and writes nothing.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from fleet.store import Store
 from service import refusals
 from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate, Rules
-from service.http.access.roles import Role, Tokens
+from service.http.access.roles import Role
 from service.http.wire import problems
 from service.http.wire.paths import PREFIX, path_of
 from service.http.wire.problems import Problem
 from service.plant import routes
+from service.plant.own_tokens import Senders
 
 UPLOADS = 16  # in hand; each may be a body in memory
 AGAIN_S, ROOM_S = 15, 120  # when to ask again: a store that is away, one without room
@@ -38,7 +39,7 @@ class Settings:
     """What the server was started with. names: by which cells call it, besides its address; upload_bytes: of the
     largest document."""
 
-    tokens: Tokens
+    tokens: Senders
     host: str = "127.0.0.1"
     names: tuple[str, ...] = ()
     upload_bytes: int = LARGEST
@@ -54,6 +55,7 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
         redoc_url=None,
     )
     app.state.store = store
+    app.state.senders = settings.tokens
     app.state.uploads = anyio.CapacityLimiter(UPLOADS)
     app.include_router(routes.router, prefix=PREFIX)
     problems.install(app)
@@ -70,12 +72,12 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
 def _refusal(role: Role, method: str, path: str) -> Problem | None:
     if role is Role.VIEWER and method not in ("GET", "HEAD"):
         return Problem(
-            403, "The token of a viewer reads, and nothing else.", "Send the cells' token.", code=8113
+            403, "The token of a viewer reads, and nothing else.", "Send the token of a cell.", code=8113
         )
     if role is Role.OPERATOR and not (method == "PUT" and _PUT.fullmatch(path)):
         return Problem(
             403,
-            "The token of the cells puts documents in, and nothing else.",
+            "The token of a cell puts documents in, and nothing else.",
             "Send the viewer's token.",
             code=8113,
         )

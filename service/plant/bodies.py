@@ -91,8 +91,9 @@ class PointShown(BaseModel):
     value: float
     u: float | None = Field(description="Expanded uncertainty, k = 2; null where the model states none.")
     unit: str
-    hash: str = Field(description="The model that has it.")
-    program: str
+    hash: str = Field(description="The document that has it; of a re-diagnosis the data set.")
+    program: str = Field(description="Version that says it.")
+    rediagnosed: bool = Field(description="Whether a re-diagnosis says it, in place of the cell's own model.")
 
     @classmethod
     def of(cls, point: Point) -> PointShown:
@@ -105,6 +106,7 @@ class PointShown(BaseModel):
             unit=point.unit,
             hash=point.hash,
             program=point.program,
+            rediagnosed=point.rediagnosed,
         )
 
 

@@ -14,6 +14,7 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
 from fleet.store import Added, Document, Kind, RobotKey, Store
+from service.http.access.gate import bearer
 from service.http.wire.problems import Problem
 from service.plant.bodies import (
     AddedShown,
@@ -25,6 +26,7 @@ from service.plant.bodies import (
     RobotsShown,
     TrendShown,
 )
+from service.plant.own_tokens import Senders
 
 router = APIRouter()
 PIECE_S = 60.0  # a client that sends nothing for so long has gone
@@ -58,7 +60,10 @@ async def put_document(
     kind: Annotated[Kind, Query(description="What the document is.")],
     serial: Annotated[str, Query(description="Serial number of the robot.")],
     model: Annotated[str, Query(description="Type of the robot.")],
-    cell: Annotated[str, Query(description="The cell that made it.")],
+    cell: Annotated[
+        str,
+        Query(description="The cell that made it; where the token is a cell's own, that one's name counts."),
+    ],
     identity: Annotated[str, Query(description="Which thing it is a statement of.")],
     measured_at: Annotated[
         datetime, Query(description="When its first reading was taken, with a time zone.")
@@ -81,6 +86,7 @@ async def put_document(
         content = await _whole(request)
         if content is None:
             return Response(status_code=400)  # nobody hears it
+        cell = _sender(request) or cell
         document = Document(kind, RobotKey(serial, model), cell, identity, measured_at, content)
         added = await anyio.to_thread.run_sync(_added, store, document, hash)
     if added.other_hashes:
@@ -157,6 +163,12 @@ def _added(store: Store, document: Document, hash: str) -> Added:
             code=_DAMAGED,
         )
     return store.add(document)
+
+
+def _sender(request: Request) -> str | None:
+    """The cell whose own token the request came with; None for the one that all share."""
+    senders: Senders = request.app.state.senders
+    return senders.cell_of(bearer(request.headers.get("authorization", "")))
 
 
 def _robot(store: Store, serial: str, model: str) -> RobotKey:

@@ -121,7 +121,8 @@ def _price(tally: Tally) -> str:
     if tally.seconds_each is not None:
         parts.append(
             f"{tally.seconds_each:.2f} s of processor time each, {duration(tally.elapsed)} in all, "
-            f"scheduler and this command {tally.overhead_s:.1f} s of processor time on top"
+            f"scheduler and this command {tally.overhead_s:.1f} s of processor time on top, "
+            f"{tally.start_s:.1f} s to start"
         )
     if tally.lost:
         parts.append(f"{wording.counted(tally.lost, 'worker')} lost")

@@ -72,9 +72,10 @@ def values(trend: Trend) -> Table:
         limits = "-"
         if trend.chart is not None:
             limits = " to ".join(_figures(float(x), point.u)[0] for x in trend.chart.limits[i])
-        mark = "signal" if i in signals else ""
+        marks = ["signal"] if i in signals else []
+        marks += [f"re-diagnosed by {point.program}"] if point.rediagnosed else []
         value, u = _figures(point.value, point.u)
-        shown.add_row(f"{point.measured_at:%Y-%m-%d}", value, u, limits, mark, point.hash[:SHORT])
+        shown.add_row(f"{point.measured_at:%Y-%m-%d}", value, u, limits, ", ".join(marks), point.hash[:SHORT])
     return shown
 
 

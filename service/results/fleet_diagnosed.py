@@ -134,6 +134,7 @@ class FleetDiagnosed:
             "verdicts": {verdict: count for verdict, count, *_ in self.verdicts},
             "processor_seconds": round(tally.seconds, 3),
             "overhead_seconds": round(tally.overhead_s, 3),
+            "start_seconds": round(tally.start_s, 3),
             "seconds": round(tally.elapsed, 3),
             "workers": tally.workers,
             "workers_lost": tally.lost,

@@ -61,7 +61,7 @@ class Line:
 def lines_of(store: Store, robot: RobotKey) -> list[Line]:
     """All of a robot, oldest first."""
     said = {each.hash: each for each in store.verdicts(robot)}
-    errors = {each.hash: each for each in store.trend(robot, ERROR)}
+    errors = {each.hash: each for each in store.trend(robot, ERROR, rediagnosed=False)}
     entries = reversed(store.documents(robot, limit=MOST))
     return [Line(each, said.get(each.hash), errors.get(each.hash)) for each in entries]
 
@@ -110,6 +110,7 @@ class Trend:
                     "limits": None if chart is None else [float(x) for x in chart.limits[i]],
                     "document": point.hash,
                     "program": point.program,
+                    "rediagnosed": point.rediagnosed,
                 }
                 for i, point in enumerate(self.points)
             ],

@@ -74,7 +74,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "nests": (nests.run, 20),
     "ballbar": (ballbar.run, 20),
     "watch": (watch.run, 100),
-    "fleet_diagnose": (fleet_diagnose.run, 40),
+    "fleet_diagnose": (fleet_diagnose.run, 64),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
     "watch_plans": (watch_plans.run, 500),

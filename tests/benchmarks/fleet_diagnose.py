@@ -1,8 +1,11 @@
-"""Many data sets by two local workers against one: elapsed time, processor time, what the scheduler costs.
+"""Many data sets by two local workers against one, and what scheduler and command cost beside the work.
 
-2,000 data sets of 1,000 readings are wanted; so many of them as the count says are measured, and the rest follows from
-the price of one. Both runs are made of the same data sets, one after the other, each into a store of its own. Elapsed
-times tell of the neighbours on a busy machine, so processor times and the load stand beside them.
+Elapsed times tell of the neighbours on a busy machine, so the processor time of every process stands beside them: what
+two workers spend, and so what they would take on two processors of their own. The start of the call is apart: it is
+paid once, whether four data sets follow or a hundred thousand.
+
+The data sets have a gear error each, of eight kinds of chance; beyond eight a remark in the header makes one another,
+which costs the same work. Every run has a store of its own.
 """
 
 from __future__ import annotations
@@ -10,52 +13,135 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from fleet.diagnose import Order, Tally, diagnose_all, in_files
+from distributed import Client
+
+from fleet.diagnose import Order, Source, Tally, in_files
+from fleet.diagnose.engine import local
+from fleet.diagnose.run import Run
 from fleet.store import Store
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.clock import line
 
-READINGS, WANTED = 1000, 2000
+READINGS, HELD_OUT, KINDS = 1000, 100, 8
+WANTED = 2000  # data sets
 FASTER, OVERHEAD = 1.9, 0.05
 
 
-def run(count: int = 40) -> bool:
+@dataclass(frozen=True)
+class Spent:
+    """One run. Seconds of processor time: start_s: of all processes until the workers wait for work; workers_s: of each
+    worker from then on; tally.overhead_s: of scheduler and command."""
+
+    tally: Tally
+    start_s: float
+    workers_s: tuple[float, ...]
+    bytes_each: float
+
+    @property
+    def on_two_processors(self) -> float:
+        """Seconds that these processes take on two processors that nobody else uses, if nothing waits for a disk."""
+        return max(*self.workers_s, (sum(self.workers_s) + self.tally.overhead_s) / 2.0, 0.0)
+
+
+def run(count: int = 64, readings: int = READINGS) -> bool:
     """Measure, print; whether two workers are so much faster and the scheduler so cheap."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        for i in range(count):
-            campaign = make_campaign(
-                seed=i + 1, n=READINGS, n_validation=100, effects=["backlash:j4"], size=4.0
-            )
-            write_campaign(campaign, root / "data" / f"{i:04d}")
-        began = time.perf_counter()
+        write_sets(root / "data", count, readings)
+        began = time.process_time()
         sources = in_files([root / "data"])
-        hashed = (time.perf_counter() - began) / count
-        tallies = {}
-        for workers in (1, 2):
-            order = Order(f"sqlite:///{root}/{workers}.sqlite3", f"{workers}")
-            tallies[workers] = tally = diagnose_all(sources, order, print, _quiet, workers=workers)
-            with Store.open(order.store) as store:
-                results = store.work.results(order.task)
-            assert len(results) == tally.done == count
-            print(
-                f"{workers} workers: {tally.elapsed:.1f} s elapsed, {tally.seconds:.1f} s of processor time in "
-                f"diagnoses ({tally.seconds / count:.3f} s each), scheduler and command {tally.overhead_s:.2f} s, "
-                f"{tally.batches} batches, load {os.getloadavg()[0]:.1f}"
-            )
-        size = sum(len(each.content) for each in results) / count
-        print(f"{size:.0f} bytes a result, {1e3 * hashed:.1f} ms to hash a data set")
-        one, two = tallies[1], tallies[2]
+        hashed = (time.process_time() - began) / count
+        found = {workers: _measured(root, sources, workers) for workers in (1, 2)}
+    for workers, spent in found.items():
         print(
-            f"{WANTED} data sets: {WANTED * two.seconds / count / 60:.0f} min of processor time, "
-            f"{WANTED * two.elapsed / count / 60:.0f} min elapsed at 2 workers under this load"
+            f"{count} data sets of {readings} readings, {workers} workers: {spent.tally.elapsed:.1f} s elapsed; "
+            f"processor time: diagnoses {spent.tally.seconds:.1f} s, "
+            f"workers {' + '.join(f'{each:.1f}' for each in spent.workers_s)} s, "
+            f"scheduler and command {spent.tally.overhead_s:.2f} s in {spent.tally.batches} batches, "
+            f"start {spent.start_s:.1f} s; load {os.getloadavg()[0]:.1f}"
         )
-        faster, over = one.elapsed / two.elapsed, two.overhead_s / two.seconds
-        line("elapsed, one worker over two", f"{faster:.2f}", f">= {FASTER}", faster >= FASTER)
-        line("scheduler and command over work", f"{over:.1%}", f"<= {OVERHEAD:.0%}", over <= OVERHEAD)
-        return faster >= FASTER and over <= OVERHEAD
+    one, two = found[1], found[2]
+    each = two.tally.seconds / count
+    print(
+        f"{each:.3f} s a data set, {1e3 * hashed:.1f} ms to hash one, {two.bytes_each:.0f} bytes a result, "
+        f"{1e3 * two.tally.overhead_s / two.tally.batches:.1f} ms of scheduler and command a batch"
+    )
+    print(
+        f"{WANTED} data sets: {WANTED * each / 60:.0f} min of processor time, "
+        f"{WANTED / count * two.on_two_processors / 60:.0f} min on two processors of their own, "
+        f"{WANTED / count * two.tally.elapsed / 60:.0f} min elapsed under this load"
+    )
+    faster = one.tally.elapsed / two.tally.elapsed
+    own = sum(one.workers_s) / two.on_two_processors
+    over = two.tally.overhead_s / two.tally.seconds
+    beside = sum(two.workers_s) / two.tally.seconds - 1.0
+    line("one worker over two, elapsed", f"{faster:.2f}", f">= {FASTER}", faster >= FASTER)
+    line("one worker over two, by processor time", f"{own:.2f}", f">= {FASTER}", own >= FASTER)
+    line("scheduler and command over work", f"{over:.1%}", f"<= {OVERHEAD:.0%}", over <= OVERHEAD)
+    line(
+        "... with what workers do beside it",
+        f"{over + beside:.1%}",
+        f"<= {OVERHEAD:.0%}",
+        over + beside <= OVERHEAD,
+    )
+    return faster >= FASTER and own >= FASTER and over + beside <= OVERHEAD
+
+
+def write_sets(folder: Path, count: int, readings: int) -> None:
+    """So many data sets, each another by its header."""
+    texts = []
+    for seed in range(1, min(count, KINDS) + 1):
+        campaign = make_campaign(
+            seed=seed,
+            n=readings,
+            n_validation=max(readings // 10, HELD_OUT // 5),
+            effects=["backlash:j4"],
+            size=4.0,
+        )
+        data = Path(write_campaign(campaign, folder.with_name(f"kind{seed}"))["csv"])
+        texts.append((data.read_text("utf-8"), data.with_suffix(".toml").read_text("utf-8")))
+    folder.mkdir()
+    for i in range(count):
+        table, header = texts[i % len(texts)]
+        (folder / f"{i:05d}.csv").write_text(table, "utf-8")
+        (folder / f"{i:05d}.toml").write_text(f"# {i}\n{header}", "utf-8")
+
+
+def _measured(root: Path, sources: list[Source], workers: int) -> Spent:
+    order = Order(f"sqlite:///{root}/{workers}.sqlite3", f"{workers}")
+    Store.open(order.store).close()
+    began = time.process_time()
+    with local(workers) as client:
+        before = _processor_times(client)
+        start_s = time.process_time() - began + sum(before.values())
+        tally = Run(client, order, sources, print).run(_quiet)
+        after = _processor_times(client)
+    assert not tally.failed
+    with Store.open(order.store) as store:
+        results = store.work.results(order.task)
+    assert len(results) == tally.done == len(sources)
+    return Spent(
+        tally,
+        start_s,
+        tuple(after[each] - before[each] for each in before),
+        sum(len(each.content) for each in results) / len(results),
+    )
+
+
+def _processor_times(client: Client) -> dict[str, float]:
+    """Of every worker, s. Asking imports the program there, as the enrolment of a worker does."""
+    found: Any = client.run(_processor_time)
+    return found
+
+
+def _processor_time() -> float:
+    import fleet.diagnose.batch  # noqa: F401
+
+    return time.process_time()
 
 
 def _quiet(_: Tally) -> None:

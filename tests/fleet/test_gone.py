@@ -15,12 +15,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import psutil
+import psycopg
 import pytest
+import sqlalchemy as sa
 from sqlalchemy import event, exc
 
 from fleet.errors import StoreError, StoreGone
 from fleet.store import Document, Store, migrate
 from fleet.store import engine as engines
+from fleet.store.engine import writing
 from service import exit_codes, refusals
 from tests.fleet.documents import BEGAN, ROBOT, model, watch
 from tests.fleet.postgres import Cluster
@@ -225,3 +229,56 @@ def test_a_file_that_another_program_is_making_is_waited_for(
         assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
     assert len(waited) == 1
     other.close()
+
+
+@contextmanager
+def hanging(postgres: Cluster) -> Iterator[None]:
+    """The processes of a server stopped, as by a disk that answers no more: connections stay open and are silent."""
+    leader = psutil.Process(int((postgres.folder / "data" / "postmaster.pid").read_text("utf-8").split()[0]))
+    family = [leader, *leader.children(recursive=True)]
+    for each in family:
+        each.suspend()
+    try:
+        yield
+    finally:
+        for each in family:
+            each.resume()
+
+
+def test_a_server_that_hangs_is_given_up(
+    postgres: Cluster, server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fleet.store.postgres.LATER_S", 0.1)
+    with Store.open(f"{server}&answer_timeout=1&connect_timeout=2") as store:
+        store.add(model({"d1": 1.0}))
+
+        def ask() -> None:
+            with writing(store._engine) as connection:
+                connection.execute(sa.text("SELECT 1"))
+                with hanging(postgres):  # in the middle of a transaction
+                    connection.execute(sa.text("SELECT 2"))
+
+        with pytest.raises(StoreGone, match=r"nothing came within 1\.1 s"):
+            ask()
+        assert store.add(model({"d1": 2.0}, day=1)).state == "new"  # the same store, when the server goes on
+        with hanging(postgres), pytest.raises(StoreGone, match="connection timeout expired"):
+            store.robots()
+        assert len(store.documents()) == 2
+
+
+def test_a_question_that_waits_for_a_lock_is_ended_by_the_server(server: str) -> None:
+    with Store.open(f"{server}&answer_timeout=1") as store, psycopg.connect(server) as other:
+        other.execute("LOCK TABLE robot IN ACCESS EXCLUSIVE MODE")
+        with pytest.raises(StoreGone, match="statement timeout"):
+            store.robots()
+        other.rollback()
+        assert store.robots() == []
+
+
+def test_a_time_that_is_none_is_refused_by_its_name(server: str) -> None:
+    for key in ("answer_timeout", "connect_timeout"):
+        with pytest.raises(StoreError, match="whole seconds") as refused:
+            Store.open(f"{server}&{key}=soon")
+        assert refused.value.key == key
+    with Store.open(f"{server}&answer_timeout=0") as store:
+        assert store.robots() == []

@@ -18,7 +18,7 @@ import uvicorn
 from fleet.outbox import FILE, Link, Outbox, Sender
 from fleet.store import Store
 from service.http.access.roles import Tokens
-from service.plant import Settings, create_plant
+from service.plant import Senders, Settings, create_plant
 from tests.fleet import documents
 from tests.fleet.lossy import FATES, Lossy, lossy
 from tests.fleet.test_outbox import NOW
@@ -31,7 +31,9 @@ COUNT = 300
 def server_of(url: str) -> Iterator[int]:
     """The server of a store in a thread, on a port of its own."""
     with Store.open(url) as store, socket.create_server(("127.0.0.1", 0)) as listener:
-        config = uvicorn.Config(create_plant(store, Settings(TOKENS)), log_level="warning", access_log=False)
+        config = uvicorn.Config(
+            create_plant(store, Settings(Senders(TOKENS))), log_level="warning", access_log=False
+        )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

@@ -18,7 +18,7 @@ from fleet.errors import StoreError, StoreFull, StoreGone
 from fleet.outbox import LARGEST
 from fleet.store import Document, RobotKey, Store
 from service.http.access.roles import Tokens
-from service.plant import Settings, create_plant
+from service.plant import Senders, Settings, create_plant
 from tests.fleet import documents
 from tests.fleet.postgres import Cluster
 
@@ -40,7 +40,7 @@ def client(lite: Store) -> Iterator[TestClient]:
 
 
 def serving(store: Store, **settings: Any) -> TestClient:
-    app = create_plant(store, Settings(TOKENS, **settings))
+    app = create_plant(store, Settings(Senders(TOKENS), **settings))
     return TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False)
 
 
@@ -243,7 +243,7 @@ def test_a_database_that_goes_and_comes_back(postgres: Cluster, template: str) -
 
 def test_a_client_that_goes_in_mid_upload_leaves_nothing(lite: Store) -> None:
     sent = documents.model({"d1": 0.25})
-    app = create_plant(lite, Settings(TOKENS))
+    app = create_plant(lite, Settings(Senders(TOKENS)))
     messages = [
         {"type": "http.request", "body": sent.content[:20], "more_body": True},
         {"type": "http.disconnect"},

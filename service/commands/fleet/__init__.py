@@ -12,11 +12,13 @@ from service.commands.fleet.migrate import migrate_command
 from service.commands.fleet.outbox import app as outbox
 from service.commands.fleet.send import send_command
 from service.commands.fleet.serve import serve_command
+from service.commands.fleet.token import app as token
 
 app = typer.Typer(help="Keep in one place what the cells of a plant know of their robots.")
 app.command("send")(send_command)
 app.add_typer(outbox, name="outbox", no_args_is_help=True, cls=Group)
 app.command("serve")(serve_command)
+app.add_typer(token, name="token", no_args_is_help=True, cls=Group)
 app.command("diagnose")(diagnose_command)
 app.command("learn")(learn_command)
 app.command("demo")(demo_command)

@@ -38,6 +38,14 @@ def serve_command(
             "made where it is not there.",
         ),
     ],
+    cell_tokens: Annotated[
+        Path | None,
+        typer.Option(
+            "--cell-tokens",
+            metavar="FILE",
+            help="A token for each cell ('truepose fleet token'): the first line of --token-file then sends nothing.",
+        ),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     name: Annotated[
@@ -58,8 +66,9 @@ def serve_command(
     tokens = lasting_tokens(token_file, first="cells'", harm="write to the store")
     from fleet.store import Store
     from service.http.server import run_server
-    from service.plant import Settings, create_plant
+    from service.plant import Senders, Settings, create_plant
 
+    senders = Senders(tokens, cell_tokens)
     with json_log(log), closing(Store.open(store)) as opened:
         place = opened.place
 
@@ -82,7 +91,7 @@ def serve_command(
                 )
             )
 
-        code = run_server(create_plant(opened, Settings(tokens, host, tuple(name or ()))), host, port, hello)
+        code = run_server(create_plant(opened, Settings(senders, host, tuple(name or ()))), host, port, hello)
     if code != exit_codes.DONE:
         sys.stderr.write("truepose: the server did not start.\n")
         raise typer.Exit(code)

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.access.roles import Role, Tokens, viewer_may
+from service.http.access.roles import Role, viewer_may
 from service.http.wire import problems
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem
@@ -56,13 +56,19 @@ def _of_a_cell(role: Role, method: str, path: str) -> Problem | None:
 CELL = Rules(_is_open, _of_a_cell, "truepose serve")
 
 
+class Known(Protocol):
+    """Tokens with their roles."""
+
+    def role_of(self, token: str) -> Role | None: ...
+
+
 class Guarded(Protocol):
     """What the gate has to know of a service: its address, its tokens, the largest body."""
 
     @property
     def host(self) -> str: ...
     @property
-    def tokens(self) -> Tokens: ...
+    def tokens(self) -> Known: ...
     @property
     def upload_bytes(self) -> int: ...
 
@@ -82,7 +88,7 @@ class Gate:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        role = _role(self._tokens, headers.get("authorization", ""))
+        role = self._tokens.role_of(token) if (token := bearer(headers.get("authorization", ""))) else None
         refusal = self._refusal(headers, scope["method"], scope["path"], role)
         if refusal is not None:
             answer = problems.response(
@@ -157,6 +163,7 @@ class Gate:
         return counted
 
 
-def _role(tokens: Tokens, header: str) -> Role | None:
+def bearer(header: str) -> str:
+    """The token of an Authorization header; "" where it has none."""
     kind, _, token = header.partition(" ")
-    return tokens.role_of(token.strip()) if kind.lower() == "bearer" else None
+    return token.strip() if kind.lower() == "bearer" else ""

@@ -1,84 +1,174 @@
-"""A scheduler of its own: workers of another program get nothing, and its death costs nothing that was done."""
+"""A scheduler of its own, with TLS and a PostgreSQL, as a plant has them: workers of another program get nothing, and
+what is killed or away costs nothing that was done."""
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
+from dask import config
 
+from calib.errors import DataError
+from fleet.diagnose import Source, in_store
 from fleet.diagnose.batch import Order
 from fleet.diagnose.call import diagnose_all
+from fleet.diagnose.engine import connected
 from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.source import in_files
 from fleet.diagnose.tally import Tally
-from fleet.store import Store
+from fleet.store import Document, Store, dataset_content
 from tests.drivers.nobody import nobody_listens
+from tests.drivers.waiting import until
+from tests.fleet.diagnose.certificates import make_certificates
 from tests.fleet.diagnose.sets import bad
+from tests.fleet.documents import BEGAN, ROBOT
+from tests.fleet.postgres import Cluster
 
 ROOT = Path(__file__).parents[3]
+OTHER = "0.0.9+other"
+SETS = 40
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return make_certificates(tmp_path_factory.mktemp("tls") / "own")
+
+
+def settings(files: dict[str, Path]) -> dict[str, str]:
+    """Dask's settings of the command, as environment variables are read."""
+    tls = "distributed.comm.tls"
+    return {
+        f"{tls}.ca-file": str(files["ca"]),
+        f"{tls}.client.cert": str(files["cert"]),
+        f"{tls}.client.key": str(files["key"]),
+    }
 
 
 @contextmanager
-def program(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A program of `tests.fleet.diagnose.programs`, and the address that it prints when it listens."""
-    command = [sys.executable, "-m", "tests.fleet.diagnose.programs", *words]
+def process(*words: str, environment: dict[str, str] | None = None) -> Iterator[subprocess.Popen[str]]:
+    """A program of Python, killed at the end of the block."""
     with subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    ) as process:
+        [sys.executable, "-m", *words],
+        cwd=ROOT,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as running:
         try:
-            assert process.stdout is not None
-            yield process, process.stdout.readline().strip()
+            yield running
         finally:
-            process.kill()
+            running.kill()
 
 
-def quiet(_: object) -> None:
-    """Hears nothing."""
+def as_in_the_manual(what: str, files: dict[str, Path], *words: str) -> list[str]:
+    """`dask scheduler` or `dask worker` with the options of docs/fleet-engine.md."""
+    tls = [f"--tls-ca-file={files['ca']}", f"--tls-cert={files['cert']}", f"--tls-key={files['key']}"]
+    return ["dask", what, *words, "--host", "127.0.0.1", "--no-dashboard", *tls]
 
 
-def test_other_programs_get_nothing_and_a_killed_scheduler_loses_nothing(tmp_path: Path) -> None:
-    sources = in_files([bad(tmp_path, f"bad{i}") for i in range(40)])
-    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "first", lease_s=1.0)
+def put(url: str, folder: Path) -> list[Source]:
+    """Data sets that cannot be used, of which refusals are quickly made, in a store."""
+    with Store.open(url) as store:
+        for i in range(SETS):
+            data = bad(folder, f"bad{i}")
+            content = dataset_content(data.read_text("utf-8"), data.with_suffix(".toml").read_text("utf-8"))
+            store.add(Document("dataset", ROBOT, "cell-1", f"bad{i}", BEGAN, content))
+        return in_store(store)
+
+
+def results(order: Order) -> Sequence[object]:
+    with Store.open(order.store) as store:
+        return store.work.results(order.task)
+
+
+def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
+    tmp_path: Path, postgres: Cluster, template: str, certificates: dict[str, Path]
+) -> None:
+    url = postgres.database(template)
+    sources = put(url, tmp_path)
+    order = Order(url, "first", lease_s=1.0)
     told: list[str] = []
     with ExitStack() as running:
-        scheduler, address = running.enter_context(program("scheduler"))
-        _, wrong = running.enter_context(program("worker", address, "0.0.9+other"))
-        running.enter_context(program("worker", address, ""))
+        said = tmp_path / "scheduler.json"
+        scheduler = running.enter_context(
+            process(*as_in_the_manual("scheduler", certificates, "--port", "0", "--protocol", "tls"),
+                    "--scheduler-file", str(said))
+        )  # fmt: skip
+        until(said.exists, 60.0)
+        address = json.loads(said.read_text("utf-8"))["address"]
+        tls = {f"DASK_DISTRIBUTED__COMM__TLS__{key}": str(certificates[name])
+               for key, name in (("CA_FILE", "ca"), ("WORKER__CERT", "cert"), ("WORKER__KEY", "key"))}  # fmt: skip
+        wrong = running.enter_context(
+            process("tests.fleet.diagnose.programs", address, OTHER, environment=tls)
+        )
+        assert wrong.stdout is not None
+        its_address = wrong.stdout.readline().strip()
+        running.enter_context(
+            process(*as_in_the_manual("worker", certificates, address, "--nthreads", "1", "--no-nanny"))
+        )
+
+        with (
+            config.set(settings(make_certificates(tmp_path / "stranger"))),
+            pytest.raises(EngineGone, match=r"no scheduler answers .*certificate"),
+            connected(address),
+        ):
+            pass
 
         def kill(tally: Tally) -> None:
             if tally.done >= 2:
                 scheduler.kill()
 
-        with pytest.raises(EngineGone, match="scheduler is gone"):
+        with config.set(settings(certificates)), pytest.raises(EngineGone, match="scheduler is gone"):
             diagnose_all(sources, order, told.append, kill, scheduler=address)
-    refusals = [each for each in told if "refused" in each]
-    assert len(refusals) == 1
-    assert wrong in refusals[0]
-    assert "it runs TruePose 0.0.9+other" in refusals[0]
+    assert urlsplit(address).scheme == "tls"
+    (refusal,) = [each for each in told if "refused" in each]
+    assert its_address in refusal
+    assert f"it runs TruePose {OTHER}" in refusal
+    first = results(order)
+    assert 2 <= len(first) < SETS
 
-    with Store.open(order.store) as store:
-        first = store.work.results(order.task)
-    assert 2 <= len(first) < 40
-    again = replace(order, owner="second")
-    with ExitStack() as running:
-        _, address = running.enter_context(program("scheduler"))
-        running.enter_context(program("worker", address, ""))
-        tally = diagnose_all(sources, again, quiet, quiet, scheduler=address)
-    assert (tally.found, tally.done, tally.twice, tally.failed) == (len(first), 40 - len(first), 0, {})
-    with Store.open(order.store) as store:
-        results = store.work.results(order.task)
-    assert results[: len(first)] == first  # written once
-    assert len({each.job.data for each in results}) == len(results) == 40
+    stopped: list[int] = []
+    said_again: list[str] = []
+
+    def stop(tally: Tally) -> None:
+        if not stopped and tally.done:
+            stopped.append(tally.done)
+            postgres.stop()
+
+    def hear(sentence: str) -> None:
+        said_again.append(sentence)
+        if "does not answer" in sentence:
+            postgres.start()
+
+    tally = diagnose_all(sources, replace(order, owner="second"), hear, stop, workers=1)
+    assert stopped[0] < SETS
+    assert "Nothing that is done is lost" in said_again[0]
+    assert said_again[1].startswith("the store answers again")
+    assert (tally.left, tally.twice, tally.failed) == (0, 0, {})
+    last = results(order)
+    assert last[: len(first)] == first  # written once
+    assert len(last) == SETS
 
 
-def test_where_no_scheduler_answers_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fleet.diagnose.engine.CONNECT_S", 0.5)
-    sources = in_files([bad(tmp_path, "bad")])
-    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "first")
-    with nobody_listens() as port, pytest.raises(EngineGone, match="no scheduler answers"):
-        diagnose_all(sources, order, quiet, quiet, scheduler=f"tcp://127.0.0.1:{port}")
+def test_a_way_with_tls_needs_certificates_that_can_be_read(tmp_path: Path) -> None:
+    (tmp_path / "ca.pem").write_text("no certificate", "utf-8")
+    with nobody_listens() as port:
+        address = f"tls://127.0.0.1:{port}"
+        with pytest.raises(DataError, match="needs certificates"), connected(address):
+            pass
+        for name in ("ca.pem", "nowhere.pem"):
+            files = dict.fromkeys(("ca", "cert", "key"), tmp_path / name)
+            with (
+                config.set(settings(files)),
+                pytest.raises(DataError, match="certificates cannot be used"),
+                connected(address),
+            ):
+                pass

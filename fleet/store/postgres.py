@@ -1,0 +1,74 @@
+"""A PostgreSQL that does not answer: how long it is waited for, which an address may say.
+
+    postgresql://USER@HOST/NAME?connect_timeout=5&answer_timeout=30      seconds; answer_timeout=0: for ever
+
+A server ends a statement by itself after this time (its `statement_timeout`): one that waits for a lock, say. A server
+that hangs, or a network that swallows everything, ends nothing: so this end gives up a little later, and closes the
+connection, since nobody knows what state it is in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import psycopg
+import sqlalchemy as sa
+from psycopg import errors
+from psycopg.abc import RV, PQGen
+from sqlalchemy import event
+
+from fleet.errors import StoreError
+
+CONNECT_S, ANSWER_S = 5, 30
+LATER_S = (
+    2.0  # this end waits longer than the server by this much, so that a server that lives gives the reason
+)
+CONNECT, ANSWER = "connect_timeout", "answer_timeout"
+
+
+class _Limited(psycopg.Connection[Any]):
+    """A connection that waits for an answer `answer_s` at most."""
+
+    answer_s: float | None = None
+
+    def wait(self, gen: PQGen[RV], interval: float = 0.1, timeout: float | None = None) -> RV:
+        """As of any connection. Raises OperationalError, and closes the connection, where no answer has come."""
+        try:
+            return super().wait(gen, interval, self.answer_s if timeout is None else timeout)
+        except errors.OperationalError:
+            if self.answer_s is None or self.pgconn.transaction_status != psycopg.pq.TransactionStatus.ACTIVE:
+                raise
+            self.pgconn.finish()
+            raise errors.OperationalError(f"nothing came within {self.answer_s:g} s") from None
+
+
+def limited(url: sa.URL, place: str, *, forever: bool) -> sa.Engine:
+    """The engine of a server, not yet connected. forever: statements may take as long as they do (migrations).
+
+    Raises StoreError for times that are none.
+    """
+    connect_s, answer_s = _seconds(url, CONNECT, CONNECT_S, place), _seconds(url, ANSWER, ANSWER_S, place)
+    engine = sa.create_engine(
+        url.difference_update_query([CONNECT, ANSWER]),
+        pool_pre_ping=True,  # a server that was away is there again without a restart of ours
+        connect_args={"connect_timeout": connect_s},
+    )
+    unlimited = forever or answer_s == 0
+
+    @event.listens_for(engine, "do_connect")
+    def connect(_dialect: Any, _record: Any, arguments: list[Any], named: dict[str, Any]) -> _Limited:
+        connection = _Limited.connect(*arguments, **named)
+        if not unlimited:
+            connection.answer_s = answer_s + LATER_S
+            with connection.transaction():
+                connection.execute(f"SET SESSION statement_timeout = {1000 * answer_s}".encode())
+        return connection
+
+    return engine
+
+
+def _seconds(url: sa.URL, key: str, usual: int, place: str) -> int:
+    given = url.query.get(key, str(usual))
+    if not isinstance(given, str) or not given.isdecimal():
+        raise StoreError(f"is {given!r}.", do="Give whole seconds; 0: for ever.", file=place, key=key)
+    return int(given)

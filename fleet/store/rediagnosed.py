@@ -1,0 +1,95 @@
+"""What a re-diagnosis of a robot's data sets says of its parameters, as points of a trend.
+
+It says of the same readings what the cell's own model said, by another version: so it stands in the place of that model
+(`replaced`), and no measurement is shown twice. Of several versions the result that was finished last counts.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence, Set
+from datetime import datetime
+from typing import Any
+
+import sqlalchemy as sa
+
+from fleet.store import tables
+from fleet.store.document import Point, RobotKey
+from fleet.store.rows import ERROR, K
+
+FORMAT = "truepose-fleet-diagnosis/1"
+TASK = "diagnose"
+"""Whose results count: a search that was told to stop earlier has another name, and makes no model to compare."""
+_MANY = 500  # keys in one question
+
+
+def rediagnosed(connection: sa.Connection, robot: RobotKey) -> list[Point]:
+    """The points of every parameter, and of the error on held-out readings, by name and time.
+
+    Not of data sets that do not say when they were measured: their time is that of a file.
+    """
+    found = _contents(connection, _last(connection, robot))
+    points = [point for row, table in found for point in _points(row, table)]
+    return sorted(points, key=lambda each: (each.parameter, each.measured_at))
+
+
+def replaced(
+    points: Sequence[Point], kinds: Mapping[str, str], times: Set[datetime], by: Sequence[Point]
+) -> list[Point]:
+    """Points of documents and of re-diagnoses together, by name and time.
+
+    kinds: of each document, by hash; times: when the data sets were measured of which models are replaced.
+    """
+    kept = [each for each in points if kinds[each.hash] != "model" or each.measured_at not in times]
+    return sorted((*kept, *by), key=lambda each: (each.parameter, each.measured_at))
+
+
+def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, sa.Row[Any]]:
+    """The result of each data set that was finished last, by its key, without its content."""
+    d, r, found = tables.document.c, tables.robot.c, tables.result.c
+    question = (
+        sa.select(found.key, d.hash, d.measured_at, found.program)
+        .join_from(tables.document, tables.robot)
+        .join(tables.result, found.data == d.hash)
+        .where(r.serial == robot.serial, r.model == robot.model, d.kind == "dataset", found.task == TASK)
+        .where(d.identity != "dataset " + d.hash)
+        .order_by(found.finished_at, found.key)
+    )
+    newest = {row.hash: row for row in connection.execute(question)}
+    return {row.key: row for row in newest.values()}
+
+
+def _contents(
+    connection: sa.Connection, rows: Mapping[str, sa.Row[Any]]
+) -> list[tuple[sa.Row[Any], dict[str, Any]]]:
+    found, keys, out = tables.result.c, list(rows), []
+    for begin in range(0, len(keys), _MANY):
+        some = sa.select(found.key, found.bytes).where(found.key.in_(keys[begin : begin + _MANY]))
+        out += [(rows[key], json.loads(bytes(content))) for key, content in connection.execute(some)]
+    return out
+
+
+def _points(row: sa.Row[Any], table: Mapping[str, Any]) -> list[Point]:
+    """Those of one result: none of a refusal, nor of a version that kept no parameters."""
+    points = [
+        Point(
+            row.measured_at,
+            each["name"],
+            each["value"],
+            None if each["std"] is None else K * each["std"],
+            each["unit"],
+            row.hash,
+            row.program,
+            rediagnosed=True,
+        )
+        for each in table.get("parameters", ())
+        if each["value"] is not None
+    ]
+    missed = table.get("error_after_mm")
+    if points and missed and missed["rms"] is not None:
+        u = K * missed["rms"] / math.sqrt(6.0 * missed["n"])
+        points.append(
+            Point(row.measured_at, ERROR, missed["rms"], u, "mm", row.hash, row.program, rediagnosed=True)
+        )
+    return points

@@ -1,0 +1,147 @@
+"""Tokens of the cells of a plant, one each, with a role, to be taken away one by one.
+
+The file holds the SHA-256 of each token, not the token: who reads it can send nothing. It is read anew whenever it has
+changed, so that a token taken away is worth nothing from the next request on. A file that cannot be used lets nobody
+in.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from calib.errors import DataError
+from calib.text import parse_json, replace_file
+from fleet.store import LONGEST
+from service.http.access.roles import Role, Tokens
+from service.private import read_secret
+
+FORMAT = "truepose-fleet-tokens/1"
+May = Literal["cell", "viewer"]
+_ROLES = {"cell": Role.OPERATOR, "viewer": Role.VIEWER}
+
+
+@dataclass(frozen=True)
+class Own:
+    """One token. name: of the cell, or of who reads; role: "cell" puts documents in under its name, "viewer" reads;
+    sha256: of the token, 64 hexadecimal digits; made: day, "2026-03-02"."""
+
+    name: str
+    role: May
+    sha256: str
+    made: str
+
+    def __post_init__(self) -> None:
+        """Raises DataError for what is no entry."""
+        if self.role not in get_args(May):
+            raise DataError(f"is {self.role!r}.", do="Give cell or viewer.", key="role")
+        name = self.name
+        if not name.strip() or name != name.strip() or len(name) > LONGEST or not name.isprintable():
+            raise DataError(f"{name!r} is no name.", do=f"Give {LONGEST} letters at most.", key="name")
+
+
+def read_tokens(file: Path) -> list[Own]:
+    """The tokens of a file; none where there is no file. Raises DataError where others may read it, or it is none."""
+    if not file.exists():
+        return []
+    table = parse_json(read_secret(file, "see who may send").encode(), file)
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise DataError(
+            f"is no {FORMAT}.", do="Make one: truepose fleet token add NAME --file FILE", file=file
+        )
+    try:
+        return [Own(*(each[key] for key in ("name", "role", "sha256", "made"))) for each in table["tokens"]]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DataError(f"is damaged ({error}).", do="Make it anew; cells wait.", file=file) from error
+
+
+def write_tokens(file: Path, tokens: Sequence[Own]) -> None:
+    """Replace the file at once, whole, readable by its owner alone where `service.private.owner_only` is in force."""
+    table = {"format": FORMAT, "tokens": [asdict(each) for each in tokens]}
+    replace_file(file, json.dumps(table, indent=1) + "\n")
+
+
+def issue(file: Path, name: str, role: May, made: str) -> str:
+    """A new token for a name, which is told here and never again. Raises DataError where the name has one."""
+    known = read_tokens(file)
+    if any(each.name == name for each in known):
+        raise DataError(
+            f"'{name}' has a token.", do="Take that away first: truepose fleet token revoke", file=file
+        )
+    token = secrets.token_urlsafe(32)
+    write_tokens(file, [*known, Own(name, role, _digest(token), made)])
+    return token
+
+
+def revoke(file: Path, name: str) -> None:
+    """Take the token of a name away. Raises DataError where it has none."""
+    known = read_tokens(file)
+    left = [each for each in known if each.name != name]
+    if len(left) == len(known):
+        names = ", ".join(each.name for each in known) or "nobody"
+        raise DataError(f"'{name}' has no token.", do=f"Those who have one: {names}.", file=file)
+    write_tokens(file, left)
+
+
+class Senders:
+    """Who may do what at a plant's server: the tokens of its start, and those of a file where there is one.
+
+    With a file the token that all cells share puts nothing in any more: whoever had it could send under any name.
+    """
+
+    def __init__(self, shared: Tokens, file: Path | None = None) -> None:
+        """shared: of the start; file: of the cells' own. Raises DataError for a file that cannot be used."""
+        self._shared, self._file = shared, file
+        self._lock = threading.Lock()
+        self._stamp, self._known = self._stamped(), {}
+        if file is not None:
+            self._known = {each.sha256: each for each in read_tokens(file)}
+
+    def role_of(self, token: str) -> Role | None:
+        """The role of a token; None for nobody's."""
+        role = self._shared.role_of(token)
+        if self._file is None or role is Role.VIEWER:
+            return role
+        own = self._own(token)
+        return None if own is None else _ROLES[own.role]
+
+    def cell_of(self, token: str) -> str | None:
+        """The cell whose own token this is; None for one that all share."""
+        own = None if self._file is None else self._own(token)
+        return None if own is None else own.name
+
+    def _own(self, token: str) -> Own | None:
+        with self._lock:
+            stamp = self._stamped()
+            if stamp != self._stamp:
+                self._stamp, self._known = stamp, self._again()
+            return self._known.get(_digest(token))
+
+    def _again(self) -> dict[str, Own]:
+        assert self._file is not None
+        try:
+            return {each.sha256: each for each in read_tokens(self._file)}
+        except (DataError, OSError) as error:
+            sys.stderr.write(f"truepose: nobody may send until this is mended: {error}\n")
+            return {}
+
+    def _stamped(self) -> tuple[int, ...]:
+        """What changes with the file."""
+        if self._file is None:
+            return ()
+        try:
+            found = self._file.stat()
+        except OSError:
+            return ()
+        return (found.st_mtime_ns, found.st_size, found.st_ino, found.st_mode)
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

@@ -1,0 +1,143 @@
+"""A token for each cell. These would catch: a cell that sends under another's name, a token that is worth something
+after it was taken away, and a file that tells the tokens."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from httpx2 import Response
+
+from fleet.store import Document, Store
+from service import exit_codes
+from service.cli import main
+from service.plant import Senders, Settings, create_plant
+from tests.fleet import documents
+from tests.fleet.test_plant import CELL, TOKENS, VIEWER, about
+
+Make = Callable[..., dict[str, str]]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "cells.json"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(store: Store, file: Path) -> TestClient:
+    app = create_plant(store, Settings(Senders(TOKENS, file)))
+    return TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False)
+
+
+@pytest.fixture
+def make(file: Path, capsys: pytest.CaptureFixture[str]) -> Make:
+    def made(name: str, *more: str) -> dict[str, str]:
+        assert main(["fleet", "token", "add", name, "--file", str(file), *more]) == exit_codes.DONE
+        return {"Authorization": f"Bearer {capsys.readouterr().out.strip()}"}
+
+    return made
+
+
+def put(client: TestClient, headers: dict[str, str], document: Document, **other: str) -> Response:
+    path = f"/api/v1/documents/{document.hash}"
+    return client.put(path, content=document.content, params=about(document, **other), headers=headers)
+
+
+def test_the_name_of_the_cell_is_that_of_its_token(
+    client: TestClient, store: Store, make: Make, file: Path
+) -> None:
+    seven, eight = make("hall 7"), make("hall 8")
+    assert put(client, seven, documents.model({"d1": 1.0}), cell="hall 8").status_code == 201
+    assert put(client, eight, documents.model({"d1": 2.0}, day=1), cell="somebody").status_code == 201
+    assert [each.cell for each in store.documents()] == ["hall 8", "hall 7"]
+    assert client.get("/api/v1/robots", headers=seven).status_code == 403
+    assert client.get("/api/v1/robots", headers=VIEWER).status_code == 200
+
+
+def test_the_token_that_all_share_sends_nothing_beside_own_ones(
+    client: TestClient, store: Store, make: Make
+) -> None:
+    for headers in (CELL, {"Authorization": "Bearer nobody's"}, {}):
+        assert put(client, headers, documents.model({"d1": 1.0})).status_code == 401
+    make("hall 7")
+    assert put(client, CELL, documents.model({"d1": 1.0})).status_code == 401
+    assert store.documents() == []
+
+
+def test_a_token_is_taken_away_without_a_restart(
+    client: TestClient, store: Store, make: Make, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seven, eight = make("hall 7"), make("hall 8")
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 201
+    assert main(["fleet", "token", "revoke", "hall 7", "--file", str(file)]) == exit_codes.DONE
+    assert put(client, seven, documents.model({"d1": 2.0}, day=1)).status_code == 401
+    assert put(client, eight, documents.model({"d1": 3.0}, day=2)).status_code == 201
+    assert put(client, make("hall 7"), documents.model({"d1": 2.0}, day=1)).status_code == 201
+    assert main(["fleet", "token", "list", "--file", str(file)]) == exit_codes.DONE
+    assert [line.split("\t")[:2] for line in capsys.readouterr().out.splitlines()] == [
+        ["hall 8", "cell"],
+        ["hall 7", "cell"],
+    ]
+
+
+def test_a_viewer_of_its_own_reads_and_writes_nothing(client: TestClient, make: Make) -> None:
+    office = make("office", "--role", "viewer")
+    assert client.get("/api/v1/robots", headers=office).status_code == 200
+    assert put(client, office, documents.model({"d1": 1.0})).status_code == 403
+
+
+def test_the_file_is_private_and_tells_no_token(make: Make, file: Path) -> None:
+    token = make("hall 7")["Authorization"].removeprefix("Bearer ")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert token not in file.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "spoil", ["{", '{"format": "other"}', '{"format": "truepose-fleet-tokens/1"}', "open"]
+)
+def test_a_file_that_cannot_be_used_lets_nobody_in(
+    client: TestClient, make: Make, file: Path, spoil: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seven = make("hall 7")
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 201
+    good = file.read_bytes()
+    if spoil == "open":
+        file.chmod(0o644)
+    else:
+        file.write_text(spoil, "utf-8")
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 401
+    assert client.get("/api/v1/robots", headers=VIEWER).status_code == 200
+    assert "nobody may send until this is mended" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="cells"):
+        Senders(TOKENS, file)  # a start is refused
+    file.chmod(0o600)
+    file.write_bytes(good)
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["add", "hall 7"], "has a token"),
+        (["add", " "], "is no name"),
+        (["add", "a\nb"], "is no name"),
+        (["revoke", "hall 9"], "Those who have one: hall 7"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    make: Make, file: Path, words: list[str], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make("hall 7")
+    before = file.read_bytes()
+    assert main(["fleet", "token", *words, "--file", str(file)]) == exit_codes.USAGE
+    assert why in capsys.readouterr().err
+    assert file.read_bytes() == before
