@@ -35,6 +35,10 @@ def do(folder: Path) -> None:
             regression(Path(job["data"]), folder, job["order"])
         elif job["kind"] == "placement":
             placement(folder, job["cell"], job["order"])
+        elif job["kind"] in ("watch_plan", "watch", "upkeep"):
+            from service import watch_job
+
+            watch_job.do(folder, job)
         else:
             identification(Path(job["data"]), folder, limits=job.get("limits"))
     except DataError as error:

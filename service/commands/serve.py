@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import ipaddress
+import os
 import re
 import sys
 import threading
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from service.http.access.settings import Settings
 
 _APP = "service.http.app"
+STORE = "TRUEPOSE_STORE"  # as `service.commands.stores` has it, without the database library that it loads
 _HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
@@ -46,6 +48,22 @@ def serve(
             metavar="FILE",
             help="File that keeps the operator's token and, in its second line, the viewer's; it is made where it is "
             f"not there. Else {VARIABLE}, or new ones at every start, in DIR/{NAME}.",
+        ),
+    ] = None,
+    store: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Store of the history of robots, as of 'truepose history'; or in TRUEPOSE_STORE, which is not "
+            "heeded with --simulate. Default: a file in DIR.",
+        ),
+    ] = None,
+    permitted: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            min=1e-6,
+            help="Largest position error permitted, RMS: dates of the next checks go by it.",
         ),
     ] = None,
     json: Annotated[
@@ -98,6 +116,8 @@ def serve(
             cell=the_cell,
             simulated=simulated,
             host=host,
+            store=store or (None if simulate else os.environ.get(STORE)),
+            permitted_mm=permitted,
         )
         hello = _for_programs if json else _for_people
         code = run_server(create_app(settings), host, port, partial(hello, settings))

@@ -13,7 +13,13 @@ from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate
 from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
-from service.http.routes import campaign_file_routes, cell_routes, data_routes, deletion_routes
+from service.http.routes import (
+    campaign_file_routes,
+    cell_routes,
+    data_routes,
+    deletion_routes,
+    history_routes,
+)
 from service.http.routes.pages import docs_page, metrics_routes, page
 from service.http.routes.pages.openapi import describe
 from service.http.routes.runs import loop_routes, plan_routes, prompt_routes, run_routes
@@ -27,6 +33,7 @@ from service.http.routes.work import (
     selection_routes,
     target_routes,
     validation_routes,
+    watch_routes,
 )
 from service.http.state import Service
 from service.http.wire import problems
@@ -71,6 +78,8 @@ def create_app(settings: Settings) -> FastAPI:
         program_routes,
         examination_routes,
         deletion_routes,
+        history_routes,
+        watch_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)

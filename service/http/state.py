@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import time
 from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
@@ -24,6 +25,7 @@ from service.http.wire.problems import Problem
 from service.http.work.campaigns import Shelf
 from service.http.work.datasets import Datasets
 from service.http.work.deletions import Deletions
+from service.http.work.history import History
 from service.http.work.idempotency import Keys
 from service.http.work.jobs import Jobs
 from service.http.work.readings import Readings
@@ -54,7 +56,15 @@ class Service:
         )
         self.shelf = Shelf(record / "campaigns")
         self.datasets = Datasets(record / "datasets")
-        self.jobs = Jobs(record)
+        self.history = History(
+            record,
+            settings.store,
+            socket.gethostname() if settings.cell is None else settings.cell.name,
+            simulated=settings.simulated is not None,
+            permitted_mm=settings.permitted_mm,
+        )
+        self.jobs = Jobs(record, self.history.look)
+        self.book.at_rest = self.history.look
         self.lease = MotionLease(Audit(record))
         self.loops = Loops(
             record / "loops",
@@ -150,6 +160,7 @@ class Service:
         self.book.refuse_new()
         self.workers.close()
         self.jobs.end()
+        self.history.close()
         self.loops.close()
 
     def close(self) -> None:

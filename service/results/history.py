@@ -104,7 +104,7 @@ class Trend:
             "centre": None if chart is None else chart.centre,
             "values": [
                 {
-                    "measured": _text(point.measured_at),
+                    "measured": text_of(point.measured_at),
                     "value": point.value,
                     "u": point.u,
                     "limits": None if chart is None else [float(x) for x in chart.limits[i]],
@@ -206,7 +206,7 @@ def history_document(robot: RobotKey, lines: Sequence[Line]) -> dict[str, Any]:
     """The lines of a robot, as JSON has them."""
     told = [
         {
-            "measured": _text(line.entry.measured_at),
+            "measured": text_of(line.entry.measured_at),
             "kind": line.entry.kind,
             "cell": line.entry.cell,
             "identity": line.entry.identity,
@@ -215,23 +215,27 @@ def history_document(robot: RobotKey, lines: Sequence[Line]) -> dict[str, Any]:
             "contradicts_another": line.entry.conflict,
             "verdict": None if line.said is None else line.said.verdict,
             "advice": None if line.said is None else line.said.advice,
-            "causes": []
-            if line.said is None
-            else [
-                {
-                    "label": each.label,
-                    "value": each.value,
-                    "u": each.u,
-                    "unit": each.unit,
-                    "weight": each.weight,
-                }
-                for each in line.said.causes
-            ],
+            "causes": [] if line.said is None else causes_of(line.said),
             "error_mm": None if line.error is None else {"rms": line.error.value, "u": line.error.u},
         }
         for line in lines
     ]
     return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "history": told}
+
+
+def causes_of(said: Said) -> list[dict[str, Any]]:
+    """The causes or effects that a verdict names, as JSON has them."""
+    return [
+        {
+            "label": each.label,
+            "in_words": each.in_words,
+            "value": each.value,
+            "u": each.u,
+            "unit": each.unit,
+            "weight": each.weight,
+        }
+        for each in said.causes
+    ]
 
 
 def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
@@ -244,7 +248,7 @@ def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
                 "model": each.robot.model,
                 "cells": list(each.cells),
                 "documents": dict(each.documents),
-                "last_measured": _text(each.last),
+                "last_measured": text_of(each.last),
             }
             for each in robots
         ],
@@ -255,14 +259,14 @@ def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
     """When each robot is due, as JSON has it."""
     return {
         "format": FORMAT,
-        "now": _text(now),
+        "now": text_of(now),
         "robots": [
             {
                 "serial": each.known.robot.serial,
                 "model": each.known.robot.model,
                 "verdict": None if each.said is None else each.said.verdict,
                 "error_mm": None if each.error is None else {"rms": each.error.value, "u": each.error.u},
-                "due": None if each.due is None else _text(each.due.date),
+                "due": None if each.due is None else text_of(each.due.date),
                 "overdue": each.overdue(now),
                 "because": each.because,
             }
@@ -271,5 +275,6 @@ def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
     }
 
 
-def _text(moment: datetime) -> str:
+def text_of(moment: datetime) -> str:
+    """A moment as JSON has it, UTC."""
     return f"{moment:%Y-%m-%dT%H:%M:%SZ}"

@@ -7,12 +7,14 @@ import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } 
 import { $, fill, h, wait } from "./dom.js";
 import * as report from "./report.js";
 import * as result from "./result.js";
+import * as robot from "./robot.js";
 import * as robots from "./robots.js";
 import * as run from "./run.js";
 import { sign, state } from "./units.js";
+import * as watch from "./watch.js";
 import { LANGUAGES, chooseLanguage, language, t } from "./words.js";
 
-const VIEWS = { cell: cellView, campaigns, run, result, report, robots }, BEAT_MS = 2000;
+const VIEWS = { cell: cellView, campaigns, run, result, report, robots, robot, watch }, BEAT_MS = 2000;
 let view = null, at = "", awake = () => {};
 
 // -- views ----------------------------------------------------------------------------------------------------
@@ -33,7 +35,7 @@ function go(again = false) {
   $("desk").replaceChildren(root);
   view = VIEWS[name].open(root, id);
   for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", false);
-  const link = document.querySelector(`nav a[href="#/${name}"]`);
+  const link = document.querySelector(`nav a[href="#/${["robot", "watch"].includes(name) ? "robots" : name}"]`);
   if (link) link.setAttribute("aria-current", "page");
   $("where").textContent = t(`view_of_${name}`);
   if (before) { $("where").focus({ preventScroll: true }); scrollTo(0, 0); $("trouble").replaceChildren(); }

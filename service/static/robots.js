@@ -1,49 +1,61 @@
-// The view Robots: the robot of the cell, posture by posture, and what was found on every robot so far.
+// The view Robots: every robot of the history in a line, what has changed and what is overdue first.
 
-import { ask, reckoned } from "./connection.js";
-import { desk } from "./desk.js";
-import { fill, h, numeric, table } from "./dom.js";
-import { scenePicture } from "./scene.js";
-import { moment, number } from "./units.js";
+import { Refusal, reckoned, upload } from "./connection.js";
+import { looksOn, order } from "./desk.js";
+import { fill, h } from "./dom.js";
+import { causeOf, day, dueOf, stateOf, withU } from "./history.js";
+import { posture } from "./posture.js";
+import { sparkline } from "./trend.js";
+import { number } from "./units.js";
 import { t } from "./words.js";
-import { errorsOf } from "./ladder.js";
 
-const signed = (x) => String(x).replace("-", "−");
-const MOST = 40;  // data sets that are looked through
+export const AGAIN_MS = 15000;
+
+// What a store that cannot be asked says, with what to do; what was shown stays.
+export const refusal = (error) => [h("strong", { lang: "en" }, `✖ ${error.message}`), " ", h("span", { lang: "en" }, `${t("whatToDo")} ${error.whatToDo}`)];
 
 export function open(root) {
-  const picture = scenePicture(t("robotPicture")), sliders = h("div", { className: "sliders" }), found = h("div", {}), head = h("h2", {}, t("robot"));
-  root.append(h("section", { className: "wide halves" }, h("div", {}, head, picture), h("div", {}, h("h2", {}, t("posture")), h("p", { className: "dim" }, t("postureHint")), sliders)),
-    h("section", { className: "wide" }, h("h2", {}, t("foundSoFar")), found));
-  let scene = null, latest = 0;
-  const pose = async (joints) => {
-    const mine = (latest += 1), made = await reckoned(`/cell/scene?joints_deg=${joints.join(",")}`);
-    if (mine === latest) picture.show({ ...made, described: t("robotDescribed", { joints: joints.join(", ") }) });
-  };
-  const draw = () => {
-    const joints = scene.joints_deg.map((each) => Math.round(each));
-    picture.show({ ...scene, described: t("robotDescribed", { joints: joints.join(", ") }) });
-    sliders.replaceChildren(...scene.limits_deg.map(([low, high], i) => {
-      const says = h("output", {}, `${signed(joints[i])}°`);
-      const slider = h("input", { type: "range", min: Math.ceil(low), max: Math.floor(high), value: joints[i], on: { input: () => {
-        joints[i] = Number(slider.value); says.textContent = `${signed(slider.value)}°`;
-        pose(joints).catch(() => {});
-      } } });
-      return h("label", {}, h("span", {}, `${t("joint")} ${i + 1}, ${signed(low)}° … ${signed(high)}°`), slider, says);
-    }));
+  const list = h("ul", { className: "robots", ariaLabel: t("view_of_robots") }), says = h("p", { role: "status", id: "store-says" }), about = h("p", { className: "dim" });
+  const refused = h("div", {}), arm = posture(), file = h("input", { type: "file", id: "document", accept: ".json", multiple: true, required: true });
+  const serial = h("input", { id: "serial", maxLength: 200, size: 16 });
+  const send = h("form", { className: "form", on: { submit: (event) => {
+    event.preventDefault();
+    order(async () => {
+      const told = [];
+      for (const each of file.files) told.push([each.name, (await upload("/documents", { file: each, serial: serial.value.trim() })).added[0]]);
+      kept.replaceChildren(...told.map(([name, added]) => h("li", {}, `${name}: ${t(`added_${added.state}`)}`,
+        added.contradicts.length ? h("span", {}, ` (${added.contradicts.map((hash) => hash.slice(0, 12)).join(", ")})`) : null)));
+      send.reset(); asked = 0;
+    });
+  } } }, h("label", {}, t("documentFiles"), file), h("label", {}, t("serialWhereNone"), serial), h("button", {}, t("keepThem"))), kept = h("ul", { role: "status" });
+  const adding = h("details", {}, h("summary", {}, t("addDocuments")), h("p", { className: "dim" }, t("addDocumentsHint")), send, kept);
+  root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, list, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
+  let asked = 0;
+
+  const show = (found) => {
+    fill(about, [found.store, found.permitted_mm, found.left_out], () => [t("storeIs", { store: found.store }), " ", found.permitted_mm ? t("permittedIs", { mm: number(found.permitted_mm) }) : t("permittedUnknown"),
+      found.left_out ? ` ${t("robotsLeftOut", { n: found.left_out })}` : ""]);
+    fill(list, [found.robots, found.permitted_mm], () => found.robots.length ? found.robots.map((each) => h("li", { className: each.state }, line(each, found.permitted_mm))) : h("li", {}, t("noRobots")));
+    fill(refused, found.not_kept, () => found.not_kept.length ? h("details", {}, h("summary", {}, `⚠ ${t("notKept", { n: found.not_kept.length })}`),
+      h("ul", { lang: "en" }, found.not_kept.map((each) => h("li", {}, each.path ? `${each.path}: ${each.because}` : each.because)))) : null);
   };
   const look = async () => {
-    if (desk.cell) head.textContent = `${desk.cell.robot} (${desk.cell.robot_driver})`;
-    if (!scene && desk.cell) { scene = await reckoned("/cell/scene"); draw(); }
-    const { datasets } = await ask("GET", "/datasets");
-    const jobs = (await Promise.all(datasets.slice(0, MOST).map(async (data) => (await ask("GET", `/datasets/${data.id}/jobs`)).jobs.map((job) => [data, job])))).flat()
-      .filter(([, job]) => job.state === "succeeded" && ["identification", "diagnosis"].includes(job.kind));
-    fill(found, jobs.map(([, job]) => job.id), () => jobs.length ? table(t("foundSoFar"), [t("when"), t("robot"), t("dataSet"), t("asFound"), t("after"), t("result")],
-      jobs.sort(([, a], [, b]) => (a.id < b.id ? 1 : -1)).map(([data, job]) => {
-        const { first, last } = errorsOf(job);
-        return [moment(new Date(job.created_utc)), data.robot, data.name + (data.simulated ? ` (${t("simulatedShort")})` : ""), numeric(number(first)), numeric(number(last)),
-          h("a", { href: `#/result/${job.id}`, className: "do" }, t(`kind_${job.kind}`))];
-      })) : h("p", {}, t("nothingFoundYet")));
+    adding.hidden = looksOn();
+    if (Date.now() - asked > AGAIN_MS) {
+      asked = Date.now();
+      try { show(await reckoned("/robots")); says.replaceChildren(); }
+      catch (error) { if (!(error instanceof Refusal)) throw error; says.replaceChildren(...refusal(error)); }
+    }
+    await arm.look();
   };
   return { look, show: () => {} };
+}
+
+function line(robot, permitted) {
+  const said = robot.watched, cause = said && robot.state !== "recalibrated" && said.causes[0];
+  const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
+  return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
+    h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
+      fact("positionError", robot.error_mm ? withU(robot.error_mm.rms, robot.error_mm.u, "mm") : "–"), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
+    h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors")))];
 }

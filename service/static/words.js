@@ -1,5 +1,7 @@
 // The one table of words of the page: English, German. What the service itself says (errors, reasons, events) is English.
 
+import { ROBOT_WORDS } from "./robot_words.js";
+
 const KEPT = "truepose-language";
 export const LANGUAGES = [["en", "English"], ["de", "Deutsch"]];
 
@@ -258,8 +260,8 @@ const WORDS = {
   // robots
   robotPicture: ["The robot in this posture", "Der Roboter in dieser Haltung"], robotDescribed: ["The robot at joint angles {joints} deg", "Der Roboter bei Gelenkwinkeln {joints} Grad"],
   posture: ["Posture", "Haltung"], postureHint: ["Only the picture moves.", "Nur das Bild bewegt sich."], joint: ["Joint", "Gelenk"],
-  foundSoFar: ["What was found on robots so far", "Was an Robotern bisher gefunden wurde"], nothingFoundYet: ["Nothing yet.", "Noch nichts."],
-  when: ["When", "Wann"], asFound: ["As found, mm", "Vorgefunden, mm"], after: ["After, mm", "Danach, mm"],
+  when: ["When", "Wann"],
+  ...ROBOT_WORDS,
 };
 
 const known = (code) => LANGUAGES.some(([each]) => each === code);

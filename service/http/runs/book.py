@@ -72,6 +72,7 @@ class Book:
         self._dry_runs = DryRuns(folder)
         self._damaged = Damaged(folder)
         self._execution: Execution | None = None
+        self.at_rest: Callable[[], None] = lambda: None  # called when a run or a loop has ended
         folder.mkdir(parents=True, exist_ok=True)
         for name in self.ids():
             self._recover(name)
@@ -253,6 +254,7 @@ class Book:
             finally:
                 execution.begun.set()
                 self._execution = None
+                self.at_rest()
 
         def heard(_: Event) -> None:
             execution.begun.set()
@@ -272,6 +274,7 @@ class Book:
                 work()
             finally:
                 self._execution = None
+                self.at_rest()
 
         with self._mutex:
             self.refuse_busy()

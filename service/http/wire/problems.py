@@ -19,6 +19,7 @@ from starlette.responses import Response
 from acquisition.errors import DamagedRecord, OtherIndividual, StorageError, UnsafePlan
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, JointLimit, LinkError
+from fleet.errors import StoreError, StoreGone
 from service import refusals
 from service.refusals import REFUSALS, Refusal
 
@@ -36,6 +37,8 @@ _CODES = {
     500: 8500,
 }
 _STATUS: tuple[tuple[type[Refusal], int], ...] = (
+    (StoreGone, 503),
+    (StoreError, 500),
     (DataError, 422),
     (UnsafePlan, 422),
     (JointLimit, 422),

@@ -1,19 +1,22 @@
-"""Identifications, diagnoses, alignments, regressions, searches of placements: one at a time, in a worker process.
+"""Identifications, diagnoses, alignments, regressions, searches of placements, watches: one at a time, in a worker
+process.
 
-    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/, placements/: job.json,
-    then result.json + report.html (a picture of an alignment and of placements, poses of a selection) or problem.json
+    RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/, placements/,
+    watch-plans/, watches/, upkeeps/: job.json, then result.json + report.html (a picture of an alignment and of
+    placements, poses of a selection, the updated model of a watch) or problem.json
 
 The folder is the state: a job without an outcome that nobody works on was cut off.
 """
 
 from __future__ import annotations
 
+import hashlib
 import queue
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,15 +47,33 @@ _FOLDERS = {
     "validation": "validations",
     "selection": "selections",
     "placement": "placements",
+    "watch_plan": "watch-plans",
+    "watch": "watches",
+    "upkeep": "upkeeps",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A model to judge by. own: the id of the job that found it, or the hash of a document; file: its name."""
+
+    own: str
+    file: str
+    content: bytes
+
+    @property
+    def sha256(self) -> str:
+        """The hash of the document, by which a history knows it."""
+        return hashlib.sha256(self.content).hexdigest()
 
 
 class Jobs:
     """The jobs of one record directory. Thread-safe."""
 
-    def __init__(self, record: Path) -> None:
-        self._record = record
+    def __init__(self, record: Path, done: Callable[[], None] = lambda: None) -> None:
+        """done: called when a job has come to its end."""
+        self._record, self._done = record, done
         self._queue: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
         self._changed = threading.Condition()
         self._waiting: set[Path] = set()
@@ -104,6 +125,21 @@ class Jobs:
         """Put a search of placements of the base balls in the queue, as `add`."""
         return self._add("placement", {"dataset_id": "", "cell": cell.source, "order": asdict(order)}, {})
 
+    def watch(self, kind: str, baseline: Baseline, dataset_id: str, asked: dict[str, Any]) -> dict[str, Any]:
+        """Put the plan of a watch, a watch or an upkeep in the queue, as `add`. asked: as `service.watch_job` takes
+        it."""
+        about = {"id": baseline.own, "sha256": baseline.sha256, "file": baseline.file}
+        order = {"dataset_id": dataset_id, "baseline": about, **asked}
+        return self._add(kind, order, {baseline.file: baseline.content})
+
+    def watches(self, kind: str, most: int) -> list[dict[str, Any]]:
+        """The newest plans of watches, watches or upkeeps, newest first, without those whose files are damaged."""
+        folder = self._record / _FOLDERS[kind]
+        names = sorted(
+            (p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()), reverse=True
+        )
+        return readable(names[:most], lambda name: self.document(kind, name))
+
     def align(self, robot: bytes, tracker: bytes, order: Order, name: str) -> dict[str, Any]:
         """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
         asked = {"dataset_id": "", "name": name, "order": asdict(order)}
@@ -146,6 +182,8 @@ class Jobs:
         shown: dict[str, Any] = {key: order[key] for key in ("id", "kind", "dataset_id", "created_utc")}
         if (folder / PROGRESS).is_file():
             shown["progress"] = read_kept(folder / PROGRESS, Answered)
+        if "baseline" in order:
+            shown["baseline"] = {key: order["baseline"][key] for key in ("id", "sha256")}
         if result is not None and kind == "alignment":
             shown["dataset_id"] = result["dataset_id"]
         return shown | {
@@ -272,6 +310,7 @@ class Jobs:
             with self._changed:
                 self._current = None
                 self._changed.notify_all()
+            self._done()
 
     def end(self) -> None:
         """End the work in hand and begin none; it can be asked for again."""

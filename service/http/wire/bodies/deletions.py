@@ -8,7 +8,7 @@ from service.http.wire.bodies.told import Answered, Id, told
 
 Kind = Literal[
     "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection",
-    "placement",
+    "placement", "watch_plan", "watch", "upkeep",
 ]  # fmt: skip
 
 

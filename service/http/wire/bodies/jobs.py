@@ -15,10 +15,12 @@ from service.http.wire.bodies.runs import StateCode
 from service.http.wire.bodies.selections import SelectionResult
 from service.http.wire.bodies.told import Answered, Created, Id, told
 from service.http.wire.bodies.validations import ValidationResult
+from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
 
 JobKind = Literal[
-    "identification", "diagnosis", "alignment", "regression", "validation", "selection", "placement"
-]
+    "identification", "diagnosis", "alignment", "regression", "validation", "selection", "placement", "watch_plan",
+    "watch", "upkeep",
+]  # fmt: skip
 Result = (
     IdentificationResult
     | DiagnosisResult
@@ -27,6 +29,9 @@ Result = (
     | ValidationResult
     | SelectionResult
     | PlacementsResult
+    | WatchPlanResult
+    | WatchResult
+    | UpkeepResult
 )
 
 
@@ -110,6 +115,53 @@ class PlacementsShown(_Job):
 
     progress: Annotated[Progress | None, told("How far it is, once it has begun.", None)] = None
     result: Annotated[PlacementsResult | None, told("Once it has succeeded.", None)]
+
+
+class BaselineShown(Answered):
+    """The model that a watch is judged by."""
+
+    id: Annotated[str, told("The id of its job, or the hash of a document.", "20261121-170459-3f9a1c07b2e")]
+    sha256: Annotated[str, told("The hash by which the history knows it.", "a93c6fe1")]
+
+
+class _Watched(_Job):
+    baseline: Annotated[BaselineShown, told("The model of the calibration.", {"id": "20261121-170459-3f9a1"})]
+
+
+class WatchPlanShown(_Watched):
+    """The plan of a watch."""
+
+    result: Annotated[WatchPlanResult | None, told("Once it has succeeded.", None)]
+
+
+class WatchShown(_Watched):
+    """A watch."""
+
+    result: Annotated[WatchResult | None, told("Once it has succeeded.", None)]
+
+
+class UpkeepShown(_Watched):
+    """An upkeep."""
+
+    result: Annotated[UpkeepResult | None, told("Once it has succeeded.", None)]
+
+
+class WatchPlansShown(Answered):
+    """Plans of watches."""
+
+    watch_plans: Annotated[list[WatchPlanShown], told("Newest first.", [])]
+
+
+class WatchesShown(Answered):
+    """Watches."""
+
+    watches: Annotated[list[WatchShown], told("Newest first.", [])]
+
+
+class UpkeepsShown(Answered):
+    """Upkeeps."""
+
+    upkeeps: Annotated[list[UpkeepShown], told("Newest first.", [])]
 
 
 class JobsShown(Answered):

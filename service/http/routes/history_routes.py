@@ -1,0 +1,194 @@
+"""The history of robots: a list, one robot, trends, documents, as `truepose history` has them."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, File, Form, Path, Query, UploadFile
+from fastapi.responses import JSONResponse, Response
+
+from service import history_calls
+from service.http.routes.json_route import JsonRoute
+from service.http.state import Here, Service
+from service.http.wire.bodies.robots import Added, Robots, RobotShown, Trends
+from service.http.wire.headers import IdempotencyKey
+from service.http.wire.paths import path_of
+from service.http.wire.problems import Problem, not_found
+from service.http.work.idempotency import reply
+from service.names import plain_name
+
+router = APIRouter(route_class=JsonRoute, tags=["robots"])
+DOCUMENTS = path_of("documents")
+LARGEST = 16 * 1024 * 1024  # of a document that is sent; a model has 30 kB to a few MB
+
+RobotName = Annotated[
+    str,
+    Path(
+        max_length=200,
+        description="The id of a robot, as the list has it; or its serial number, where one type alone has it.",
+        examples=["3f9a1c07b2e48d15"],
+    ),
+]
+Permitted = Annotated[
+    float,
+    Query(
+        ge=0.0,
+        le=1000.0,
+        allow_inf_nan=False,
+        description="Position error, RMS, that is permitted: dates go by it, mm; 0: what the service was started with.",
+        examples=[0.2],
+    ),
+]
+Way = Annotated[
+    Literal["staircase", "drift"],
+    Query(
+        description="Method of ILAC-G24. staircase: longer after good checks; drift: before the error leaves what is "
+        "permitted.",
+        examples=["staircase"],
+    ),
+]
+
+
+def _days(words: str, example: float) -> Any:
+    return Query(
+        ge=1.0, le=36_500.0, allow_inf_nan=False, description=f"{words}, days (no unit).", examples=[example]
+    )
+
+
+First = Annotated[float, _days("Interval before anything is known", 180.0)]
+Shortest = Annotated[float, _days("Shortest interval", 7.0)]
+Longest = Annotated[float, _days("Longest interval", 1825.0)]
+
+
+def _due(
+    here: Service, permitted: float, method: str, first: float, shortest: float, longest: float
+) -> dict[str, Any]:
+    return {
+        "permitted_mm": permitted or here.history.permitted_mm,
+        "method": method,
+        "first_days": first,
+        "shortest_days": shortest,
+        "longest_days": longest,
+    }
+
+
+@router.get("/robots", operation_id="listRobots", response_model=Robots)
+def list_robots(
+    here: Here,
+    permitted_mm: Permitted = 0.0,
+    method: Way = "staircase",
+    first_days: First = 180.0,
+    shortest_days: Shortest = 7.0,
+    longest_days: Longest = 1825.0,
+) -> JSONResponse:
+    """Every robot of the history, at most 1,000: state, last verdict and cause, errors, and when it is to be checked.
+
+    What this service has measured and found up to now is in it, or in `not_kept` with the reason.
+    """
+    due = _due(here, permitted_mm, method, first_days, shortest_days, longest_days)
+    here.history.bring()
+    found = here.history.ask(history_calls.robots, due)
+    more = {"permitted_mm": due["permitted_mm"], "not_kept": here.history.refused()}
+    return JSONResponse(found | more)
+
+
+@router.get("/robots/{robot_id}", operation_id="getRobot", response_model=RobotShown)
+def get_robot(
+    here: Here,
+    robot_id: RobotName,
+    permitted_mm: Permitted = 0.0,
+    method: Way = "staircase",
+    first_days: First = 180.0,
+    shortest_days: Shortest = 7.0,
+    longest_days: Longest = 1825.0,
+    limit: Annotated[
+        int, Query(ge=1, le=2000, description="Number of documents, newest first.", examples=[200])
+    ] = 200,
+) -> JSONResponse:
+    """One robot: what the list says of it, and its documents with what they said."""
+    due = _due(here, permitted_mm, method, first_days, shortest_days, longest_days)
+    here.history.bring()
+    found = here.history.ask(history_calls.robot, robot_id, due, limit)
+    if found is None:
+        raise not_found("robot", robot_id)
+    for line in found["history"]:
+        line["here"] = here.history.here(line["document"])
+    return JSONResponse(found | {"permitted_mm": due["permitted_mm"]})
+
+
+@router.get("/robots/{robot_id}/trends", operation_id="getTrends", response_model=Trends)
+def get_trends(
+    here: Here,
+    robot_id: RobotName,
+    parameter: Annotated[
+        str,
+        Query(
+            max_length=200,
+            description="Its name, as the model has it; error_rms: the position error; left out: all.",
+            examples=["error_rms"],
+        ),
+    ] = "",
+    limit: Annotated[
+        int,
+        Query(ge=1, le=2000, description="Number of values of each parameter, the newest.", examples=[200]),
+    ] = 200,
+) -> JSONResponse:
+    """How parameters of a robot have changed: values with U (k = 2), control limits, and what lies outside them."""
+    found = here.history.ask(history_calls.trends, robot_id, parameter or None, limit)
+    if found is None:
+        raise not_found("robot", robot_id)
+    return JSONResponse(found)
+
+
+@router.get("/documents/{document}", operation_id="getDocument", response_class=Response)
+def get_document(
+    here: Here,
+    document: Annotated[
+        str,
+        Path(
+            pattern="^[0-9a-f]{64}$",
+            description="SHA-256 of the document.",
+            examples=["a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"],
+        ),
+    ],
+) -> Response:
+    """A document of the history as it was sent: JSON."""
+    found = here.history.ask(history_calls.content, document)
+    if found is None:
+        raise not_found("document", document)
+    return Response(found, media_type="application/json", headers={"X-Content-Type-Options": "nosniff"})
+
+
+@router.post("/documents", operation_id="addDocument", status_code=201, response_model=Added)
+def add_document(
+    here: Here,
+    file: Annotated[
+        UploadFile, File(description="A model, the verdict of a watch, a diagnosis or an upkeep: JSON.")
+    ],
+    serial: Annotated[
+        str,
+        Form(
+            max_length=200,
+            description="Serial number, where the document names none.",
+            examples=["120-500321"],
+        ),
+    ] = "",
+    idempotency_key: IdempotencyKey = "",
+) -> JSONResponse:
+    """Keep a document that was made elsewhere, as `truepose history add` does; the same content once.
+
+    `state` is conflict where the history has another content for the same thing: both are kept, `contradicts` names it.
+    """
+    name, content = plain_name(file.filename or "document"), file.file.read(LARGEST + 1)
+
+    def work() -> JSONResponse:
+        if len(content) > LARGEST:
+            raise Problem(
+                413, "The document is larger than 16 MB.", "Send the document alone, not its readings."
+            )
+        history = here.history
+        made = history.ask(history_calls.put, name, content, history.name, serial.strip(), history.simulated)
+        return reply(201, made, location=f"{DOCUMENTS}/{made['added'][0]['document']}")
+
+    return here.keys.once(idempotency_key, (DOCUMENTS, serial, hashlib.sha256(content).hexdigest()), work)

@@ -1,0 +1,305 @@
+"""The bodies of watches: plans of check poses, verdicts, upkeeps (`truepose-watch-plan/1`, `-watch/1`, `-upkeep/1`)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.results import Device, Measured
+from service.http.wire.bodies.told import Answered, Body, Joints, told
+
+_ID = "20261121-170459-3f9a1c07b2e"
+_HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
+RATE = 0.01
+"""That of `calib.watch`, which the service loads in its workers alone; a test compares."""
+CAMPAIGN = {
+    "format": "truepose-campaign/1",
+    "block": [{"kind": "poses", "set": "calibration", "select": "list", "joints_deg": [[12.0, 45.0, -10.0]]}],
+}
+FalseAlarms = Annotated[
+    float,
+    told(
+        "Share of watches of an unchanged robot that raise an alarm, no unit.",
+        RATE,
+        ge=1e-4,
+        le=0.2,
+        allow_inf_nan=False,
+        strict=False,
+    ),
+]
+NewFrame = Annotated[
+    bool, told("Fit the frame anew: the instrument stands elsewhere. A moved base is not seen.", False)
+]
+AllowMissing = Annotated[bool, told("Judge although check poses are missing.", False)]
+RunningS = Annotated[
+    float,
+    told(
+        "How long the robot had run, from cold, when the readings began, s; left out: nobody knows, which a model "
+        "that warms up is refused for. 0: cold.",
+        1800.0,
+        ge=0.0,
+        le=1e7,
+        allow_inf_nan=False,
+        strict=False,
+    ),
+]
+
+
+class OfBaseline(Body):
+    """The model of the calibration: by the id of the job that found it, or by the hash of a document of the history."""
+
+    model_id: Annotated[str, told("The id of the model (that of its job).", _ID, max_length=200)] = ""
+    model_document: Annotated[
+        str,
+        told("The hash of a model in the history, instead of model_id.", _HASH, pattern="^([0-9a-f]{64})?$"),
+    ] = ""
+
+    @model_validator(mode="after")
+    def _one(self) -> Any:
+        if bool(self.model_id) == bool(self.model_document):
+            raise ValueError("give either model_id or model_document")
+        return self
+
+
+class OfReadings(OfBaseline):
+    """Readings to judge by a baseline: a data set, or a run whose readings are made one."""
+
+    dataset_id: Annotated[str, told("The id of the readings.", _ID, max_length=200)] = ""
+    run_id: Annotated[
+        str, told("The id of a run of this service, instead of dataset_id.", _ID, max_length=200)
+    ] = ""
+    false_alarms: FalseAlarms = RATE
+    allow_missing: AllowMissing = False
+    running_s: RunningS | None = Field(default=None)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Any:
+        if bool(self.dataset_id) == bool(self.run_id):
+            raise ValueError("give either dataset_id or run_id")
+        return self
+
+
+class WatchPlanAsked(OfBaseline):
+    """Which check poses to choose in the cell of this service; nothing moves."""
+
+    poses: Annotated[int, told("Number of poses to visit.", 10, ge=1, le=200)] = 10
+    targets: Annotated[
+        list[Annotated[str, Field(max_length=100)]],
+        told("Names of targets measured at every pose; left out: all of the cell.", ["T1"], max_length=50),
+    ] = Field(default_factory=list)
+    candidates: Annotated[int, told("Number of candidates, drawn at random.", 800, ge=1, le=20_000)] = 800
+    offset_deg: Annotated[
+        float,
+        told(
+            "From how far away every joint arrives, deg.",
+            5.0,
+            ge=0.1,
+            le=30.0,
+            allow_inf_nan=False,
+            strict=False,
+        ),
+    ] = 5.0
+    one_side: Annotated[bool, told("Arrive from below on every joint: play is not seen.", False)] = False
+    visits: Annotated[
+        int, told("Number of visits to each pose, every other time from the opposite sides.", 1, ge=1, le=20)
+    ] = 1
+    new_frame: NewFrame = False
+    false_alarms: FalseAlarms = RATE
+    seed: Annotated[int, told("Draws the candidates; no unit.", 1, ge=0, le=2**53)] = 1
+
+
+class WatchAsked(OfReadings):
+    """Check poses to judge."""
+
+    new_frame: NewFrame = False
+    average: Annotated[
+        bool,
+        told("Average with earlier watches of this service at the same poses against the same model.", True),
+    ] = True
+
+
+class UpkeepAsked(OfReadings):
+    """A few readings between watches, that say how warm the arm is."""
+
+
+class CauseSeen(Answered):
+    """A cause, and from which size a plan shows it."""
+
+    label: Annotated[str, told("The cause.", "joint_step:j4")]
+    meaning: Annotated[str, told("What it means.", "Joint 4 lost its zero.")]
+    seen_from: Annotated[float | None, told("Seen in 95 of 100 watches from this size on, in `unit`.", 0.006)]
+    alone_from: Annotated[float | None, told("Named alone in 80 of 100 from this size on, in `unit`.", 0.01)]
+    unit: Annotated[str, told("The unit of the sizes.", "deg")]
+    never_apart_from: Annotated[
+        list[str], told("Causes that these readings cannot tell from it.", ["base_shift"])
+    ]
+    wanted: Annotated[float | None, told("The size that should be seen, in `unit`.", 0.01)]
+    share_seen_at_wanted: Annotated[float | None, told("Share of watches that see that size, no unit.", 0.97)]
+    lever_mm: Annotated[
+        float | None, told("How far a single target would have to be off the axis, mm.", 120.0)
+    ]
+
+
+class NestsSeen(Answered):
+    """The nests, which are measured again half-way."""
+
+    limit_mm: Annotated[float | None, told("The limit of the check, mm.", 0.06)]
+    seen_from_mm: Annotated[float | None, told("A nest that moved so far is seen, mm.", 0.1)]
+
+
+class WorstSeen(Answered):
+    """The cause that is seen worst."""
+
+    label: Annotated[str, told("The cause.", "backlash:j6")]
+    seen_from: Annotated[
+        float | None, told("Seen from this size on, in the unit of the cause (with unit).", 0.02)
+    ]
+
+
+class ProposalShown(Answered):
+    """What it would take to see every cause."""
+
+    targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
+    rounds: Annotated[int, told("Number of visits to each pose.", 4)]
+    readings: Annotated[int, told("Number of readings.", 80)]
+    reached: Annotated[bool, told("Whether every cause is seen from the size that is wanted.", True)]
+    worst: Annotated[
+        WorstSeen, told("The cause that is seen worst.", {"label": "backlash:j6", "seen_from": 0.02})
+    ]
+
+
+class WatchPlanResult(Answered):
+    """Check poses, what they will show, and the campaign that visits them: POST it to /runs."""
+
+    format: Annotated[Literal["truepose-watch-plan/1"], told("The format.", "truepose-watch-plan/1")]
+    cell: Annotated[str, told("The cell.", "irb120-cell")]
+    model: Annotated[str, told("The file of the baseline.", "model.json")]
+    instrument: Annotated[str, told("The instrument.", "faro-ion")]
+    targets: Annotated[list[str], told("Names of targets.", ["T1"])]
+    rounds: Annotated[int, told("Number of visits to each pose.", 1)]
+    readings: Annotated[int, told("Number of readings.", 10)]
+    false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
+    seen_in: Annotated[float, told("Share of watches in which `seen_from` is seen, no unit.", 0.95)]
+    alone_in: Annotated[float, told("Share of watches in which `alone_from` is named alone, no unit.", 0.8)]
+    poses_deg: Annotated[list[Joints], told("The poses, deg.", [[12.0, 45.0]])]
+    sides: Annotated[
+        list[list[int]], told("The side of approach of each joint, +1 or -1; no unit.", [[1, -1]])
+    ]
+    causes: Annotated[list[CauseSeen], told("What the poses will show.", [])]
+    not_seen: Annotated[list[str], told("Causes that they do not show.", [])]
+    nests: Annotated[NestsSeen | None, told("The nests; null where none are measured.", None)]
+    proposals: Annotated[list[ProposalShown], told("What it would take to see more.", [])]
+    campaign: Annotated[Campaign, told("The campaign of the check poses.", CAMPAIGN)]
+
+
+class QuestionShown(Answered):
+    """One test: of this watch, or of the mean over watches."""
+
+    watches: Annotated[int, told("Number of watches that it is about.", 1)]
+    values: Annotated[int, told("Number of values.", 30)]
+    t_squared: Annotated[float | None, told("T-squared, no unit.", 28.1)]
+    t_squared_limit: Annotated[float | None, told("Its limit, no unit.", 61.2)]
+    p_value: Annotated[float | None, told("The smallest probability of a cause by chance.", 0.3)]
+    p_limit: Annotated[float | None, told("Its limit, a probability.", 0.0004)]
+    alarm: Annotated[bool, told("Whether it says that something has changed.", False)]
+
+
+class SizeShown(Answered):
+    """A size with its uncertainty."""
+
+    value: Annotated[float | None, told("The size, in `unit`.", 0.031)]
+    u: Annotated[float | None, told("U (k = 2), in `unit`.", 0.004)]
+    unit: Annotated[str, told("The unit.", "deg")]
+
+
+class ChangedShown(Answered):
+    """A parameter that has changed."""
+
+    name: Annotated[str, told("Its name.", "zero_j4")]
+    value: Annotated[float | None, told("By how much, in `unit`.", 0.031)]
+    u: Annotated[float | None, told("U (k = 2), in `unit`.", 0.004)]
+    unit: Annotated[str, told("The unit.", "deg")]
+
+
+class WatchCause(Answered):
+    """A cause of the class that the readings leave."""
+
+    label: Annotated[str, told("The cause.", "joint_step:j4")]
+    weight: Annotated[float | None, told("Probability among the members of the class.", 1.0)]
+    size: Annotated[SizeShown, told("Its size.", {"value": 0.031, "u": 0.004, "unit": "deg"})]
+    parameters: Annotated[list[ChangedShown], told("What has changed.", [])]
+    in_words: Annotated[str, told("What has changed, a sentence.", "Joint 4 lost its zero by 0.031 deg.")]
+
+
+class MissedShown(Answered):
+    """The error of the baseline at the check poses."""
+
+    n: Annotated[int, told("Number of values.", 10)]
+    rms: Annotated[float | None, told("Root mean square, mm.", 0.081)]
+    max: Annotated[float | None, told("The largest, mm.", 0.15)]
+    u: Annotated[float | None, told("U of the RMS by instrument and frame, k = 2, mm.", 0.01)]
+
+
+class _Judged(Answered):
+    program: Annotated[str, told("The program that judged.", "truepose 0.1.0")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    device: Annotated[list[Device], told("Robot and instrument.", [])]
+    measured: Annotated[Measured | None, told("When.", None)]
+    simulated: Annotated[bool, told("Whether simulators were measured.", False)]
+    exit_code: Annotated[
+        int, told("The number for a PLC: 0 act on nothing, 3 changed, 6 cause unknown; no unit.", 0)
+    ]
+    in_words: Annotated[
+        str, told("What was found, a sentence.", "Nothing has changed that these readings can see.")
+    ]
+    advice: Annotated[str, told("What to do, a sentence.", "Nothing.")]
+    false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
+    model: Annotated[str, told("The file of the baseline.", "model.json")]
+    data: Annotated[str, told("The name of the table.", "data.csv")]
+    data_sha256: Annotated[str, told("Hash of table and header.", _HASH)]
+    updated_model: Annotated[
+        str | None,
+        told("There is an updated model: GET /models/ID of this job; null: none.", "model.json"),
+    ]
+    notes: Annotated[list[str], told("What else is to be known, in sentences.", [])]
+
+
+class WatchResult(_Judged):
+    """The verdict of a watch."""
+
+    format: Annotated[Literal["truepose-watch/1"], told("The format.", "truepose-watch/1")]
+    verdict: Annotated[
+        Literal["unchanged", "changed", "ambiguous", "unexplained"], told("The verdict.", "unchanged")
+    ]
+    questions: Annotated[list[QuestionShown], told("Of this watch, and of the mean over watches.", [])]
+    causes: Annotated[list[WatchCause], told("The members of the class, likeliest first.", [])]
+    p_left: Annotated[float | None, told("Probability that chance leaves as much as is left.", 0.4)]
+    error_mm: Annotated[
+        MissedShown, told("The error of the baseline at the check poses, mm.", {"n": 10, "rms": 0.081})
+    ]
+
+
+class ThermalShown(Answered):
+    """A thermal parameter, before and now."""
+
+    name: Annotated[str, told("Its name.", "arm_growth")]
+    before: Annotated[float | None, told("Before, in `unit`.", 0.0)]
+    value: Annotated[float | None, told("Now, in `unit`.", 12.0)]
+    u: Annotated[float | None, told("U (k = 2), in `unit`.", 1.5)]
+    unit: Annotated[str, told("The unit.", "ppm")]
+
+
+class UpkeepResult(_Judged):
+    """What a few readings say of the warmth of the arm."""
+
+    format: Annotated[Literal["truepose-upkeep/1"], told("The format.", "truepose-upkeep/1")]
+    thermal: Annotated[
+        bool, told("Whether what has changed is thermal, or nothing has: then it is updated.", True)
+    ]
+    t_squared: Annotated[float | None, told("T-squared of the rest, no unit.", 9.1)]
+    t_squared_limit: Annotated[float | None, told("Its limit, no unit.", 24.2)]
+    values: Annotated[int, told("Number of values.", 12)]
+    parameters: Annotated[list[ThermalShown], told("The thermal parameters.", [])]
+    instead: Annotated[list[str], told("Causes that have changed instead.", [])]

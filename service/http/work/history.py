@@ -1,0 +1,152 @@
+"""The history of robots that a service asks and feeds: its store, and the journal of what it has brought there.
+
+    RECORD/history.sqlite3       the store, where no other was named; history-simulated.sqlite3 with simulators
+    RECORD/history-kept.jsonl    a line for every result that was looked at
+
+The store is asked in processes of its own: a database that does not answer holds up nobody who plans or stops.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar, TypeVarTuple
+
+from calib.errors import DataError
+from calib.text import parse_json
+from service import history_calls
+from service.http.wire.problems import Problem
+from service.http.work.workers import WorkerDied, Workers
+
+PROCESSES, CALLS = 2, 10
+JOURNAL = "history-kept.jsonl"
+SETTLED_S = 30.0  # after an end: what comes next, an identification say, is not held up
+AGAIN_S = 60.0  # until a store that was away is tried again
+MOST_REFUSED = 50
+_KINDS = {
+    "diagnoses": "diagnosis",
+    "loops": "loop",
+    "watches": "watch",
+    "upkeeps": "upkeep",
+    "runs": "run",
+}
+_T = TypeVar("_T")
+_Ts = TypeVarTuple("_Ts")
+
+
+class History:
+    """The history of one service. Thread-safe; nothing is opened before something is asked or kept.
+
+    store: its address, None for a file of the record; name: of the cell; permitted_mm: position error, RMS, by which
+    dates are reckoned, None where nobody has said.
+    """
+
+    def __init__(
+        self, record: Path, store: str | None, name: str, *, simulated: bool, permitted_mm: float | None
+    ) -> None:
+        own = record.absolute() / f"history{'-simulated' if simulated else ''}.sqlite3"
+        self.address = store or f"sqlite:///{own}"
+        self.name, self.simulated, self.permitted_mm = name, simulated, permitted_mm
+        self._record = record
+        self._workers = Workers(PROCESSES, waiting=CALLS)
+        self._changed, self._bringing = threading.Condition(), threading.Lock()
+        self._mark = _mark(self.address)
+        self._done = _journal(record / JOURNAL, self._mark)
+        self._wanted = any(next((record / folder).glob("*/"), None) for folder in _KINDS)
+        self._closed, self._trouble = False, ""
+        self._thread = threading.Thread(target=self._keep, name="history")
+        self._thread.start()
+
+    def ask(self, function: Callable[[str, *_Ts], _T], *args: *_Ts) -> _T:
+        """What a function of `service.history_calls` makes of the store. Raises Problem 503, DataError."""
+        return self._workers.call(function, self.address, *args)
+
+    def look(self) -> None:
+        """Something has come to its end: bring it into the store in a while, or when somebody asks."""
+        with self._changed:
+            self._wanted = True
+            self._changed.notify_all()
+
+    def bring(self) -> None:
+        """Bring whatever has ended into the store; where it is away, what is said of it is in `refused`."""
+        with self._bringing:
+            with self._changed:
+                if not self._wanted:
+                    return
+                self._wanted, done = False, frozenset(self._done)
+            trouble = ""
+            try:
+                self._note(self.ask(history_calls.keep, self._record, self.name, done, self.simulated))
+            except (DataError, OSError, WorkerDied) as error:
+                trouble = str(error)
+            except Problem as problem:
+                trouble = problem.detail
+            with self._changed:
+                self._trouble, self._wanted = trouble, self._wanted or bool(trouble)
+
+    def here(self, document: str) -> dict[str, str] | None:
+        """The result of this service that a document of the store is, as its kind and id; None where it is none."""
+        with self._changed:
+            for path, line in self._done.items():
+                if document in line["documents"]:
+                    folder, own, _ = path.split("/", 2)
+                    return {"kind": _KINDS[folder], "id": own}
+        return None
+
+    def refused(self) -> list[dict[str, str]]:
+        """What was not kept, and why, newest first; at most 50."""
+        with self._changed:
+            lines = [(path, line) for path, line in self._done.items() if line["state"] == "refused"]
+            away = [{"path": "", "because": self._trouble}] if self._trouble else []
+        return away + [
+            {"path": path, "because": line["because"]} for path, line in lines[::-1][:MOST_REFUSED]
+        ]
+
+    def close(self) -> None:
+        """End every question and the thread that keeps."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._workers.close()
+        self._thread.join()
+
+    def _keep(self) -> None:
+        """The thread: a while after something has ended, and again while the store is away."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._wanted or self._closed)
+                if self._changed.wait_for(lambda: self._closed, AGAIN_S if self._trouble else SETTLED_S):
+                    return
+            self.bring()
+
+    def _note(self, kept: Sequence[dict[str, Any]]) -> None:
+        lines = {each["path"]: {"store": self._mark, **each} for each in kept}
+        if not lines:
+            return
+        with (self._record / JOURNAL).open("a", encoding="utf-8") as journal:
+            journal.writelines(json.dumps(line) + "\n" for line in lines.values())
+        with self._changed:
+            self._done.update(lines)
+
+
+def _mark(address: str) -> str:
+    """What stands for a store in the journal: its address may hold a password."""
+    return hashlib.sha256(address.encode()).hexdigest()[:16]
+
+
+def _journal(path: Path, store: str) -> dict[str, dict[str, Any]]:
+    """The lines about a store, by path. Of one that was cut off what it is about is looked at again."""
+    found: dict[str, dict[str, Any]] = {}
+    if not path.is_file():
+        return found
+    for text in path.read_bytes().splitlines():
+        with suppress(DataError):
+            match parse_json(text, path):
+                case {"store": str(of), "path": str(name), "state": str(), "documents": list()} as line:
+                    if of == store:
+                        found[name] = line
+    return found

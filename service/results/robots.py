@@ -1,0 +1,225 @@
+"""The robots of a store as an interface shows them: state, last verdict, errors, next date, documents, trends.
+
+Every function opens the store at an address, asks and closes it: it is called in a process that may wait for
+a database.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+from calib.errors import DataError
+from calib.upkeep import Drift, Method, Staircase, next_due
+from fleet.outbox import Cell, read_result
+from fleet.store import ERROR, Entry, Known, Point, RobotKey, Said, Store, utc_now
+from service.plain import finite
+from service.results import history
+
+Way = Literal["staircase", "drift"]
+MOST = 1000
+"""Robots of a list."""
+ERRORS = 24
+"""Values of a line's small picture."""
+
+
+@dataclass(frozen=True)
+class DueQuestion:
+    """How dates are reckoned. permitted_mm: largest position error, RMS, None where nobody has said; first_days,
+    shortest_days, longest_days: intervals."""
+
+    permitted_mm: float | None = None
+    method: Way = "staircase"
+    first_days: float = 180.0
+    shortest_days: float = 7.0
+    longest_days: float = 1825.0
+
+    def way(self) -> Method | None:
+        """The method of ILAC-G24; None where no error is permitted. Raises DataError for intervals that make none."""
+        if self.permitted_mm is None:
+            return None
+        kind = Staircase if self.method == "staircase" else Drift
+        return kind(
+            self.first_days, self.permitted_mm, shortest=self.shortest_days, longest=self.longest_days
+        )
+
+
+def id_of(robot: RobotKey) -> str:
+    """The id of a robot in addresses: serial numbers may hold any letter, and types may share them."""
+    return hashlib.sha256(f"{robot.model}\0{robot.serial}".encode()).hexdigest()[:16]
+
+
+def told_robots(address: str, asked: DueQuestion) -> dict[str, Any]:
+    """All robots of a store, those first that are to be looked at first. Raises DataError."""
+    way, now = asked.way(), utc_now()
+    with Store.open(address) as store:
+        known = store.robots()
+        lines = [_line(store, each, way, now) for each in known[:MOST]]
+        place = store.place
+    lines.sort(key=_urgency)
+    return finite(
+        {"store": place, "now": history.text_of(now), "robots": lines, "left_out": len(known) - len(lines)}
+    )
+
+
+def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[str, Any] | None:
+    """One robot with its newest documents; None where the store has none of this id or serial number.
+
+    Raises DataError for a serial number of several types.
+    """
+    way, now = asked.way(), utc_now()
+    with Store.open(address) as store:
+        known = _found(store, name)
+        if known is None:
+            return None
+        lines = history.lines_of(store, known.robot)
+        shown = history.history_document(known.robot, lines[::-1][:most])["history"]
+        for told, line in zip(shown, lines[::-1], strict=False):
+            told["in_words"] = "" if line.said is None else line.said.in_words
+        return finite(
+            {
+                **_line(store, known, way, now),
+                "store": store.place,
+                "now": history.text_of(now),
+                "history": shown,
+                "left_out": max(len(lines) - most, 0),
+            }
+        )
+
+
+def told_trends(address: str, name: str, parameter: str | None, most: int) -> dict[str, Any] | None:
+    """The trends of one parameter of a robot, or of all, with the newest values of each; None as for `told_robot`.
+
+    The chart is that of all values. Raises DataError for a parameter that the robot has not.
+    """
+    with Store.open(address) as store:
+        known = _found(store, name)
+        if known is None:
+            return None
+        found = history.trends_of(store, known.robot, parameter) if store.trend(known.robot) else []
+    told = history.trends_document(known.robot, found)
+    for trend, document in zip(found, told["trends"], strict=True):
+        signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
+        for i, value in enumerate(document["values"]):
+            value["signal"] = i in signals
+        document["left_out"] = max(len(document["values"]) - most, 0)
+        document["values"] = document["values"][-most:]
+    return finite({"id": id_of(known.robot), **told})
+
+
+def content_of(address: str, hash: str) -> bytes | None:
+    """The bytes of a document; None for one that the store has not."""
+    with Store.open(address) as store:
+        return store.content(hash) if store.known([hash]) else None
+
+
+def put(address: str, name: str, content: bytes, cell: Cell) -> dict[str, Any]:
+    """Keep a document that somebody sends: a model, a verdict, a diagnosis, an upkeep. Raises DataError."""
+    with TemporaryDirectory(prefix="truepose-history-") as folder:
+        file = Path(folder) / "document.json"
+        file.write_bytes(content)
+        try:
+            found = read_result(file, cell)
+        except DataError as error:
+            raise DataError(error.what, do=error.do, file=name, line=error.line, key=error.key) from error
+    if not found:
+        raise DataError(
+            "is no document that a history keeps.",
+            do="Send a model, the verdict of a watch, a diagnosis or an upkeep, as it was written.",
+            file=name,
+        )
+    with Store.open(address) as store:
+        added = store.add_all(found)
+    told = history.added_document(list(zip(found, added, strict=True)))
+    return told | {"robot_id": id_of(found[0].robot)}
+
+
+def _found(store: Store, name: str) -> Known | None:
+    known = store.robots()
+    by_id = next((each for each in known if id_of(each.robot) == name), None)
+    if by_id is not None:
+        return by_id
+    same = [each for each in known if each.robot.serial == name]
+    if len(same) > 1:
+        raise DataError(
+            f"is of {' and of '.join(each.robot.model for each in same)}.",
+            do="Ask by the id that the list of robots has.",
+            file=f"serial number {name}",
+        )
+    return same[0] if same else None
+
+
+def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict[str, Any]:
+    """What a list says of a robot."""
+    robot = known.robot
+    said = store.verdicts(robot)
+    watched = next((each for each in reversed(said) if each.kind == "watch"), None)
+    model = next(iter(store.documents(robot, kind="model", limit=1)), None)
+    errors = store.trend(robot, ERROR)
+    return {
+        "id": id_of(robot),
+        "serial": robot.serial,
+        "model": robot.model,
+        "cells": list(known.cells),
+        "documents": dict(known.documents),
+        "last_measured": history.text_of(known.last),
+        "state": _state(watched, model),
+        "watched": None if watched is None else _said(watched),
+        "diagnosed": next((_said(each) for each in reversed(said) if each.kind == "diagnosis"), None),
+        "baseline": None
+        if model is None
+        else {"document": model.hash, "measured": history.text_of(model.measured_at)},
+        "error_mm": None if not errors else {"rms": errors[-1].value, "u": errors[-1].u},
+        "errors": [
+            {"measured": history.text_of(each.measured_at), "rms": each.value, "u": each.u}
+            for each in errors[-ERRORS:]
+        ],
+        "due": _due(errors, way, now),
+    }
+
+
+def _state(watched: Said | None, model: Entry | None) -> str:
+    """What is known of a robot by now: the last watch, unless a model is newer than it."""
+    if watched is None:
+        return "not_watched"
+    if model is not None and model.measured_at > watched.measured_at:
+        return "recalibrated"
+    return (
+        watched.verdict
+        if watched.verdict in ("unchanged", "changed", "ambiguous", "unexplained")
+        else "not_watched"
+    )
+
+
+def _said(said: Said) -> dict[str, Any]:
+    return {
+        "measured": history.text_of(said.measured_at),
+        "verdict": said.verdict,
+        "in_words": said.in_words,
+        "advice": said.advice,
+        "document": said.hash,
+        "causes": history.causes_of(said),
+    }
+
+
+def _due(errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
+    """When the next check is due; without a date, why."""
+    if way is None:
+        return {"date": None, "overdue": False, "because": "Nobody has said which error is permitted."}
+    try:
+        due = next_due(way, history.checks_of(errors), now)
+    except DataError as error:
+        return {"date": None, "overdue": False, "because": str(error)}
+    return {"date": history.text_of(due.date), "overdue": due.date <= now, "because": due.because}
+
+
+def _urgency(line: dict[str, Any]) -> tuple[int, str, str]:
+    """What has changed comes first, then what is overdue, then by date."""
+    due = line["due"]
+    changed = line["state"] in ("changed", "ambiguous", "unexplained")
+    return (0 if changed else 1 if due["overdue"] else 2, due["date"] or "", line["serial"])
