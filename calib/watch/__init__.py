@@ -10,11 +10,12 @@ from calib.watch.planned import planned
 from calib.watch.proposals import Proposal, proposals
 from calib.watch.refusals import refuse_unlike
 from calib.watch.seen import Seen
-from calib.watch.sizes import ALONE, SEEN, WANTED, Shown, Smallest
+from calib.watch.sizes import Shown, Smallest
 from calib.watch.stroke import within_stroke
 from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import as_updated, cause_to_update, updated
 from calib.watch.visits import Visits
+from calib.watch.wanted import ALONE, SEEN, WANTED
 
 __all__ = [
     "ALONE",
