@@ -11,27 +11,35 @@ from calib.errors import DataError
 from calib.saved import SavedModel
 from calib.units import DEG
 from calib.watch.choose import choose
-from calib.watch.judge import RATE
+from calib.watch.judge import RATE, odds_of
 from calib.watch.lack import scatter_beyond
 from calib.watch.planned import planned
-from calib.watch.rounds import Rounds, fewest
+from calib.watch.rounds import Tried, Ways, fewest
 from calib.watch.seen import Seen
 from calib.watch.sizes import Shown, shown
 from calib.watch.visits import Visits
 
 FEWEST = 4
+_MOST = 60  # poses that are tried where fewer show too little
+_TRIES = 3
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show; rounds:
-    how often each is visited, repeats: how often everything is read in a visit."""
+    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show.
+
+    rounds: how often each is visited; repeats: how often everything is read in a visit; beyond: labels of causes that
+    no number of readings shows from the size at which they should be seen; enough: how many poses, visited and read so
+    often, would show all others from there, None where these do or none would.
+    """
 
     chosen: tuple[int, ...]
     visits: Visits
     shown: Shown
     rounds: int = 1
     repeats: int = 1
+    enough: int | None = None
+    beyond: tuple[str, ...] = ()
 
 
 def plan(
@@ -49,8 +57,8 @@ def plan(
     everything so many times in each visit.
 
     header: what the readings would be taken with; every candidate has as many readings as any other. times, repeats
-    None: as few as show every cause from the size that it should be seen at, or what comes near the best where none
-    does. frame_known False: where the instrument or the artefact stands will not be compared.
+    None: as few as show every cause from the size that it should be seen at, or about as small as any do. frame_known
+    False: where the instrument or the artefact stands will not be compared.
     Raises DataError for fewer visits than can tell anything, or more than there are candidates.
     """
     if not FEWEST <= count <= len(candidates):
@@ -68,17 +76,33 @@ def plan(
     )
     would = replace(would, header=replace(header, noise=rougher))
     seen = Seen.of(saved, would, frame_known=frame_known, lack=0.0)
-    chosen = choose(seen, seen.visit % len(candidates), count)
+    which = seen.visit % len(candidates)
+    chosen = choose(seen, which, count)
     once = candidates.take(chosen)
-    tried = Rounds(times or 1, repeats or 1)
-    if times is None or repeats is None:
-        limit = judged(saved, header, once, rate, frame_known=frame_known, lack=lack).limit
-        tried = fewest(
-            saved, header, once, limit, times=times, repeats=repeats, frame_known=frame_known, lack=lack
-        ).rounds
-    visits = tried.of(once)
+    _, odds = odds_of(Seen.of(saved, planned(saved, header, once), frame_known=frame_known, lack=lack))
+    ways = Ways(saved, header, odds.limit(rate), frame_known, lack)
+    goal = ways.goal(once)
+    best = fewest(ways, once, goal, times=times, repeats=repeats)
+    visits = best.rounds.of(once)
     found = judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
-    return Plan(tuple(chosen), visits, found, tried.times, tried.repeats)
+    enough, tried = count, best
+    for _ in range(_TRIES):
+        most = min(len(candidates), _MOST)
+        if not 1.0 < tried.short < np.inf or enough > most:
+            break
+        enough = int(np.ceil(enough * tried.short**2))
+        if enough <= most:
+            more = candidates.take(choose(seen, which, enough))
+            tried = Tried(best.rounds, ways.sizes(more, best.rounds), goal)
+    return Plan(
+        tuple(chosen),
+        visits,
+        found,
+        best.rounds.times,
+        best.rounds.repeats,
+        enough if count < enough and tried.short <= 1.0 else None,
+        best.beyond,
+    )
 
 
 def judged(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from calib.data.header import Header
 from calib.saved import SavedModel
-from calib.watch.rounds import fewest
+from calib.watch.rounds import Ways, fewest
 from calib.watch.visits import Visits
 
 
@@ -21,7 +21,8 @@ from calib.watch.visits import Visits
 class Proposal:
     """Some targets at every pose, how often each is visited, and how often everything is read in a visit; what the
     readings are, and the cause that is furthest from the size that should be seen, with the size from which it is;
-    reached: whether every cause is seen from there."""
+    reached: whether every cause is seen from there; beyond: causes that no readings of these targets show from there,
+    by label with the size from which these do."""
 
     targets: tuple[str, ...]
     rounds: int
@@ -30,6 +31,7 @@ class Proposal:
     size: float
     reached: bool
     repeats: int = 1
+    beyond: tuple[tuple[str, float], ...] = ()
 
 
 def proposals(
@@ -42,15 +44,21 @@ def proposals(
     frame_known: bool = True,
 ) -> tuple[Proposal, ...]:
     """Of each choice of targets the cheapest rounds of the visits that show every cause from the size that it should
-    be seen at, or what comes near the best; cheapest first, then what comes nearest. limit: p-value of an alarm."""
-    found = []
+    be seen at, and a cause that no readings show from there about as well as any do; first what shows most causes,
+    then what costs least. limit: p-value of an alarm."""
+    ways, found = Ways(saved, header, limit, frame_known), []
     for targets in choices:
         those = Visits.of_points(visits.joints, visits.sides, visits.reach, targets)
-        tried = fewest(saved, header, those, limit, frame_known=frame_known)
-        readings, reached = tried.rounds.of(those).readings, tried.short <= 1.0
-        order = (0.0, tried.rounds.cost(those)) if reached else (1.0, tried.short)
+        tried = fewest(ways, those, ways.goal(those))
         each = Proposal(
-            targets, tried.rounds.times, readings, tried.label, tried.size, reached, tried.rounds.repeats
+            targets,
+            tried.rounds.times,
+            tried.rounds.of(those).readings,
+            tried.worst,
+            tried.sizes[tried.worst],
+            not tried.beyond,
+            tried.rounds.repeats,
+            tuple((label, tried.sizes[label]) for label in tried.beyond),
         )
-        found.append((order, each))
+        found.append(((len(each.beyond), tried.rounds.cost(those)), each))
     return tuple(each for _, each in sorted(found, key=lambda pair: pair[0]))

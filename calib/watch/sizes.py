@@ -94,8 +94,8 @@ def shown(seen: Seen, rate: float = RATE) -> Shown:
 
 
 def seen_from(seen: Seen, limit: float) -> dict[str, float]:
-    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` without its draws, and
-    without a matrix of all rows, however many there are."""
+    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` infinite where nothing
+    shows it. `shown` without its draws, and without a matrix of all rows, however many there are."""
     beside = np.column_stack([seen.lasting, seen.passing])
     inner = np.linalg.inv(np.eye(beside.shape[1]) + beside.T @ beside)
     out = {}
@@ -104,8 +104,9 @@ def seen_from(seen: Seen, limit: float) -> dict[str, float]:
         along = beside.T @ one
         least = float(np.linalg.eigvalsh(one.T @ one - along.T @ inner @ along)[0])
         freedom = Columns.of(cause, columns).freedom
-        if wanted_of(cause) is not None and freedom and least > _NOTHING:
-            out[cause.label] = float(np.sqrt(needed(freedom, limit) / least))
+        if wanted_of(cause) is not None:
+            shows = freedom and least > _NOTHING
+            out[cause.label] = float(np.sqrt(needed(freedom, limit) / least)) if shows else np.inf
     return out
 
 
