@@ -141,7 +141,8 @@ def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...
             "pose" if visit.joints_deg else "nest",
             block.set,
             number,
-            tuple(target for target, _ in visit.distances) or site.targets,
+            tuple(target for target, _ in visit.distances)
+            or tuple(target for target in site.targets for _ in range(visit.readings)),
             visit.joints_deg,
             visit.sides,
             visit.approach_deg,
@@ -183,7 +184,7 @@ def _reference(cell: Cell, campaign: Campaign) -> Visit:
 
 def _with_references(campaign: Campaign, visits: list[Visit], reference: Visit) -> Iterator[Visit]:
     """The reference pose before the first reading and after every so many; with one SMR, of the target in hand."""
-    targets = reference.targets if len(reference.targets) == 1 else visits[0].targets
+    targets = reference.targets if len(reference.targets) == 1 else visits[0].targets[:1]
     since = 0
     yield replace(reference, block=visits[0].block, targets=targets)
     for visit in visits:
@@ -196,6 +197,10 @@ def _with_references(campaign: Campaign, visits: list[Visit], reference: Visit) 
 
 def _one_target_each(visits: list[Visit], cell: Cell) -> Iterator[list[Visit]]:
     for name in cell.tool.targets:
-        group = [replace(visit, targets=(name,)) for visit in visits if name in visit.targets]
+        group = [
+            replace(visit, targets=tuple(target for target in visit.targets if target == name))
+            for visit in visits
+            if name in visit.targets
+        ]
         if group:
             yield group

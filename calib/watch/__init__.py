@@ -9,17 +9,23 @@ from calib.watch.plan import Plan, judged, plan
 from calib.watch.planned import planned
 from calib.watch.proposals import Proposal, proposals
 from calib.watch.refusals import refuse_unlike
+from calib.watch.rounds import REPEATS, TIMES
 from calib.watch.seen import Seen
-from calib.watch.sizes import ALONE, SEEN, WANTED, Shown, Smallest
+from calib.watch.sizes import Shown, Smallest
 from calib.watch.stroke import within_stroke
 from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import as_updated, cause_to_update, updated
 from calib.watch.visits import Visits
+from calib.watch.wanted import ALONE, SEEN, WANTED
+from calib.watch.worth import DOUBTFUL, times_as_uncertain
 
 __all__ = [
     "ALONE",
+    "DOUBTFUL",
     "RATE",
+    "REPEATS",
     "SEEN",
+    "TIMES",
     "WANTED",
     "Missed",
     "NestLimit",
@@ -47,6 +53,7 @@ __all__ = [
     "proposals",
     "read_history",
     "refuse_unlike",
+    "times_as_uncertain",
     "updated",
     "warms_up",
     "within_stroke",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
 
 from calib.array import Array
 from calib.effects import kind_of
@@ -62,19 +64,41 @@ class Cause:
 def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
     """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of `Seen.spread`.
 
-    mean (q,): residual of several watches, whitened by noise alone; small, and explained by the derivative.
+    What shifts and turns is as likely to have only shifted: its values are the mean of both fits by their evidence,
+    since turns that are only noise would move the robot where nothing was measured. mean (q,): residual of
+    several watches, whitened by noise alone; small, and explained by the derivative.
     """
+    units = np.array([p.unit for p in effect.parameters])
+    whole = _fit(seen, effect, whiten, mean, units != "")
+    if np.all(units == units[0]):
+        return whole
+    shifted = _fit(seen, effect, whiten, mean, units == units[0])
+    share = float(expit(shifted.evidence - whole.evidence))
+    apart = shifted.values - whole.values
+    values = whole.values + share * apart
+    covariance = (
+        share * shifted.covariance
+        + (1.0 - share) * whole.covariance
+        + share * (1.0 - share) * np.outer(apart, apart)
+    )
+    return replace(
+        whole, values=values, covariance=covariance, size=size_of(seen, effect, values, covariance)
+    )
+
+
+def _fit(seen: Seen, effect: Effect, whiten: Array, mean: Array | None, free: NDArray[np.bool_]) -> Cause:
+    """A cause with some of its parameters free (p,), the others nothing."""
     prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
-    columns = whiten @ seen.columns[seen.causes.index(effect)]
+    columns = (whiten @ seen.columns[seen.causes.index(effect)]) * free
     values = np.zeros(len(prior))
     start = left = whiten @ (seen.residual if mean is None else mean)
     normal = columns.T @ columns + np.diag(prior**-2.0)
-    covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64) * np.outer(free, free)
     for _ in range(_STEPS):
         step = covariance @ (columns.T @ left - values / prior**2)
         values = values + step
         left = whiten @ seen.exact(effect, values) if mean is None else start - columns @ values
-        if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < _NEAR:
+        if np.max(np.abs(step[free]) / np.sqrt(np.diag(covariance)[free])) < _NEAR:
             break
     scaled = columns * prior
     occam = np.linalg.slogdet(np.eye(len(prior)) + scaled.T @ scaled)[1]

@@ -8,9 +8,19 @@ their usual size as prior. The information of poses adds up, M = M_0 + sum X_i' 
 with M_ef the block of e and f alone, is what the readings say about x when e and f are as little known as they are
 (Bayesian D_s-optimality, Chaloner and Verdinelli 1995). Poses are taken one by one, then exchanged until none is
 better.
+
+That is good on the average over causes, and a wrist is the worst of them. So they are exchanged once more for
+
+    sum over causes of (needed / has)^2
+
+has: the non-centrality of a cause of the size that should be seen (`calib.watch.wanted`), needed: that with which it
+is seen. The cause that is missed by most counts most.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,26 +28,31 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.units import to_internal
 from calib.watch.seen import Seen
+from calib.watch.wanted import needed, of_one_unit, wanted_of
 
 _NOTICED = 0.1  # of the usual size
 _PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them
 _ROUNDS = 6
 _RIDGE = 1e-6
+_SHOWN = 1e-2  # non-centrality in all candidates together
+_P_LIMIT = 1e-3  # of an alarm, about: how many questions there are hardly matters to the choice
 
 
 def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
     """The visits to take, of those that `seen` has rows of, each with as many as any other; visit (q,): to which each
-    row belongs. Ascending."""
+    row belongs, or to which pair of visits that are taken together. Ascending."""
+    in_order = np.argsort(visit, kind="stable")
+    visits = int(visit.max()) + 1
+
+    def by_visit(columns: Array) -> Array:
+        return columns[in_order].reshape(visits, -1, columns.shape[1])
+
     wanted = [i for i, e in enumerate(seen.causes) if e.label not in _PASSING]
     sizes = [_NOTICED * to_internal(p.size or 1.0, p.unit) for i in wanted for p in seen.causes[i].parameters]
     causes = np.column_stack([seen.columns[i] for i in wanted]) * np.array(sizes)
     shared = _shared(seen)
-    rows = np.column_stack([shared, causes])
-    visits = int(visit.max()) + 1
-    in_order = np.argsort(visit, kind="stable")
-    x = rows[in_order].reshape(visits, -1, rows.shape[1])
-    known = shared.shape[1]
-    prior = np.eye(rows.shape[1]) + _RIDGE * np.eye(rows.shape[1])
+    x, known = by_visit(np.column_stack([shared, causes])), shared.shape[1]
+    prior = np.eye(x.shape[2]) + _RIDGE * np.eye(x.shape[2])
     chosen: list[int] = []
     information = prior.copy()
     for _ in range(min(count, visits)):
@@ -52,7 +67,72 @@ def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
             chosen.insert(place, int(np.argmax(_gain(x, information, known, chosen))))
         if chosen == before:
             break
-    return sorted(chosen)
+    stated = _stated(seen)
+    if not stated:
+        return sorted(chosen)
+    widths = tuple(each.shape[1] for each in stated)
+    return _Short(by_visit(shared), by_visit(np.column_stack(stated)), widths).exchanged(chosen)
+
+
+def _stated(seen: Seen) -> list[Array]:
+    """(q, w each) columns of the causes that have a size that should be seen, at that size, where any reading shows
+    it."""
+    out = []
+    for cause, columns in zip(seen.causes, seen.columns, strict=True):
+        if (size := wanted_of(cause)) is not None:
+            one = size * of_one_unit(cause, columns)
+            if np.linalg.eigvalsh(one.T @ one)[0] > _SHOWN:
+                out.append(one)
+    return out
+
+
+@dataclass(frozen=True)
+class _Short:
+    """What is short of being seen: shared (V, k, s) columns of unit variance, stated (V, k, w) of the causes at the
+    sizes that should be seen, of widths that add up to w."""
+
+    shared: Array
+    stated: Array
+    widths: tuple[int, ...]
+
+    @cached_property
+    def _needed(self) -> Array:
+        return np.array([needed(width, _P_LIMIT) for width in self.widths])
+
+    def exchanged(self, chosen: list[int]) -> list[int]:
+        """The chosen visits, each exchanged for the one with which the causes are shortest of nothing. Ascending."""
+        chosen = list(chosen)
+        for _ in range(_ROUNDS):
+            before = list(chosen)
+            for place in range(len(chosen)):
+                gone = chosen.pop(place)
+                short = self._with_each_beside(chosen)
+                short[chosen] = np.inf
+                best = int(np.argmin(short))
+                chosen.insert(place, best if short[best] < (1.0 - _RIDGE) * short[gone] else gone)
+            if chosen == before:
+                break
+        return sorted(chosen)
+
+    def _with_each_beside(self, taken: list[int]) -> Array:
+        """(V,) how short the causes are with each visit beside those that are taken.
+
+        Of the columns A of causes beside B of what is shared a further visit adds R' (I + B K B')^-1 R to the
+        information, R = A - B K (sum B' A), K = (I + sum B' B)^-1.
+        """
+        b, a = (each[taken].reshape(-1, each.shape[2]) for each in (self.shared, self.stated))
+        k = np.linalg.inv(np.eye(b.shape[1]) + b.T @ b)
+        already = a.T @ a - a.T @ b @ k @ b.T @ a
+        rest = self.stated - self.shared @ (k @ b.T @ a)
+        inner = np.eye(rest.shape[1]) + self.shared @ k @ self.shared.transpose(0, 2, 1)
+        weighed = np.linalg.solve(inner, rest)
+        out, start = np.zeros(len(rest)), 0
+        for width, enough in zip(self.widths, self._needed, strict=True):
+            own = slice(start, start + width)
+            has = already[own, own] + rest[:, :, own].transpose(0, 2, 1) @ weighed[:, :, own]
+            out += (enough / np.maximum(np.linalg.eigvalsh(has)[:, 0], 1e-9)) ** 2
+            start += width
+        return out
 
 
 def _shared(seen: Seen) -> Array:

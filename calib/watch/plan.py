@@ -1,4 +1,4 @@
-"""The plan of a watch: which visits to make from which sides, and what they will show."""
+"""The plan of a watch: which visits to make from which sides, how much to read in each, and what they will show."""
 
 from __future__ import annotations
 
@@ -11,23 +11,35 @@ from calib.errors import DataError
 from calib.saved import SavedModel
 from calib.units import DEG
 from calib.watch.choose import choose
-from calib.watch.judge import RATE
+from calib.watch.judge import RATE, odds_of
 from calib.watch.lack import scatter_beyond
 from calib.watch.planned import planned
+from calib.watch.rounds import Tried, Ways, fewest
 from calib.watch.seen import Seen
 from calib.watch.sizes import Shown, shown
 from calib.watch.visits import Visits
 
 FEWEST = 4
+_MOST = 60  # poses that are tried where fewer show too little
+_TRIES = 3
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show."""
+    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show.
+
+    rounds: how often each is visited; repeats: how often everything is read in a visit; beyond: labels of causes that
+    no number of readings shows from the size at which they should be seen; enough: how many poses, visited and read so
+    often, would show all others from there, None where these do or none would.
+    """
 
     chosen: tuple[int, ...]
     visits: Visits
     shown: Shown
+    rounds: int = 1
+    repeats: int = 1
+    enough: int | None = None
+    beyond: tuple[str, ...] = ()
 
 
 def plan(
@@ -37,18 +49,23 @@ def plan(
     count: int,
     rate: float = RATE,
     *,
-    times: int = 1,
+    times: int | None = 1,
+    repeats: int | None = 1,
     frame_known: bool = True,
 ) -> Plan:
-    """Choose `count` of the candidates and visit each so many times, every other time from the opposite sides.
+    """Choose `count` of the candidates, visit each so many times, every other time from the opposite sides, and read
+    everything so many times in each visit.
 
-    header: what the readings would be taken with; every candidate has as many readings as any other. frame_known False:
-    where the instrument or the artefact stands will not be compared.
+    header: what the readings would be taken with; every candidate has as many readings as any other. times, repeats
+    None: as few as show every cause from the size that it should be seen at, or about as small as any do. frame_known
+    False: where the instrument or the artefact stands will not be compared.
     Raises DataError for fewer visits than can tell anything, or more than there are candidates.
     """
     if not FEWEST <= count <= len(candidates):
         raise DataError(f"is {count}.", do=f"Give {FEWEST} to {len(candidates)} poses.", key="--poses")
-    would = planned(saved, header, candidates)
+    both = times is None or times > 1
+    offered = candidates.again(2 if both else 1)
+    would = planned(saved, header, offered)
     lack = scatter_beyond(saved, would)
     # what the model lacks is drawn anew with each pose, as the repeatability is with each visit
     noise = header.noise
@@ -59,10 +76,32 @@ def plan(
     )
     would = replace(would, header=replace(header, noise=rougher))
     seen = Seen.of(saved, would, frame_known=frame_known, lack=0.0)
-    chosen = choose(seen, seen.visit, count)
-    visits = candidates.take(chosen).again(times)
+    which = seen.visit % len(candidates)
+    chosen = choose(seen, which, count)
+    once = candidates.take(chosen)
+    _, odds = odds_of(Seen.of(saved, planned(saved, header, once), frame_known=frame_known, lack=lack))
+    ways = Ways(saved, header, odds.limit(rate), frame_known, lack)
+    goal = ways.goal(once)
+    best = fewest(ways, once, goal, times=times, repeats=repeats)
+    visits = best.rounds.of(once)
+    found = judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
+    enough, tried = count, best
+    for _ in range(_TRIES):
+        most = min(len(candidates), _MOST)
+        if not 1.0 < tried.short < np.inf or enough > most:
+            break
+        enough = int(np.ceil(enough * tried.short**2))
+        if enough <= most:
+            more = candidates.take(choose(seen, which, enough))
+            tried = Tried(best.rounds, ways.sizes(more, best.rounds), goal)
     return Plan(
-        tuple(chosen), visits, judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
+        tuple(chosen),
+        visits,
+        found,
+        best.rounds.times,
+        best.rounds.repeats,
+        enough if count < enough and tried.short <= 1.0 else None,
+        best.beyond,
     )
 
 

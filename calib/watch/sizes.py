@@ -11,22 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.special import chndtrinc
 
 from calib.array import Array
 from calib.model.effect import Effect
-from calib.units import to_internal
 from calib.watch.judge import RATE, odds_of
-from calib.watch.odds import Odds
+from calib.watch.odds import Columns, Odds
 from calib.watch.seen import Seen
+from calib.watch.wanted import ALONE, needed, of_one_unit, wanted_of
 
-SEEN, ALONE = 0.95, 0.80
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
 _DRAWS = 400
-
-
-WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift": 0.1}
-"""Sizes that a watch should see, by the name of the cause, deg and mm: a tenth of what a new arm is off by."""
+_NOTHING = 1e-12  # non-centrality of one unit
 
 
 @dataclass(frozen=True)
@@ -77,8 +72,8 @@ def shown(seen: Seen, rate: float = RATE) -> Shown:
         size = float(np.sqrt(needs / strength))
         always = tuple(odds.causes[d].effect.label for d in odds.always(index))
         alone = None if always else _alone(odds, index, moved * size, noise)
-        name, _, joint = effect.label.partition(":j")
-        wanted = WANTED.get(name) if effect.parameters[0].unit in ("deg", "mm") else None
+        joint = effect.label.partition(":j")[2]
+        wanted = wanted_of(effect)
         beyond = stats.chi2.isf(limit, cause.freedom)
         out.append(
             Smallest(
@@ -99,30 +94,28 @@ def shown(seen: Seen, rate: float = RATE) -> Shown:
 
 
 def seen_from(seen: Seen, limit: float) -> dict[str, float]:
-    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` without its draws."""
-    whiten, odds = odds_of(seen)
+    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` infinite where nothing
+    shows it. `shown` without its draws, and without a matrix of all rows, however many there are."""
+    beside = np.column_stack([seen.lasting, seen.passing])
+    inner = np.linalg.inv(np.eye(beside.shape[1]) + beside.T @ beside)
     out = {}
-    for cause in odds.causes:
-        worst = _worst(seen, cause.effect, whiten)
-        if cause.effect.label.partition(":")[0] in WANTED and worst is not None:
-            out[cause.effect.label] = float(np.sqrt(needed(cause.freedom, limit) / worst[0]))
+    for cause, columns in zip(seen.causes, seen.columns, strict=True):
+        one = of_one_unit(cause, columns)
+        along = beside.T @ one
+        least = float(np.linalg.eigvalsh(one.T @ one - along.T @ inner @ along)[0])
+        freedom = Columns.of(cause, columns).freedom
+        if wanted_of(cause) is not None:
+            shows = freedom and least > _NOTHING
+            out[cause.label] = float(np.sqrt(needed(freedom, limit) / least)) if shows else np.inf
     return out
 
 
 def _worst(seen: Seen, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
     """Of a cause in the direction that is seen worst, of the parameters of its first unit: the non-centrality of the
     square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
-    unit = effect.parameters[0].unit
-    same = [k for k, p in enumerate(effect.parameters) if p.unit == unit]
-    one = (whiten @ seen.columns[seen.causes.index(effect)])[:, same] * to_internal(1.0, unit)
+    one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])
     values, vectors = np.linalg.eigh(one.T @ one)
-    return None if values[0] < 1e-12 else (float(values[0]), one @ vectors[:, 0])
-
-
-def needed(freedom: int, p_limit: float, chance: float = SEEN) -> float:
-    """The non-centrality with which chi-squared exceeds the limit of a p-value in so many of all cases."""
-    limit = stats.chi2.isf(p_limit, freedom)
-    return float(chndtrinc(limit, freedom, 1.0 - chance))
+    return None if values[0] < _NOTHING else (float(values[0]), one @ vectors[:, 0])
 
 
 def _alone(odds: Odds, index: int, moved: Array, noise: Array) -> float | None:

@@ -19,7 +19,6 @@ from calib.array import Array
 from calib.errors import DataError
 from calib.model.model import RobotModel
 from calib.saved import SavedModel
-from calib.units import to_internal
 from calib.watch.cause import Cause
 from calib.watch.judge import Verdict
 from calib.watch.seen import Seen
@@ -32,7 +31,6 @@ def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Ar
     """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
     label of the cause is changed, else the effect is appended."""
     effect = next(e for e in seen.causes if e.label == cause.label)
-    prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
     model, old = saved.model, len(saved.estimate)
     if any(p.name in model.index for p in effect.parameters):
         goal, place = model, [model.index[p.name] for p in effect.parameters]
@@ -40,7 +38,8 @@ def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Ar
         goal, place = model.append(effect), list(range(old, old + len(effect.parameters)))
     estimate = np.concatenate([saved.estimate, np.zeros(len(goal.parameters) - old)])
     estimate[place] += cause.values
-    change = Change.of(seen, seen.columns[seen.causes.index(effect)], prior)
+    columns = seen.columns[seen.causes.index(effect)]
+    change = Change(np.linalg.solve(seen.spread(), columns), cause.covariance)
     return goal, estimate, change.covariance_of(saved, seen, place, len(estimate))
 
 

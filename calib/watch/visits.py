@@ -45,6 +45,12 @@ class Visits:
             self.joints[some], self.sides[some], self.reach[some], tuple(self.read[i] for i in some)
         )
 
+    def read_again(self, times: int) -> Visits:
+        """Everything read so many times in each visit, while the robot stands."""
+        return replace(
+            self, read=tuple(tuple(pair for pair in each for _ in range(times)) for each in self.read)
+        )
+
     def again(self, times: int) -> Visits:
         """Every visit so many times, every other time from the opposite sides; the whole round before the next."""
         rounds = [replace(self, sides=self.sides * (-1.0) ** k) for k in range(times)]

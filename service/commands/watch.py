@@ -85,11 +85,20 @@ def plan_command(
         bool, typer.Option("--one-side", help="Arrive from below on every joint: play is not seen.")
     ] = False,
     rounds: Annotated[
-        int,
+        int | None,
         typer.Option(
-            "--visits", min=1, max=20, help="Visits to each pose, every other time from the opposite sides."
+            "--visits",
+            min=1,
+            max=20,
+            help="Visits to each pose, every other time from the opposite sides; default: as few as show every cause.",
         ),
-    ] = 1,
+    ] = None,
+    repeats: Annotated[
+        int | None,
+        typer.Option(
+            "--readings", min=1, max=100, help="Readings of each target in a visit; default: as --visits."
+        ),
+    ] = None,
     touch: Annotated[
         str | None,
         typer.Option(
@@ -117,7 +126,18 @@ def plan_command(
     )
     balls = () if touch is None else tuple(dict.fromkeys(n.strip() for n in touch.split(",") if n.strip()))
     asked = PlanQuestion(
-        poses, candidates, names, offset_deg, not one_side, rate, seed, rounds, balls, touch_mm, not new_frame
+        poses,
+        candidates,
+        names,
+        offset_deg,
+        not one_side,
+        rate,
+        seed,
+        rounds,
+        balls,
+        touch_mm,
+        not new_frame,
+        repeats,
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)

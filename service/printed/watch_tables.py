@@ -11,6 +11,7 @@ from service import wording
 from service.printed import tables
 from service.results.upkept import Upkeep
 from service.results.watch_plan import Planned
+from service.results.watch_words import in_words
 from service.results.watched import Watched
 
 _PROPOSALS = 4
@@ -20,10 +21,11 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     """What the check poses show, and what it would take to see more."""
     causes = found.plan.shown.causes
     poses = wording.counted(found.asked.poses, "pose")
-    rounds = "" if found.asked.rounds == 1 else f" {found.asked.rounds} times each"
+    rounds = "" if found.plan.rounds == 1 else f" visited {found.plan.rounds} times each"
+    repeats = "" if found.plan.repeats == 1 else f", each target read {found.plan.repeats} times a visit"
     readings = wording.counted(found.plan.shown.readings, "reading")
     shown = tables.grid(
-        f"{poses}{rounds}, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
+        f"{poses}{rounds}{repeats}, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
         "cause",
         f"seen in {SEEN:.0%}",
         f"named alone in {ALONE:.0%}",
@@ -52,42 +54,24 @@ def plan_tables(found: Planned) -> list[RenderableType]:
         )
     if found.proposals:
         lines += _proposals(found.proposals)
-        lines += _lever(found)
+    lines.append(in_words(found))
     return lines
 
 
 def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
     table = tables.grid(
-        "What would show every cause from the size at which it should be seen, at these poses",
+        "What would show the causes from the sizes at which they should be seen, at these poses",
         "targets",
         "visits to each pose",
+        "readings of a target there",
         "readings",
         "",
         left=1,
     )
     for each in proposals[:_PROPOSALS]:
-        unit = "deg" if each.label.startswith(("joint_step", "backlash")) else "mm"
-        told = "" if each.reached else f"not reached: {each.label} from {each.size:.3g} {unit}"
-        table.add_row(", ".join(each.targets), str(each.rounds), str(each.readings), told)
+        told = "" if each.reached else f"all but {', '.join(label for label, _ in each.beyond)}"
+        table.add_row(", ".join(each.targets), str(each.rounds), str(each.repeats), str(each.readings), told)
     return [table]
-
-
-def _lever(found: Planned) -> list[str]:
-    """How far off its axis a target would have to be for the joint that is missed by most, or that more readings do not
-    help."""
-    if not any(each.reached for each in found.proposals):
-        return [
-            "More readings do not reach it: what the baseline is uncertain by, or leaves on its validation readings,"
-            " stays. Calibrate with more poses, and diagnose."
-        ]
-    missed = [c for c in found.plan.shown.causes if c.share is not None and c.share < SEEN and c.wanted]
-    worst = max(missed, key=lambda c: c.size / (c.wanted or 1.0), default=None)
-    if worst is None or worst.lever_mm is None or worst.wanted is None:
-        return []
-    return [
-        f"{worst.label}: these targets are {worst.lever_mm:.0f} mm off its axis; with as many readings one "
-        f"{worst.lever_mm * worst.size / worst.wanted:.0f} mm off shows {worst.wanted:g} {worst.unit}."
-    ]
 
 
 def verdict_tables(found: Watched) -> list[RenderableType]:

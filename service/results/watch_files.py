@@ -26,9 +26,11 @@ def campaign_of(
     targets: Sequence[str],
     poses: Sequence[Pose],
     visits: Visits,
+    repeats: int,
     nest_limit_mm: float | None,
 ) -> str:
-    """The campaign that visits the poses in their order; nest_limit_mm: of the nests that are measured again half-way,
+    """The campaign that visits the poses in their order; repeats: how often each target is read
+    there; nest_limit_mm: of the nests that are measured again half-way,
     None where none are."""
     block: dict[str, Any] = {
         "set": "calibration",
@@ -39,6 +41,8 @@ def campaign_of(
         block |= {"kind": "legs", "legs": [[list(leg) for leg in legs] for legs in visits.read]}
     else:
         block |= {"kind": "poses", "select": "list", "targets": list(targets)}
+        if repeats > 1:
+            block["readings"] = repeats
     table = {
         "format": "truepose-campaign/1",
         "seed": asked.seed,

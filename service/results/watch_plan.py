@@ -28,6 +28,7 @@ from calib.watch import NestLimit, Plan, Proposal, Visits
 from service.plain import finite
 from service.results.watch_files import campaign_of, touched_files
 from service.results.watch_question import PlanQuestion
+from service.results.watch_words import in_words
 
 PLAN_FORMAT = "truepose-watch-plan/1"
 _STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
@@ -66,9 +67,10 @@ class Planned:
         _refuse_one_sided(saved, model, both=asked.both)
         say("drawing candidates")
         balls: list[str] = []
-        arrival = Arrival(asked.offset_deg, asked.both, opposite=asked.rounds > 1)
-        rng = np.random.default_rng(asked.seed)
         lengths = cell.instrument.declared.measures_lengths
+        times, repeats = _often(asked, by_points=not lengths, by_hand=cell.instrument.declared.by_hand)
+        arrival = Arrival(asked.offset_deg, asked.both, opposite=times != 1)
+        rng = np.random.default_rng(asked.seed)
         if asked.touch:
             drawn, sat = touch_poses(cell, asked.candidates, targets[0], asked.touch, arrival, rng)
             balls = [ball for ((_, ball),) in sat]
@@ -92,13 +94,14 @@ class Planned:
             candidates,
             asked.poses,
             asked.rate,
-            times=asked.rounds,
+            times=times,
+            repeats=repeats,
             frame_known=asked.frame_known,
         )
         once = tuple(drawn[i] for i in found.chosen)
         poses = tuple(
             pose._replace(sides=tuple(int((-1) ** k * side) for side in pose.sides))
-            for k in range(asked.rounds)
+            for k in range(found.rounds)
             for pose in once
         )
         chosen = found.visits
@@ -114,7 +117,7 @@ class Planned:
                 found.shown.limit,
                 frame_known=asked.frame_known,
             )
-        touched = tuple(balls[i] for i in found.chosen) * asked.rounds if balls else ()
+        touched = tuple(balls[i] for i in found.chosen) * found.rounds if balls else ()
         return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals)
 
     @property
@@ -137,7 +140,11 @@ class Planned:
         if self.driven:
             limit = None if self.nests is None else self.nests.limit_mm
             visits = self.plan.visits
-            return {out: campaign_of(self.model.name, self.asked, self.targets, self.poses, visits, limit)}
+            return {
+                out: campaign_of(
+                    self.model.name, self.asked, self.targets, self.poses, visits, self.plan.repeats, limit
+                )
+            }
         return touched_files(out, self.cell, self.asked, self.targets[0], self.poses, self.balls)
 
     def document(self) -> dict[str, Any]:
@@ -149,7 +156,8 @@ class Planned:
                 "model": self.model.name,
                 "instrument": "touch" if self.asked.touch else self.cell.instrument.name,
                 "targets": list(self.targets),
-                "rounds": self.asked.rounds,
+                "rounds": self.plan.rounds,
+                "repeats": self.plan.repeats,
                 "readings": self.plan.shown.readings,
                 "false_alarms": self.asked.rate,
                 "seen_in": watch.SEEN,
@@ -174,10 +182,13 @@ class Planned:
                 "nests": None
                 if self.nests is None
                 else {"limit_mm": self.nests.limit_mm, "seen_from_mm": self.nests.seen_mm},
+                "in_words": in_words(self),
+                "enough_poses": self.plan.enough,
                 "proposals": [
                     {
                         "targets": list(each.targets),
                         "rounds": each.rounds,
+                        "repeats": each.repeats,
                         "readings": each.readings,
                         "reached": each.reached,
                         "worst": {"label": each.label, "seen_from": each.size},
@@ -186,6 +197,16 @@ class Planned:
                 ],
             }
         )
+
+
+def _often(asked: PlanQuestion, *, by_points: bool, by_hand: bool) -> tuple[int | None, int | None]:
+    """Visits to a pose and readings in a visit, None for as few as are enough: a person, and a bar, read once unless
+    told otherwise, and from one side there is no second visit from the other."""
+    if asked.touch or not by_points:
+        return asked.rounds or 1, 1
+    if by_hand:
+        return asked.rounds or 1, asked.repeats or 1
+    return asked.rounds if asked.both else asked.rounds or 1, asked.repeats
 
 
 def _targets(cell: Cell, asked: PlanQuestion) -> tuple[str, ...]:

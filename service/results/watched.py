@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +158,13 @@ def _update(
     except DataError as error:
         return (*notes, str(error)), False
     goal, estimate, covariance = watch.updated(saved, seen, cause)
+    kept = replace(saved, model=goal, estimate=estimate, covariance=covariance)
+    times = watch.times_as_uncertain(saved, kept, dataset.header, _targets(dataset))
+    if times > watch.DOUBTFUL:
+        notes += (
+            f"{out.name} is {times:.1f} times as uncertain as a recalibration would make it: too few readings for this "
+            "cause. Measure again by a plan with more --visits and --readings, or recalibrate.",
+        )
     occasion = dataset.header.occasion
     save_update(
         out,
@@ -176,3 +183,11 @@ def _update(
         },
     )
     return notes, True
+
+
+def _targets(dataset: Dataset) -> tuple[str, ...]:
+    """The targets that were read."""
+    conditions = dataset.conditions
+    return tuple(
+        conditions.target_names[t] for t in sorted(set(conditions.target[dataset.fit_rows].tolist()))
+    )

@@ -134,7 +134,8 @@ def test_the_plan_is_a_campaign_of_the_cell(
 def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> None:
     """On a simulated cell whose robot is not the one of the model: it must not pass."""
     campaign, record, verdict = tmp_path / "watch.toml", tmp_path / "record", tmp_path / "v.json"
-    plan = ["watch", "plan", str(model), str(CELL), "--out", str(campaign), "--poses", "4", "--from", "30"]
+    asked = ["--poses", "4", "--from", "30", "--visits", "1", "--readings", "2"]
+    plan = ["watch", "plan", str(model), str(CELL), "--out", str(campaign), *asked]
     assert main([*plan, "--targets", "T2"]) == 0
     heavier = tmp_path / "heavier.toml"
     heavier.write_text(CELL.read_text("utf-8").replace("mass_kg = 2.7", "mass_kg = 3.1"), "utf-8")
@@ -144,7 +145,7 @@ def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> N
     assert main([*run, "--json", str(verdict)]) in (3, 6)
     document = json.loads(verdict.read_text("utf-8"))
     assert document["verdict"] != "unchanged"
-    assert document["questions"][0]["values"] == 12
+    assert document["questions"][0]["values"] == 24
     dataset = read_dataset(record / "watch.csv")
     assert set(dataset.header.nests) == {"N1", "N2", "N3"}
     assert main(run) == 2  # a watch has a record of its own

@@ -72,7 +72,7 @@ class BlockVisit:
     """A pose to be visited, before it has its place in the order. `what` names it within its block.
 
     distances: target and ball on the base of each, where a ballbar measures them, or two balls of one body where the
-    arm takes no part (no joints). waypoints: where a path goes on to.
+    arm takes no part (no joints). waypoints: where a path goes on to. readings: of every target, while the arm rests.
     """
 
     what: str
@@ -81,6 +81,7 @@ class BlockVisit:
     approach_deg: Joints
     distances: Sequence[tuple[str, str]] = ()
     waypoints: tuple[Joints, ...] = ()
+    readings: int = 1
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ Select = Literal["random", "file", "list", "observability"]
 DRAWN = ("random", "observability")
 _JOINT = re.compile(r"[je]\d+_(deg|mm)")
 KEYS = ("count", "select", "file", "joints_deg")
-OWN_KEYS = (*KEYS, "approach_sides")
+OWN_KEYS = (*KEYS, "approach_sides", "readings")
+_MOST = 100  # readings of a target in one visit
 
 
 @dataclass(frozen=True)
@@ -70,19 +71,22 @@ class Source:
 
 @dataclass(frozen=True)
 class Poses:
-    """Visits each pose once. Last moves to drawn poses are of many lengths; those to given poses, where it is asked."""
+    """Visits each pose once and reads every target so often while the arm rests. Last moves to drawn poses are of many
+    lengths; those to given poses, where it is asked."""
 
     source: Source
+    readings: int = 1
     ordered = False
     lengths = False
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         drawn = self.source.select in DRAWN
         longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg
-        return [
+        visits = [
             site.visit(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
             for i, pose in enumerate(self.source.poses(site, longest), start=1)
         ]
+        return [replace(visit, readings=self.readings) for visit in visits]
 
 
 def read(table: TomlTable, folder: Path | None) -> Poses:
@@ -91,7 +95,8 @@ def read(table: TomlTable, folder: Path | None) -> Poses:
     folder: where pose files are; None: they are not read again.
     """
     source = read_source(table, folder)
-    return Poses(replace(source, sides=_sides(table, source)))
+    readings = table.whole("readings", 1, low=1, high=_MOST)
+    return Poses(replace(source, sides=_sides(table, source)), readings)
 
 
 def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:

@@ -118,6 +118,9 @@ class PosesBlock(_Chosen):
             ),
         ]
     ]
+    readings: NotRequired[
+        Annotated[int, told("Readings of every target while the arm rests there; 1 where left out.", 3)]
+    ]
 
 
 class RepeatBlock(_Chosen):

@@ -1,0 +1,139 @@
+"""How often to visit each check pose, and how often to read there: as seldom as shows every cause that should be seen.
+
+Reading again while the robot stands averages the instrument's noise and costs a second or two; coming again, from the
+opposite sides, averages the robot's repeatability too, shows play by itself, and costs a move. Neither helps against
+what the baseline does not know, what it lacks, or a frame that is set up anew: a cause that these hide is to be seen
+from about where the most readings see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.data.header import Header
+from calib.saved import SavedModel
+from calib.watch.planned import planned
+from calib.watch.seen import Seen
+from calib.watch.sizes import seen_from
+from calib.watch.visits import Visits
+from calib.watch.wanted import WANTED
+
+TIMES = (1, 2, 4)
+REPEATS = (1, 2, 3, 4, 6, 8, 12)
+_MOVE = 4  # readings that an arrival costs
+_NEAR = 1.1  # of the smallest size that any readings show, up to which fewer are preferred
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """Visits to each pose, and readings of everything in each visit."""
+
+    times: int = 1
+    repeats: int = 1
+
+    def of(self, visits: Visits) -> Visits:
+        """The visits made and read so often."""
+        return visits.read_again(self.repeats).again(self.times)
+
+    def cost(self, visits: Visits) -> float:
+        """What they cost, in readings."""
+        return self.times * (_MOVE * len(visits) + self.repeats * visits.readings)
+
+
+@dataclass(frozen=True)
+class Ways:
+    """How some readings could be taken again and again. limit: p-value of an alarm; lack: as `Seen.of`."""
+
+    saved: SavedModel
+    header: Header
+    limit: float
+    frame_known: bool = True
+    lack: float | None = None
+
+    def sizes(self, visits: Visits, rounds: Rounds) -> dict[str, float]:
+        """From which size every cause is seen that has one at which it should be; infinite where nothing shows it."""
+        would = planned(self.saved, self.header, rounds.of(visits))
+        seen = Seen.of(self.saved, would, frame_known=self.frame_known, lack=self.lack)
+        return seen_from(seen, self.limit)
+
+    def goal(self, visits: Visits) -> dict[str, float]:
+        """From which size every cause should be seen, where any number of readings at these poses can show it."""
+        best = self.sizes(visits, Rounds(_times(visits)[-1], REPEATS[-1]))
+        return {
+            label: wanted(label) if size <= wanted(label) else _NEAR * size for label, size in best.items()
+        }
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What some rounds show: from which size every cause is seen, and from which it should be."""
+
+    rounds: Rounds
+    sizes: Mapping[str, float]
+    goal: Mapping[str, float] = field(repr=False)
+
+    @property
+    def worst(self) -> str:
+        """The cause that is furthest from the size that should be seen."""
+        return max(self.sizes, key=lambda each: self.sizes[each] / wanted(each))
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """The causes that no readings show from the size at which they should be seen."""
+        return tuple(label for label, size in self.goal.items() if size > wanted(label))
+
+    @property
+    def short(self) -> float:
+        """By how many times the size is too large, of the cause that is furthest from its goal; none above 1."""
+        return max(
+            self.sizes.get(each, np.inf) / goal for each, goal in self.goal.items() if np.isfinite(goal)
+        )
+
+
+def fewest(
+    ways: Ways,
+    visits: Visits,
+    goal: Mapping[str, float],
+    *,
+    times: int | None = None,
+    repeats: int | None = None,
+) -> Tried:
+    """The cheapest rounds of visits that reach a goal; where none do, what comes nearest. times, repeats: where they
+    are given."""
+
+    def tried(rounds: Rounds) -> Tried:
+        return Tried(rounds, ways.sizes(visits, rounds), goal)
+
+    each_time = _times(visits) if times is None else (times,)
+    each_repeat = REPEATS if repeats is None else (repeats,)
+    most = [tried(Rounds(t, each_repeat[-1])) for t in each_time]
+    found = [_first(tried, each, each_repeat) for each in most if each.short <= 1.0]
+    if not found:
+        return min(most, key=lambda each: each.short)
+    return min(found, key=lambda each: each.rounds.cost(visits))
+
+
+def _times(visits: Visits) -> tuple[int, ...]:
+    """How often poses may be visited: once where every joint always comes from one side, since the next visit would
+    come from the other."""
+    return TIMES[:1] if np.all(visits.sides == visits.sides[:1]) else TIMES
+
+
+def _first(tried: Callable[[Rounds], Tried], most: Tried, repeats: tuple[int, ...]) -> Tried:
+    """The fewest repeats that are enough, by halving: more never show less."""
+    low, high, best = 0, len(repeats) - 1, most
+    while low < high:
+        middle = (low + high) // 2
+        if (found := tried(Rounds(most.rounds.times, repeats[middle]))).short <= 1.0:
+            high, best = middle, found
+        else:
+            low = middle + 1
+    return best
+
+
+def wanted(label: str) -> float:
+    """The size at which the cause of a label should be seen, deg or mm."""
+    return WANTED[label.partition(":")[0]]

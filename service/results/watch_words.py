@@ -1,0 +1,82 @@
+"""The plan of a watch in a sentence: what it shows, or what would show the rest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from calib.watch import REPEATS, SEEN, TIMES, Smallest
+
+if TYPE_CHECKING:
+    from service.results.watch_plan import Planned
+
+_NAMES = {
+    "joint_step": "a lost zero of joint {}",
+    "backlash": "play of joint {}",
+    "tool_shift": "a bumped tool",
+    "base_shift": "a moved base",
+}
+_HIDDEN = (
+    "What the baseline is uncertain by, or left on its validation readings, and the frame, which is set up anew on its "
+    "nests, are not averaged away: more poses help, nests farther apart, or a calibration with more poses."
+)
+
+
+def in_words(found: Planned) -> str:
+    """What the check poses show of the sizes that should be seen; where that is not all, what would show it."""
+    stated = [each for each in found.plan.shown.causes if each.wanted is not None]
+    short = sorted((c for c in stated if (c.share or 0.0) < SEEN), key=lambda c: c.share or 0.0)
+    if not short:
+        return (
+            f"Each of these causes is seen, at the size at which it should be, in {SEEN:.0%} of watches or more."
+            if stated
+            else ""
+        )
+    beyond = [each for each in short if each.label in found.plan.beyond]
+    others = [each for each in short if each.label not in found.plan.beyond]
+    said = []
+    if others:
+        ways = _ways(found, others[0])
+        mended = f" What would show them: {'; or '.join(ways)}." if ways else ""
+        said.append(f"Seen too seldom: {', '.join(map(_named, others))}.{mended}")
+    if beyond:
+        said.append(
+            f"Not even {TIMES[-1]} visits with {REPEATS[-1]} readings each would show here "
+            f"{', '.join(map(_named, beyond))}.{_elsewhere(found)} {_HIDDEN}"
+        )
+    return " ".join(said)
+
+
+def _named(cause: Smallest) -> str:
+    name, _, joint = cause.label.partition(":j")
+    return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {cause.share:.0%} of watches)"
+
+
+def _ways(found: Planned, worst: Smallest) -> list[str]:
+    """What would do it: more readings at these poses, other targets, more poses, a target farther off the axis."""
+    least = len(found.plan.beyond)
+    ways = []
+    for same in (True, False):
+        good = [p for p in found.proposals if (p.targets == found.targets) == same and len(p.beyond) <= least]
+        if good:
+            targets = "" if same else f"--targets {','.join(good[0].targets)} "
+            ways.append(f"{targets}--visits {good[0].rounds} --readings {good[0].repeats}")
+    if found.plan.enough is not None:
+        ways.append(f"{found.plan.enough} poses instead of {found.asked.poses}")
+    last = f":j{found.cell.robot.model.joints}"
+    if worst.label.endswith(last) and worst.lever_mm is not None and worst.wanted is not None:
+        lever = worst.lever_mm * worst.size / worst.wanted
+        ways.append(
+            f"with as many readings as here a target {lever:.0f} mm from the axis of joint {last[2:]} instead of "
+            f"{worst.lever_mm:.0f}"
+        )
+    return ways
+
+
+def _elsewhere(found: Planned) -> str:
+    """Other targets that show more of the causes."""
+    first = next(iter(found.proposals), None)
+    if first is None or len(first.beyond) >= len(found.plan.beyond):
+        return ""
+    targets = f"--targets {','.join(first.targets)} --visits {first.rounds} --readings {first.repeats}"
+    hidden = ", ".join(label for label, _ in first.beyond)
+    return f" {targets} shows all{f' but {hidden}' if hidden else ''}."
