@@ -21,7 +21,7 @@ from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
 from service.programs.postures import leaves_window, postures
 from service.programs.program import Driven, Program, Target, rewritten
-from service.programs.read import parse
+from service.programs.read import as_written, parse
 
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
 
@@ -49,7 +49,8 @@ class TargetOutcome:
 
 @dataclass(frozen=True)
 class Compensation:
-    """A program with corrected targets, as text, and what became of every target of the one it was made from."""
+    """A program with corrected targets, as text that holds no formula for a spreadsheet, and what became of every
+    target of the one it was made from."""
 
     text: str
     outcomes: tuple[TargetOutcome, ...]
@@ -98,7 +99,7 @@ def compensate(
             driven[i] = Driven(counted[i], flange[i])
     # What needs no correction keeps its digits.
     changed = {i: d for i, d in driven.items() if not np.array_equal(done.joints[i], nominal[i])}
-    text = rewritten(program, changed)
+    text = as_written(rewritten(program, changed), path)
     written = _read_back(text, path, targets, robot, coupling, known)
     before, after = _flanges(robot, nominal), _flanges(robot, written)
     slides = np.array(robot.kinds) == "slides"

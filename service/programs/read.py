@@ -13,7 +13,7 @@ from service.programs.frames import KnownFrames
 from service.programs.kuka import KukaProgram
 from service.programs.program import Program
 from service.programs.rapid import RapidProgram
-from service.programs.target_table import TargetTable
+from service.programs.target_table import TargetTable, without_formulas
 from service.programs.text import read_text
 from service.programs.urscript import UrScript
 from service.programs.val3 import Val3Data
@@ -81,6 +81,11 @@ def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> Program:
     world[:3, 3] = robot.controller_world_mm
     reader = {RAPID: RapidProgram, FANUC: FanucProgram, URSCRIPT: UrScript, KUKA: KukaProgram}[dialect]
     return reader(text, str(path), world, known)
+
+
+def as_written(text: str, path: Path) -> str:
+    """A program's text for the file of this name: a table, which spreadsheets open, holds no formula."""
+    return without_formulas(text) if SUFFIXES.get(path.suffix.lower()) == TABLE else text
 
 
 def read_program(path: Path, robot: Robot, known: KnownFrames) -> Program:

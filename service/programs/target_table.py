@@ -1,14 +1,15 @@
 """Target tables (.csv): `target_id, j1_deg...`, or `target_id, x_mm, y_mm, z_mm, rot_w...rot_z, config`.
 
 A row holds joints, as the controller counts them, `j3_mm` of a slide, `e1_mm` of a track, or a pose of the tool point
-in the base frame with the branch it is meant in (`front/up/noflip`; `right` of a SCARA). Other columns are kept.
+in the base frame with the branch it is meant in (`front/up/noflip`; `right` of a SCARA). Other columns are kept; what a
+spreadsheet would work out is written as text (`without_formulas`) and read as it was meant.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,11 +19,11 @@ from calib.arm import Robot
 from calib.array import Array
 from calib.compensate import inverse_poses
 from calib.errors import DataError
-from calib.text import LONGEST_LINE, MOST_COLUMNS
+from calib.text import LONGEST_LINE, MOST_COLUMNS, meant_by, no_formula
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target
-from service.programs.text import Edit, decimal
+from service.programs.text import Edit, decimal, edited
 
 PLACES = 9
 
@@ -82,11 +83,8 @@ class TargetTable:
 
     def _rows(self) -> list[tuple[int, list[_Cell]]]:
         """Line number and cells of every line that is not blank."""
-        out, at = [], 0
-        for number, line in enumerate(self.text.splitlines(keepends=True), start=1):
-            bare = line.rstrip("\r\n").removeprefix("﻿")
-            begin = at + line.index(bare)
-            at += len(line)
+        out = []
+        for number, begin, bare in _lines(self.text):
             if len(bare) > LONGEST_LINE:
                 raise self._refuse(f"has {len(bare)} characters.", f"Give at most {LONGEST_LINE}.", number)
             if bare.strip():
@@ -134,7 +132,7 @@ class TargetTable:
         if len(cells) != len(header):
             raise self._refuse(f"has {len(cells)} cells, the header {len(header)}.", "Correct the row.", line)
         row = dict(zip(header, cells, strict=True))
-        target = Target(row["target_id"].text, line)
+        target = Target(meant_by(row["target_id"].text), line)
         if not target.name:
             raise self._refuse("column 'target_id' is empty.", "Give every target an id.", line)
         others = [name for name in header if _EXTERNAL.fullmatch(name) and name not in self._joints]
@@ -175,6 +173,29 @@ class TargetTable:
 
     def _refuse(self, what: str, do: str, line: int) -> DataError:
         return DataError(what, do=do, file=self._file, line=line)
+
+
+def without_formulas(text: str) -> str:
+    """A table's text in which a spreadsheet works out no cell, heading or target: `'` before what it would."""
+    return edited(
+        text,
+        (
+            Edit(at, at, "'")
+            for _, begin, line in _lines(text)
+            for start, end, cell in _cells(line, begin)
+            if no_formula(cell) != cell
+            for at in [text.index(cell[0], start, end)]
+        ),
+    )
+
+
+def _lines(text: str) -> Iterator[tuple[int, int, str]]:
+    """Number, place in the text and content of every line, without its end and a mark of byte order."""
+    at = 0
+    for number, line in enumerate(text.splitlines(keepends=True), start=1):
+        bare = line.rstrip("\r\n").removeprefix("\ufeff")
+        yield number, at + line.index(bare), bare
+        at += len(line)
 
 
 def _cells(line: str, begin: int) -> list[_Cell]:

@@ -41,6 +41,13 @@ function go(again = false) {
   if (before) { $("where").focus({ preventScroll: true }); scrollTo(0, 0); $("trouble").replaceChildren(); }
   head();
   look();
+  if (connection.silent) past(root);
+}
+
+// A view opened while the service is silent: what was heard of it last, or that nothing was.
+function past(root) {
+  const none = h("p", { className: "big unheard" }, t("neverHeard"));
+  lookAt(view).catch((error) => { if (error instanceof Silence) root.prepend(none); else failed(error); });
 }
 
 // -- the head -------------------------------------------------------------------------------------------------
@@ -134,7 +141,12 @@ async function compare() {
   if (health && health.page) $("old").hidden = health.page === document.documentElement.dataset.page;
 }
 
-signals.addEventListener("heard", () => { silence(); if (!connection.silent) { prolong(); look(); compare(); } });
+signals.addEventListener("heard", () => {
+  silence();
+  if (connection.silent) return;
+  document.querySelector(".unheard")?.remove();
+  prolong(); look(); compare();
+});
 $("again").addEventListener("click", () => location.reload());
 signals.addEventListener("left", () => {
   keep(null);

@@ -10,6 +10,9 @@ const tell = (kind) => signals.dispatchEvent(new Event(kind));
 
 export const clock = (date, digits = 8) => date.toTimeString().slice(0, digits);
 
+// What was answered last, by path, newest last: a view that is opened while the service is silent shows it, in grey.
+const answered = new Map(), MOST_ANSWERS = 100, PROBE = "/cell";
+
 export class Silence extends Error {}
 
 // A refusal of the service: what happened, and what to do.
@@ -43,15 +46,24 @@ export async function reach(path, options, patience, read) {
 export const bearer = () => ({ Authorization: `Bearer ${connection.token}` });
 export const key = () => ({ "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() : `${Date.now()}-${Math.random()}` });
 
+// As `reach`, for what is looked at. While the service is silent only the probe goes on asking it.
+async function lookUp(path, options, patience, read) {
+  if (connection.silent && path !== PROBE && answered.has(path)) return answered.get(path);
+  const told = await reach(path, options, patience, read);
+  answered.delete(path); answered.set(path, told);
+  if (answered.size > MOST_ANSWERS) answered.delete(answered.keys().next().value);
+  return told;
+}
+
 export function ask(method, path, body, headers = {}) {
   const sent = { ...bearer(), ...headers };
   if (body !== undefined) sent["Content-Type"] = "application/json";
   const options = { method, headers: sent, body: body === undefined ? undefined : JSON.stringify(body) };
-  return reach(path, options, method === "GET" ? LOOK_MS : ORDER_MS, (answer) => (answer.status === 204 ? null : answer.json()));
+  return (method === "GET" ? lookUp : reach)(path, options, method === "GET" ? LOOK_MS : ORDER_MS, (answer) => (answer.status === 204 ? null : answer.json()));
 }
 
 // What takes the service longer than a look: a plan, a price.
-export const reckoned = (path) => reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.json());
+export const reckoned = (path) => lookUp(path, { headers: bearer() }, ORDER_MS, (answer) => answer.json());
 
 export function upload(path, files) {
   const form = new FormData();
@@ -59,7 +71,7 @@ export function upload(path, files) {
   return reach(path, { method: "POST", headers: { ...bearer(), ...key() }, body: form }, ORDER_MS, (answer) => answer.json());
 }
 
-export const text = (path) => reach(path, { headers: bearer() }, ORDER_MS, (answer) => answer.text());
+export const text = (path) => lookUp(path, { headers: bearer() }, ORDER_MS, (answer) => answer.text());
 
 // A link cannot send a token: the file is fetched with it, and then saved.
 export async function save(path, name) {
@@ -95,6 +107,7 @@ export async function enter(token) {
 
 export function leave() {
   connection.token = "";
+  answered.clear();
   sessionStorage.removeItem(KEPT);
   tell("left");
 }

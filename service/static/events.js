@@ -1,13 +1,18 @@
 // The events of a run as they come: server-sent events by fetch, since an EventSource cannot send a token.
 
-import { API, bearer } from "./connection.js";
+import { API, bearer, signals } from "./connection.js";
 import { wait } from "./dom.js";
 
 const TURN_MS = 400;
+let kept = { id: "", events: [] };  // of the run that was followed last: a view that is opened anew has them at once
+
+signals.addEventListener("left", () => { kept = { id: "", events: [] }; });
 
 // Hands every batch of events to `hear` until `control` is aborted or `over()`; `lost()`: the service may be gone.
 export async function follow(id, control, { hear, over, lost }) {
-  let seen = "", text = "", fresh = [];
+  if (kept.id !== id) kept = { id, events: [] };
+  const mine = kept, last = mine.events.at(-1);
+  let seen = last ? String(last.id) : "", text = "", fresh = [...mine.events];
   const turn = () => {
     if (!fresh.length || control.signal.aborted) return;
     const events = fresh;
@@ -30,7 +35,8 @@ export async function follow(id, control, { hear, over, lost }) {
         for (const block of blocks) {
           const data = block.split("\n").filter((line) => line.startsWith("data:")).map((line) => line.slice(5)).join("\n");
           if (!data) continue;
-          fresh.push(JSON.parse(data)); seen = String(fresh.at(-1).id);
+          const event = JSON.parse(data);
+          fresh.push(event); mine.events.push(event); seen = String(event.id);
         }
       }
       if (over()) break;

@@ -1,6 +1,6 @@
 // The view Report: the report within the page, under the page's own policy: nothing in it runs, and nothing is loaded.
 
-import { ask, save, text } from "./connection.js";
+import { Silence, ask, save, text } from "./connection.js";
 import { order } from "./desk.js";
 import { button, fill, h } from "./dom.js";
 import { moment, state } from "./units.js";
@@ -30,7 +30,7 @@ function one(root, id) {
   const look = async () => {
     if (shown) return;
     shown = true;
-    try { adopt(place, await text(`/reports/${id}`)); says.textContent = ""; } catch (error) { says.textContent = ""; throw error; }
+    try { adopt(place, await text(`/reports/${id}`)); says.textContent = ""; } catch (error) { says.textContent = ""; shown = !(error instanceof Silence); throw error; }
   };
   return { look, show: () => {} };
 }

@@ -114,7 +114,7 @@ function one(root, id) {
   const look = async () => {
     if (!job || ["ready", "running", "waiting_for_operator", "paused"].includes(job.state)) job = await ask("GET", `/results/${id}`);
     show();
-    if (!drawn && job.result && picture.isConnected) await draw().catch((error) => { if (error.status === 404) picture.replaceWith(h("p", {}, t("noArrows"))); else throw error; });
+    if (!drawn && job.result && picture.isConnected) await draw().catch((error) => { if (error.status === 404) picture.replaceWith(h("p", {}, t("noArrows"))); else { drawn = false; throw error; } });
   };
   return { look, show };
 }

@@ -31,6 +31,7 @@ const WORDS = {
   notStopped: ["NOT stopped: no connection. Use the emergency stop", "NICHT angehalten: keine Verbindung. Not-Halt benutzen"],
   notStoppedYet: ["NOT stopped: no answer yet. Use the emergency stop", "NICHT angehalten: noch keine Antwort. Not-Halt benutzen"],
   asItWas: ["What is grey is as it was at {time}. The page goes on by itself when the service answers.", "Was grau ist, ist von {time}. Die Seite fährt von selbst fort, sobald der Dienst antwortet."],
+  neverHeard: ["Nothing is known of this yet: no connection.", "Hiervon ist noch nichts bekannt: keine Verbindung."],
   noAnswer: ["The order of {time} had no answer. Look at the state before you give it again.", "Der Befehl von {time} blieb ohne Antwort. Vor dem Wiederholen den Zustand ansehen."],
   wrongToken: ["The token is not that of this service.", "Der Schlüssel gehört nicht zu diesem Dienst."],
   whatToDo: ["What to do:", "Was zu tun ist:"],

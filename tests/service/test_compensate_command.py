@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -147,6 +149,29 @@ def test_conditions_that_cannot_be(
     assert code == 2
     assert what in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_table_comes_back_without_formulas_and_means_what_it_did(model: Path, tmp_path: Path) -> None:
+    head = "\ufefftarget_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,note, =SUM(A1)\r\n"
+    rows = (
+        '=1+1,10,20,-30,40,50,60,"=HYPERLINK(""http://a"",""b"")",1\r\n'
+        "b,-20,+30,-10,-40,-50,0, @SUM(A1),-2.5\r\n"
+    )
+    program = tmp_path / "a.csv"
+    program.write_bytes((head + rows).encode("utf-8"))
+    code, out = run(model, program)
+    assert code == 0
+    written = out.read_bytes().decode("utf-8")
+    cells = list(csv.reader(io.StringIO(written.removeprefix("\ufeff"), newline="")))
+    assert (cells[0][-1], cells[1][0], cells[1][7]) == (" '=SUM(A1)", "'=1+1", '\'=HYPERLINK("http://a","b")')
+    assert cells[2][7:] == [" '@SUM(A1)", "-2.5"]  # a number is none
+    assert written.startswith("\ufefftarget_id,j1_deg")
+    assert written.count("\r\n") == 3
+    again = tmp_path / "again.csv"
+    again.write_text(written, encoding="utf-8", newline="")
+    _, document = document_of(model, again)
+    assert [each["target"] for each in document["targets"]] == ["=1+1", "b"]
+    assert out.read_text("utf-8").count("'") == written.count("'") == 4  # and not once more
 
 
 def test_programs_of_another_robot_and_names_that_mislead(

@@ -1,7 +1,8 @@
 """The operator page when the service does not answer.
 
 These would catch: a page that shows the past as the present, a Confirm that looks alive without a service, a lease that
-is still "yours", a notice that hides Stop, and a page that has to be loaded again when the service is back.
+is still "yours", a notice that hides Stop, a page that has to be loaded again when the service is back, and a view that
+is empty because it was opened, or put into another language, meanwhile.
 """
 
 from __future__ import annotations
@@ -88,3 +89,17 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         until(lambda: "had no answer" in page.text("#trouble"))
         assert page.text("#alarm") == ALARM
         assert on_top(page, "#stop")
+
+        # Another language, or another view, shows what was heard last, in grey, and is no sign of life.
+        page.value("document.querySelector('#language [lang=de]').click()")
+        until(lambda: "Den SMR in N1 setzen" in page.text("#question"))
+        until(lambda: "prompt" in page.text("#events"))
+        assert page.text("#alarm").startswith("NICHT angehalten")
+        assert page.value(
+            "document.querySelector('#desk').inert && document.querySelector('#confirm').disabled"
+        )
+        page.value("void (location.hash = '#/cell')")
+        until(lambda: "Geräte" in page.text("#desk table"))
+        page.value("void (location.hash = '#/result')")
+        until(lambda: "Hiervon ist noch nichts bekannt" in page.text(".unheard"))
+        assert shown(page, "#alarm")

@@ -12,6 +12,7 @@ from typing import Any
 from calib.compensate import Bounds
 from calib.errors import DataError
 from calib.saved import SavedModel, load_model
+from calib.text import meant_by
 from service.http.work.campaigns import refuse_null
 from service.plain import finite
 from service.programs import Compensation, KnownFrames, compensate, named_frames, summary
@@ -108,6 +109,8 @@ def _rows(text: str) -> list[dict[str, Any]]:
 
 def _value(name: str, cell: str) -> float | str:
     try:
-        return cell if name == ID else float(cell)
-    except (TypeError, ValueError):
+        return meant_by(cell) if name == ID else float(cell)
+    except ValueError:
+        return meant_by(cell)
+    except TypeError:  # a row that is shorter than the header
         return cell

@@ -5,13 +5,16 @@ from __future__ import annotations
 import html
 import io
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
@@ -45,6 +48,7 @@ _STYLE: dict[Any, Any] = {
     "text.color": INK,
     "text.parse_math": False,  # names may hold a dollar sign
 }
+_POINTS = 72.0  # an inch
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
     r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>"
@@ -54,8 +58,7 @@ _NOISE = re.compile(
 _TEXT = re.compile(r"(>[^<>]*\w[^<>]*<)")
 _LONG_NUMBER = re.compile(r"(\d+\.\d{2})\d+")
 _REFERENCE = re.compile(r'(id="|url\(#|href="#)')
-_PLACE = r' x="[^"]+" y="[^"]+"'
-_DOTS = re.compile(rf'(<use xlink:href="#[^"]+"){_PLACE} style="([^"]+)"/>(?:\s*\1{_PLACE} style="\2"/>)+')
+_DOTS = re.compile(r'<g id="dots-(\d+)"\s*/>')
 
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
@@ -81,21 +84,41 @@ def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     )
 
 
+class _Dots(Line2D):
+    """Dots for which the figure keeps the place and the entry of its legend, and which `as_svg` draws: a report has
+    tens of thousands, and matplotlib writes each with a style of its own."""
+
+    def __init__(self, points: Array, size: float, alpha: float, colour: str, label: str | None) -> None:
+        look = {"linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0.0}
+        super().__init__([], [], color=colour, alpha=alpha, label=label, **look)
+        self.points = points
+        self._look = (
+            f"fill: none; stroke: {colour}; stroke-opacity: {alpha:g}; stroke-width: {size:g}; stroke-linecap: round"
+        )
+
+    def svg(self) -> str:
+        """Those within the axes, once the figure has been laid out."""
+        axes, drawn = self.axes, self.get_figure(root=True)
+        assert isinstance(axes, Axes)
+        assert drawn is not None
+        seen = axes.transAxes.inverted().transform(axes.transData.transform(self.points))
+        points = self.points[np.all((seen >= 0.0) & (seen <= 1.0), axis=1)]
+        share = drawn.transFigure.inverted().transform(axes.transData.transform(points))
+        width, height = (_POINTS * length for length in drawn.get_size_inches())
+        places = share * [width, -height] + [0.0, height]
+        # a line as long as nothing has round ends in most viewers, not in all
+        every = "".join(f'<path d="M{x:.1f} {y:.1f}h.01"/>' for x, y in places.tolist())
+        return f'<g style="{self._look}">{every}</g>'
+
+
 def dots(
     axes: Axes, x: Array, y: Array, *, size: float, alpha: float, colour: str = DOT, label: str | None = None
 ) -> None:
     """A small dot without an edge at each of x, y (n,)."""
-    axes.plot(
-        x,
-        y,
-        linestyle="none",
-        marker="o",
-        markersize=size,
-        markeredgewidth=0.0,
-        color=colour,
-        alpha=alpha,
-        label=label,
-    )
+    points = np.column_stack([x, y]).astype(float)
+    axes.add_line(_Dots(points, size, alpha, colour, label))
+    axes.update_datalim(points)
+    axes.autoscale(enable=None)
 
 
 def plain_ratio_axis(axes: Axes) -> None:
@@ -118,8 +141,11 @@ def plain(axis: Axis) -> None:
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:
     """The figure as an `<svg>` element. `name` keeps its ids apart; `description` is read to those who cannot see."""
-    for made_before in drawn.findobj(Text):
+    for made_before in _texts(drawn):
         made_before.set_parse_math(False)
+    clouds = [line for axes in drawn.axes for line in axes.lines if isinstance(line, _Dots)]
+    for number, cloud in enumerate(clouds):
+        cloud.set_gid(f"dots-{number}")
     text = io.StringIO()
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)
@@ -129,7 +155,7 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
     # numbers of places only: those in texts are results
     parts[::2] = [_LONG_NUMBER.sub(r"\1", part) for part in parts[::2]]
     svg = "".join(parts)
-    svg = _DOTS.sub(_grouped, svg)
+    svg = _DOTS.sub(lambda found: clouds[int(found[1])].svg(), svg)
     svg = _REFERENCE.sub(rf"\g<1>{name}-", svg)
     opening, rest = svg.split(">", 1)
     # the size comes from the page; the view box keeps the shape
@@ -137,8 +163,12 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
     return f'{opening} role="img" aria-label="{html.escape(description, quote=True)}">{rest}'
 
 
-def _grouped(dots: re.Match[str]) -> str:
-    """A run of dots of one look as a group: the style once, not with every dot."""
-    inner = dots.group().replace(f' style="{dots[2]}"', "")
-    inner = re.sub(r"\s*\n\s*", "", inner)
-    return f'<g style="{dots[2]}">{inner}</g>'
+def _texts(drawn: Figure) -> Iterator[Text]:
+    """The texts that were made before it is drawn. To ask matplotlib for all would make every tick, many in vain."""
+    for axes in drawn.axes:
+        yield from (child for child in axes.get_children() if isinstance(child, Text))
+        for axis in (axes.xaxis, axes.yaxis):
+            yield axis.label
+            yield from (tick.label1 for tick in axis.majorTicks)
+    for each in drawn.legends:
+        yield from each.get_texts()
