@@ -57,7 +57,7 @@ CELL = Rules(_is_open, _of_a_cell, "truepose serve")
 
 
 class Guarded(Protocol):
-    """What the gate has to know of a service: its address, its tokens, the largest body."""
+    """The part of a service that the gate needs: its address, its tokens, the largest body."""
 
     @property
     def host(self) -> str: ...
