@@ -73,7 +73,7 @@ class TerminalOperator:
                 before = f"  {word[:_SHOWN]!r}{'...' * (len(word) > _SHOWN)} is not one of these. "
 
     def _line(self, question: str, prompt: Prompt) -> str:
-        """What is typed; a mark for what is no text. Raises NoOperator where the terminal ends, or is lost."""
+        """The line that is typed; a mark for what is no text. Raises NoOperator where the terminal ends, or is lost."""
         try:
             self._writer.write(question)
             self._writer.flush()

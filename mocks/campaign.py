@@ -209,7 +209,7 @@ def spoil(
 
 
 def hidden_truth(world: World, readings: Sequence[Reading], size: float) -> dict[str, Any]:
-    """What the identifier may not see, as plain data.
+    """The truth that the identifier may not see, as plain data.
 
     Hidden effects, the true robot (rad, mm, rad/(N.mm)), the noise per axis, and mean and largest error of
     the nominal robot over all rows.

@@ -1,4 +1,4 @@
-"""What a simulator needs of a `cell.toml` (format truepose-cell/1), read by the simplest means."""
+"""The part that a simulator needs of a `cell.toml` (format truepose-cell/1), read by the simplest means."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _refusals() -> tuple[type[Refusal], ...]:
-    """What a command may refuse with. Imported when a command has failed: `--help` waits for no numerics."""
+    """The refusals that a command may end with. Imported when a command has failed: `--help` waits for no numerics."""
     from service.refusals import REFUSALS
 
     return REFUSALS

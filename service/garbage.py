@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def left_alone() -> Iterator[None]:
-    """What is there by now is not looked through for garbage within this block.
+    """Within this block the garbage collector passes over the objects that exist already.
 
     A report makes hundreds of thousands of small objects beside the readings and the model of its diagnosis, and every
     search through all of them took a twelfth of its time.

@@ -33,7 +33,7 @@ def exit_code(refusal: Refusal) -> int:
 
 
 def cause(refusal: Refusal) -> str:
-    """What is wrong and where, without the remedy; of a file its name, never its place on the server."""
+    """The fault and its place, without the remedy; of a file its name, never its place on the server."""
     if not isinstance(refusal, DataError):
         return refusal.message.rstrip(".") + "."
     name = "" if refusal.file is None else str(refusal.file).replace("\\", "/").rsplit("/", 1)[-1]

@@ -110,7 +110,7 @@ def by_group(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
 
 
 def patch_in_words(patch: Patch) -> str:
-    """What a residual map gains on stretches of time that it was not fitted to."""
+    """The gain of a residual map on stretches of time that it was not fitted to."""
     change = patch.block_rms_with / patch.block_rms_without - 1.0 if patch.block_rms_without > 0.0 else 0.0
     text = (
         "A smooth map of what no named effect explains: a patch, not a cause, and nothing beyond the measured poses. "
@@ -121,7 +121,7 @@ def patch_in_words(patch: Patch) -> str:
 
 
 def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None) -> str:
-    """How the held-out error changed, as a sentence; empty where nothing was held out."""
+    """The change of the held-out error, as a sentence; empty where nothing was held out."""
     if before is None or after is None:
         return ""
     change = after.rms / before.rms - 1.0 if before.rms > 0.0 else 0.0
@@ -150,7 +150,7 @@ _OF_TWO = (
 
 
 def structure_caption(left: Structure) -> str:
-    """What the picture of a place of structure shows."""
+    """The caption of the picture of a place of structure."""
     if left.acts_on == ACTS_ON:
         return f"The readings that were left out among the others, over {left.where}: gross errors would lie anywhere."
     means = "rings are means with their expanded uncertainty (k = 2)"
@@ -206,7 +206,7 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
 
 
 def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
-    """What held-out readings say against the effects found; empty where they say nothing."""
+    """The evidence of held-out readings against the effects found; empty where there is none."""
     if lost:
         which = "The effects found do" if count > 1 else "The effect found does"
         return f"{which} not carry over to the held-out readings."
@@ -217,7 +217,7 @@ def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
 
 
 def _stretched(stretch: float | None) -> str:
-    """What a held-out error far above that of the fit means; empty where it is not."""
+    """The meaning of a held-out error far above that of the fit; empty where it is not."""
     if stretch is None or stretch < _STRETCHED:
         return ""
     return (

@@ -82,6 +82,14 @@ class Survey:
         )
 
     @property
+    def air_c(self) -> float | None:
+        """Mean temperature of the air, where it was recorded and moved; None where no effect of it can be seen."""
+        temperature = self.conditions.temperature
+        if not (self.recorded("temperature") and self.varies(temperature)):
+            return None
+        return float(np.mean(temperature))
+
+    @property
     def joint_numbers(self) -> range:
         """Numbers of the joints, 1 to N."""
         return range(1, self.robot.joints + 1)

@@ -116,7 +116,7 @@ class Solution:
 
     @property
     def given(self) -> float:
-        """How many of the parameters the priors and the distances between balls determine, and not the readings."""
+        """Number of parameters that the priors and the distances between balls determine, and not the readings."""
         share = np.diag(self.covariance) * self.prior**2
         return float(share.sum() + np.sum((self.tied @ self.covariance) * self.tied))
 

@@ -1,4 +1,4 @@
-"""What robots of one type share, learnt from their models: means and spreads that become the prior of the next one."""
+"""The common part of robots of a type, learnt from their models: means and spreads that become the next prior."""
 
 from calib.fit.of_type import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior

@@ -1,4 +1,4 @@
-"""What robots of one type share, learnt from the model files of some of them.
+"""The common part of robots of one type, learnt from the model files of some of them.
 
 Of every robot the readings alone count: what its own fit held parameters to (usual sizes, or an earlier prior of the
 type) is taken out of its covariance again,
@@ -72,7 +72,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Lesson:
-    """What was learnt: parameters, robots outside the type, robots that were left out whole and why."""
+    """The outcome of learning: parameters, robots outside the type, robots that were left out whole and why."""
 
     members: tuple[Member, ...]
     groups: tuple[str, ...]

@@ -42,20 +42,20 @@ class Member:
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """What no other robot has: the data it was identified from, and its serial number where it is known."""
+        """Marks of this robot alone: the data it was identified from, and its serial number where it is known."""
         serial = next((d.get("serial", "") for d in self.saved.devices if d.get("role") == "robot"), "")
         return tuple(key for key in (f"data {self.saved.data_sha256}", f"serial {serial}") if key[-1] != " ")
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
-        """What of the robot its base model frees."""
+        """The groups of parameters that its base model frees."""
         return tuple(
             e.label for e in self.saved.model.effects if e.group == "base model" and e.owner == "robot"
         )
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """What was found of the robot beside its base model; no curves of gears, whose waves are too many to name, and
+        """The effects found beside the base model; no curves of gears, whose waves are too many to name, and
         nothing that happened once in one campaign."""
         return tuple(
             e
@@ -103,6 +103,6 @@ class Member:
 
 
 def _positive(precision: Array, scale: Array) -> Array:
-    """What rounding, and priors that decided nearly everything, left below nothing is nothing."""
+    """A covariance without the negative eigenvalues that rounding, and priors that decided nearly everything, left."""
     values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T / np.outer(scale, scale)

@@ -42,7 +42,7 @@ _SWAPS = 20
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """What N robots share in p parameters, in the units of the input.
+    """Mean and spread of p parameters over N robots, in the units of the input.
 
     mean, mean_std, spread (p,); spread_std (p,): how far above the spread one standard error of its square lies;
     z (N, p): test of every value; member (N, p): which values took part.

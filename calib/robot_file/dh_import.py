@@ -30,7 +30,6 @@ _TURNS = ("", "r", "revolute", "turns", "turn", "rotary", "0")
 _FULL_TURN = 360.0
 _LARGEST_RAD = 6.4  # a full turn and a rounding
 _LONGEST_M, _SHORTEST_MM = 8.0, 20.0  # between them the longest link of an arm may be in either unit
-_ROUND_DEG = 5.0  # multiples of which are degrees, not radians
 
 
 @dataclass(frozen=True)

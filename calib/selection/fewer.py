@@ -1,4 +1,4 @@
-"""How many poses fewer do, where robots of the type have been measured before.
+"""The number of poses that suffices where robots of the type have been measured before.
 
 What the type shares (`calib.prior`) is information that is there before the first pose: one row a parameter, 1 /
 spread^2. The poses are chosen without it, since a robot that lies outside its type is known by its readings alone; they
@@ -56,7 +56,7 @@ def information_of(candidates: Candidates, prior: TypePrior) -> Array:
 
 
 def beside_type(candidates: Candidates, selection: Indices, without: Curve, prior: TypePrior) -> BesideType:
-    """What the prior of a type saves of a selection whose curve without it is known."""
+    """The poses that the prior of a type saves of a selection whose curve without it is known."""
     known = information_of(candidates, prior)
     count = len(selection)
     wanted = without.at(count)

@@ -82,7 +82,7 @@ class EmsconServer:
                 await job
 
     def event(self, name: str) -> None:
-        """What the back door does to the beam, as the tracker tells it."""
+        """The tracker's event for what the back door does to the beam."""
         self._changed.set()
         codes = {"BEAM_BROKEN": LOST, "TARGET_LOST": LOST, "TARGET_FOUND": READY}
         if name in codes:

@@ -84,13 +84,13 @@ class SimulatedPerson:
         return round(q / self._cell.resolution_deg) * self._cell.resolution_deg
 
     def _shown(self) -> str:
-        """What the pendant shows."""
+        """The joints that the pendant shows."""
         decimals = max(0, math.ceil(-math.log10(self._cell.resolution_deg)))
         shown = self._counting.counted(self._arm.joints_deg())
         return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in shown)
 
     async def _read(self, text: str, unit: str) -> str:
-        """What the instrument shows of the target."""
+        """The point that the instrument shows of the target."""
         await self._clock.wait(READING_S, asyncio.Event())
         (name,) = re.findall(r"Measure (\w+)", text)
         point, _ = self._tracker.average(self._tracker.choose(name), 100)

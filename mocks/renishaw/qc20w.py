@@ -65,11 +65,11 @@ class BallbarDevice:
         return round(self.world.air_c(self.clock.now()), 2)
 
     def zero_mm(self) -> float:
-        """What the sensor should show in its calibrator now."""
+        """The value that the sensor should show in its calibrator now."""
         return self._zero_mm * (1.0 - math.exp(-self.clock.now() / ZERO_DRIFT_S))
 
     def read_zero(self) -> float:
-        """What it shows there, mm. Raises BadRequest 510 when it is not in its calibrator."""
+        """The value that it shows there, mm. Raises BadRequest 510 when it is not in its calibrator."""
         if not self.in_calibrator:
             raise BadRequest(510, "the bar is not in its calibrator")
         return self.zero_mm() + self.knocked_mm + MEAN_SIGMA_MM * float(self._rng.normal())
@@ -84,7 +84,7 @@ class BallbarDevice:
         return float(np.linalg.norm(one - other))
 
     def deviation(self, base: str, target: str) -> float:
-        """What the sensor would show without its stops, mm."""
+        """The value that the sensor would show without its stops, mm."""
         base, target = self.mounted or (base, target)
         if base == target or not {base, target} <= {*self.balls, *self.world.targets}:
             raise BadRequest(103, f"no balls {base}, {target}")

@@ -1,1 +1,1 @@
-"""What simulated devices of several makers share: arm, tracker, clocks, the bridge, servers."""
+"""The parts that simulated devices of several makers share: arm, tracker, clocks, the bridge, servers."""

@@ -1,4 +1,4 @@
-"""What instruments other than the tracker need of the world: the arm as it came to rest, and what hides behind it.
+"""The world as instruments other than the tracker need it: the arm as it came to rest, and what hides behind it.
 
 The robot's repeatability belongs to a move (`World.arrival_error`): whatever is read before the next one sees the same.
 Adding it to the angles of the state gives the place and turn of the flange as it stands.

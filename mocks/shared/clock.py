@@ -121,7 +121,7 @@ class SteppedClock(CellClock):
 
 
 class DeviceClock(CellClock):
-    """What a device stamps its readings with: the cell's time, which it counts too fast or too slowly, and an offset,
+    """The clock of a device's stamps: the cell's time, which it counts too fast or too slowly, and an offset,
     which can step. It changes no waiting."""
 
     def __init__(self, cell: CellClock) -> None:

@@ -69,7 +69,7 @@ class TrackerDevice:
         return (*self.world.targets, *self.nests)
 
     def arm_state(self) -> ArmState:
-        """What the world needs to know of the arm, now."""
+        """The state of the arm now, as the world needs it."""
         now = self.clock.now()
         return ArmState(
             joints_deg=self.arm.actual_deg(),

@@ -80,7 +80,7 @@ class Registers:
         self.input_changed.set()
 
     def received_s(self, name: str) -> float:
-        """When the input was last sent, on the clock of the wall; 0 where it never was."""
+        """Time of the last value of the input on the clock of the wall; 0 where there was none."""
         return self._received.get(name, 0.0)
 
 

@@ -70,7 +70,7 @@ def parse_call(line: str, names: dict[str, Any] | None = None) -> Call:
 
 
 def _check(name: str, arguments: dict[str, Any]) -> None:
-    """What the controller refuses at run time. Raises ScriptError."""
+    """Refuse what the controller refuses at run time. Raises ScriptError."""
     if name == "movej":
         q, numbers = arguments["q"], [arguments[key] for key in "avtr"]
         if not isinstance(q, list) or not all(isinstance(value, int | float) for value in [*q, *numbers]):

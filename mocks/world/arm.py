@@ -14,7 +14,7 @@ from mocks.world.transforms import Matrix, Vector
 
 @dataclass(frozen=True)
 class ArmState:
-    """What the cell knows of one reading.
+    """The conditions of one reading, as the cell knows them.
 
     `joints_deg` commanded angles, `previous_deg` the angles before the last move, `sides` +1 per joint that
     arrived from below and -1 from above, `t_s` seconds since the start, `t_air_c` air temperature,

@@ -1,4 +1,4 @@
-"""What the seed decides: the true robot, and the material from which an effect is drawn."""
+"""The draws of a seed: the true robot, and the material from which an effect is drawn."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Session:
 
 @dataclass(frozen=True)
 class Material:
-    """What an effect is drawn from. `arguments` is the part of the label behind its first colon."""
+    """The material from which an effect is drawn. `arguments` is the part of the label behind its first colon."""
 
     label: str
     arguments: tuple[str, ...]

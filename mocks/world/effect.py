@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from mocks.world.robots import Robot
 
 Values = Mapping[str, float]
 
-STAGES = ("loads", "arm", "point", "instrument")
+Stage = Literal["loads", "arm", "point", "instrument"]
 """When a law acts: before the torques are taken, on the arm, on the true point, on what the tracker sees."""
 
 
@@ -25,7 +25,7 @@ class Effect:
     """
 
     label: str
-    stage: str
+    stage: Stage
     act: Callable[[Any, Values], None]
     amplitudes: dict[str, float]
     units: dict[str, str]

@@ -57,7 +57,7 @@ class Counting:
         return tuple(float(q) for q in found)
 
     def counted(self, model: Sequence[float]) -> tuple[float, ...]:
-        """What the controller counts where the joints of the model are these."""
+        """The controller's joints for those of the model."""
         if not self.matrix:
             return tuple(model)
         found = np.linalg.solve(np.array(self.matrix), np.array(model) - np.array(self.offset or 0.0))

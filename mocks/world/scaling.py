@@ -21,7 +21,7 @@ REHEARSAL_READINGS = 100
 
 
 class Cell(Protocol):
-    """What has to be known of a world to tell how large an effect is in it."""
+    """A world, as far as the size of an effect in it depends on it."""
 
     robot: Robot
     seed: int
@@ -51,7 +51,7 @@ def rehearsal(world: Cell) -> list[Reading]:
 
 
 def displacement(world: Cell, effect: Effect, readings: Sequence[Reading]) -> np.ndarray:
-    """What `effect` alone does to the noise-free readings, (n, 3) mm."""
+    """Displacement of the noise-free readings by `effect` alone, (n, 3) mm."""
     without = [world.indicated_point(state, target, ()) for state, target in readings]
     with_it = [world.indicated_point(state, target, (effect,)) for state, target in readings]
     return np.array(with_it) - np.array(without)

@@ -211,7 +211,7 @@ class World:
         return as_point(self._point(state, target, self.effects, ("point",)))
 
     def indicated_point(self, state: ArmState, target: str, effects: Sequence[Effect] | None = None) -> Point:
-        """What a tracker without noise would show, mm: the true point and the instrument's effects.
+        """The point that a tracker without noise would show, mm: the true point and the instrument's effects.
 
         `effects` replaces the world's own list for this call.
         """
@@ -227,7 +227,7 @@ class World:
         return self._scatter * rng.normal(size=len(self.robot.links))
 
     def measured_point(self, state: ArmState, target: str) -> Point:
-        """What the tracker shows, mm: repeatability, the instrument's effects, and noise.
+        """The point that the tracker shows, mm: repeatability, the instrument's effects, and noise.
 
         The noise is drawn anew in every call; the repeatability belongs to `state.reading`.
         """

@@ -50,12 +50,8 @@ def add_command(
         typer.Argument(metavar="FILE", help="Models, verdicts, diagnoses, data sets, folders of records."),
     ],
     store: StoreOption = None,
-    cell: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Name of the cell; default: of this computer.")
-    ] = None,
-    serial: Annotated[
-        str, typer.Option(metavar="SERIAL", help="Of the robot, where its controller reports none.")
-    ] = "",
+    cell: options.CellName = None,
+    serial: options.Serial = "",
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Keep what was simulated too, in a store of its own.")
     ] = False,

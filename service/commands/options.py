@@ -76,6 +76,12 @@ LargestCorrection = Annotated[
         metavar="DEG MM", help="A model that turns or shifts the flange by more than this is refused."
     ),
 ]
+CellName = Annotated[
+    str | None, typer.Option("--cell", metavar="NAME", help="Name of the cell; default: of this computer.")
+]
+Serial = Annotated[
+    str, typer.Option(metavar="SERIAL", help="Of the robot, where its controller reports none.")
+]
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 
 

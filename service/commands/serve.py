@@ -19,6 +19,7 @@ import typer
 
 from calib.errors import DataError
 from service import exit_codes
+from service.commands import serving
 from service.json_log import json_log
 from service.private import note_if_others_read, owner_only
 from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
@@ -41,7 +42,7 @@ def serve(
     record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for everything that is kept.")] = Path(
         "truepose-record"
     ),
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    host: serving.Host = "127.0.0.1",
     token_file: Annotated[
         Path | None,
         typer.Option(
@@ -66,13 +67,8 @@ def serve(
             help="Largest position error permitted, RMS: dates of the next checks go by it.",
         ),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON line with url and tokens, for programs.")
-    ] = False,
-    log: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
-    ] = None,
+    json: serving.Hello = False,
+    log: serving.Log = None,
 ) -> None:
     """Serve HTTP and the operator's page. Prints where to open it and the tokens when ready; nothing moves until it is
     asked to."""

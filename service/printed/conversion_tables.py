@@ -35,7 +35,7 @@ def proposal(of: Proposal) -> Iterable[RenderableType]:
 
 
 def converted(of: Converted) -> Iterable[RenderableType]:
-    """What was made of the files, and how the nominal robot fits them."""
+    """The data set made of the files, and how well the nominal robot fits it."""
     for said in of.said:
         yield Text(f"- {said}")
     if of.fit is None:

@@ -93,7 +93,7 @@ class Progress:
 
 
 def _taught(data: Mapping[str, Any]) -> str:
-    """What the touches of the cups have changed, in one line."""
+    """The changes that the touches of the cups brought, in one line."""
     left_out = f", {data['refused']} are not reached from there" if data["refused"] else ""
     return (
         f"the cups were touched up to {data['off_mm']:.2f} mm from where the cell file has them; "

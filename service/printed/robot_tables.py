@@ -47,7 +47,7 @@ def described_lines(found: Described) -> Iterator[str]:
 
 
 def verdict_lines(verdict: Verdict) -> Iterator[str]:
-    """What a handful of readings says of a robot file, a line each."""
+    """The verdict of a handful of readings on a robot file, line by line."""
     tool = " (the tool comes out of them)" if verdict.tool_unknown else ""
     yield (
         f"{verdict.readings} readings{tool}: the nominal robot misses them by {verdict.miss_mm:.3g} mm (median) over "

@@ -106,7 +106,7 @@ def effects(found: Sequence[Found]) -> RenderableType:
 
 
 def checks(found: Sequence[Found]) -> RenderableType:
-    """What a technician should check for the strongest effects."""
+    """The checks of a technician for the strongest effects."""
     table = grid("What to check", "effect", "check", left=2)
     for effect in found[:_CHECKS]:
         table.add_row(effect.effect.label, check_of(effect.effect.label))
@@ -114,7 +114,7 @@ def checks(found: Sequence[Found]) -> RenderableType:
 
 
 def follow_up(planned: FollowUp) -> RenderableType:
-    """What to measure next: for each pair of rivals how far apart the poses bring it, and what no pose can do."""
+    """The next measurements: for each pair of rivals how far apart the poses bring it, and what no pose can do."""
     title = f"What {wording.counted(len(planned.joints), 'follow-up pose')} would distinguish"
     table = grid(title, "effect", "from its rival", "expected squared distance", left=2)
     for (label, rival), square in planned.separations.items():
@@ -147,7 +147,7 @@ def left_out(rows: Sequence[LeftOut]) -> RenderableType:
 
 
 def patch(patched: Patched) -> RenderableType:
-    """What a smooth map of the residual would gain, apart from everything that has a cause."""
+    """The gain of a smooth map of the residual, apart from everything that has a cause."""
     table = errors({"without the patch": patched.without, "with the patch": patched.with_it}, "as above")
     return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
 
@@ -223,7 +223,7 @@ def warnings(texts: Sequence[str]) -> RenderableType:
 
 
 def revealed(hidden: Sequence[Mapping[str, Any]], result: Diagnosis) -> RenderableType:
-    """What the simulation had hidden, beside what was found."""
+    """The effects that the simulation had hidden beside those found."""
     labels = {str(effect["label"]) for effect in hidden}
     classes = {name for found in result.effects for name in found.evidence.candidates}
     lines: list[RenderableType] = [Text("Now revealed: what the simulation had hidden", "bold")]

@@ -1,4 +1,4 @@
-"""What robots of one type share, as tables: what was learnt, and what decided every parameter of a fit."""
+"""Tables of the robots of one type: the spread that was learnt, and what decided every parameter of a fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HARDLY = 0.05  # chance of the whole, below which a member is one of the odd on
 
 
 def weights(found: Identification) -> Sequence[RenderableType]:
-    """Which of the readings and the prior decided each parameter; nothing where the fit knew no type."""
+    """The share of the readings and of the prior in each parameter; nothing where the fit knew no type."""
     beside = found.beside
     if beside is None:
         return ()
@@ -55,7 +55,7 @@ def weights(found: Identification) -> Sequence[RenderableType]:
 
 
 def lesson(found: Lesson) -> Sequence[RenderableType]:
-    """What was learnt, for people."""
+    """The lesson, for people."""
     robots = len(found.members)
     table = tables.grid(
         f"{robots} robots of the type {found.members[0].saved.model.robot.name}",

@@ -28,7 +28,7 @@ from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target, Window
-from service.programs.text import Edit, Lines, decimal
+from service.programs.text import Edit, Lines, Number, decimal
 
 PLACES = 5  # mm and deg; the controller keeps some seven digits
 _ROUNDING = 1e-6 * DEG
@@ -57,18 +57,11 @@ _Frames = Callable[[], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class _Number:
-    start: int
-    end: int
-    value: float
-
-
-@dataclass(frozen=True)
 class _Place:
     """The places of a target's numbers in the text, and the frame in which it counts."""
 
     at: int
-    numbers: Mapping[str, _Number] = field(default_factory=dict)
+    numbers: Mapping[str, Number] = field(default_factory=dict)
     frame: Array = field(default_factory=lambda: np.eye(4))
 
 
@@ -295,14 +288,14 @@ def _repeated(body: str) -> bool:
     return len(set(names)) != len(names)
 
 
-def _numbers(body: str, at: int) -> dict[str, _Number]:
+def _numbers(body: str, at: int) -> dict[str, Number]:
     """Components of an aggregate that are plain numbers, by name in capitals; body begins at `at` of the text."""
     out, begin = {}, 0
     for part in body.split(","):
         match = _FIELD.fullmatch(part.rstrip())
         if match is not None and match["value"] is not None and math.isfinite(float(match["value"])):
             start = at + begin + match.start("value")
-            out[match["name"].upper()] = _Number(start, start + len(match["value"]), float(match["value"]))
+            out[match["name"].upper()] = Number(start, start + len(match["value"]), float(match["value"]))
         begin += len(part) + 1
     return out
 

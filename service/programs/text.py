@@ -30,6 +30,15 @@ class Edit:
     text: str
 
 
+@dataclass(frozen=True)
+class Number:
+    """A number in a program, text[start:end], and its value."""
+
+    start: int
+    end: int
+    value: float
+
+
 def read_text(path: Path) -> str:
     """A program as text. Raises DataError when there is no such file, it is too large or holds binary data."""
     return text_of(read_bytes(path, MOST_BYTES), path)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,20 +25,13 @@ from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
 from service.programs.program import Driven, Target
-from service.programs.text import Edit, Lines
+from service.programs.text import Edit, Lines, Number
 
 JOINTS = 6
 _LINE = re.compile(r"[^\r\n]++")
 _POSITION = re.compile(r"(?P<name>C\d{3,6}+)\s*+=(?P<values>.*+)")
 _TYPE = re.compile(r"///POSTYPE\s++(\w++)")
 _PULSES = re.compile(r"[-+]?\d{1,9}+")
-
-
-@dataclass(frozen=True)
-class _Pulse:
-    start: int
-    end: int
-    count: int
 
 
 class YaskawaJob:
@@ -67,10 +60,10 @@ class YaskawaJob:
             for slot, count in zip(
                 self._pulses[index], wanted, strict=False
             )  # robots of fewer axes write as many
-            if int(count) != slot.count
+            if int(count) != slot.value
         ]
 
-    def _read(self) -> Iterator[tuple[Target, list[_Pulse]]]:
+    def _read(self) -> Iterator[tuple[Target, list[Number]]]:
         kind, within = "", False
         for line in _LINE.finditer(self.text):
             words = line.group().strip()
@@ -85,7 +78,7 @@ class YaskawaJob:
                     target, kind, position["values"], line.start() + position.start("values")
                 )
 
-    def _position(self, target: Target, kind: str, values: str, at: int) -> tuple[Target, list[_Pulse]]:
+    def _position(self, target: Target, kind: str, values: str, at: int) -> tuple[Target, list[Number]]:
         if kind != "PULSE":
             why = f"it is in the frame {kind or 'of nobody knows what'}, and only pulses are read"
             return replace(target, refused=why), []
@@ -99,12 +92,12 @@ class YaskawaJob:
             if not _PULSES.fullmatch(number):
                 return replace(target, refused=f"'{number[:20]}' is no number of pulses"), []
             start = at + begin + part.index(number)
-            pulses.append(_Pulse(start, start + len(number), int(number)))
+            pulses.append(Number(start, start + len(number), int(number)))
             begin += len(part) + 1
         if len(pulses) != len(self._per_deg):
             return replace(target, refused=f"it has {len(pulses)} axes, --pulses {len(self._per_deg)}"), []
         try:
-            degrees = np.array([slot.count for slot in pulses]) / self._per_deg
+            degrees = np.array([slot.value for slot in pulses]) / self._per_deg
             return replace(target, joints=frames.joint_angles(degrees * DEG)), pulses
         except ValueError as error:
             return replace(target, refused=str(error)), []

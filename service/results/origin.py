@@ -1,4 +1,4 @@
-"""Where a verdict comes from: by this a store knows of which robot it is, and from when."""
+"""The origin of a verdict: by it a store knows of which robot it is, and from when."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What robots of one type share, in the documents of results: what decided every parameter of a fit."""
+"""The part of a type in the documents of results: the source that decided every parameter of a fit."""
 
 from __future__ import annotations
 

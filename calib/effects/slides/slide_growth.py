@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
@@ -34,7 +32,5 @@ def slide_growth(joint: int, reference_c: float) -> Effect:
 
 def offer(survey: Survey) -> list[Candidate]:
     """One candidate for each joint that slid, where the temperature was recorded and moved."""
-    temperature = survey.conditions.temperature
-    if not (survey.recorded("temperature") and survey.varies(temperature)):
-        return []
-    return [Candidate(slide_growth(k, float(np.mean(temperature)))) for k in survey.sliding]
+    air_c = survey.air_c
+    return [] if air_c is None else [Candidate(slide_growth(k, air_c)) for k in survey.sliding]

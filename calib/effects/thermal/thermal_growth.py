@@ -5,8 +5,6 @@ Source: steel 11.5, aluminium 23 (1e-6/K).
 
 from __future__ import annotations
 
-import numpy as np
-
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
@@ -50,7 +48,5 @@ def thermal_growth(robot: Robot, reference_c: float) -> Effect:
 
 def offer(survey: Survey) -> list[Candidate]:
     """One, where the temperature was recorded and moved."""
-    temperature = survey.conditions.temperature
-    if not (survey.recorded("temperature") and survey.varies(temperature)):
-        return []
-    return [Candidate(thermal_growth(survey.robot, float(np.mean(temperature))))]
+    air_c = survey.air_c
+    return [] if air_c is None else [Candidate(thermal_growth(survey.robot, air_c))]

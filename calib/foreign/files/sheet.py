@@ -100,7 +100,7 @@ def wide_blanks(path: Path, line: int) -> list[str]:
 
 
 def _separator(text: str, path: Path) -> str:
-    """What makes a table of the text. Raises DataError where nothing does, and something makes too many columns."""
+    """The separator of a table. Raises DataError where none makes one, and one makes too many columns."""
     found: dict[str, tuple[int, int]] = {}
     refusal: DataError | None = None
     for name in SEPARATORS:

@@ -59,7 +59,7 @@ def doctor_command(
 
 @contextmanager
 def _quiet_drivers() -> Iterator[None]:
-    """What drivers warn of when they connect is in the table, where it does not write over the progress."""
+    """Warnings of drivers that connect stay off the screen: the table has them, and does not overwrite progress."""
     log, nobody = logging.getLogger("drivers"), logging.NullHandler()
     log.addHandler(nobody)
     try:

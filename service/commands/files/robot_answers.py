@@ -1,4 +1,4 @@
-"""What `truepose robot new` asks for: one question a line, asked again where the answer is none."""
+"""The questions of `truepose robot new`: one question a line, asked again where the answer is none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROW = "alpha deg, a mm, theta deg, d mm, lowest, highest"
 
 @dataclass(frozen=True)
 class Asked:
-    """What options have answered already; None, or too few links, is asked for."""
+    """The answers that options gave already; None, or too few links, is asked for."""
 
     name: str | None
     maker: str | None

@@ -35,12 +35,8 @@ def send_command(
     token_file: Annotated[
         Path, typer.Option("--token-file", metavar="FILE", help="Its first line is the cells' token.")
     ],
-    cell: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Name of this cell; default: of this computer.")
-    ] = None,
-    serial: Annotated[
-        str, typer.Option(metavar="SERIAL", help="Of the robot, where its controller reports none.")
-    ] = "",
+    cell: options.CellName = None,
+    serial: options.Serial = "",
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Send what was simulated too, to a store of its own.")
     ] = False,

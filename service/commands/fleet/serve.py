@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from service import exit_codes
+from service.commands import serving
 from service.commands.serve import refuse_host
 from service.commands.stores import VARIABLE
 from service.json_log import json_log
@@ -47,18 +48,13 @@ def serve_command(
         ),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    host: serving.Host = "127.0.0.1",
     name: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="A name by which cells call this computer; may be repeated."),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON line with url and tokens, for programs.")
-    ] = False,
-    log: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
-    ] = None,
+    json: serving.Hello = False,
+    log: serving.Log = None,
 ) -> None:
     """Take documents in from the cells of a plant, and answer how a robot is. Nothing here moves a robot."""
     for each in (host, *(name or [])):

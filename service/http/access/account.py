@@ -18,7 +18,7 @@ NO_ROUTE = (
 
 
 class Account:
-    """What is counted of one application."""
+    """The counts of one application."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()

@@ -63,7 +63,7 @@ class Known(Protocol):
 
 
 class Guarded(Protocol):
-    """What the gate has to know of a service: its address, its tokens, the largest body."""
+    """The part of a service that the gate needs: its address, its tokens, the largest body."""
 
     @property
     def host(self) -> str: ...

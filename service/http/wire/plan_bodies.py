@@ -13,7 +13,7 @@ from service.http.wire.bodies import Answered
 
 
 def _field(description: str, example: Any) -> Any:
-    """What a field is, with its unit and an example."""
+    """A field with its description, its unit and an example."""
     return Field(description=description, examples=[example])
 
 

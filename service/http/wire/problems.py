@@ -141,7 +141,7 @@ async def _of_request(request: Request, error: Exception) -> Response:
 
 
 def _in_words(error: Mapping[str, Any]) -> str:
-    """What a person reads of one error of a body; the library's words, but for those that name its own parts."""
+    """The words for one error of a body; the library's words, but for those that name its own parts."""
     if error["type"] == "string_pattern_mismatch" and error["ctx"]["pattern"] == r"\S":
         return "is blank"
     return str(error["msg"]).removeprefix("Value error, ")

@@ -204,7 +204,7 @@ class Jobs:
         return next(known, None) if safe_id(name) else None
 
     def _step(self, folder: Path) -> str:
-        """What the job in hand does now; empty before it has said so."""
+        """The step of the running job; empty before it has said so."""
         with suppress(Problem):
             return str(read_kept(folder / STEP, Answered).get("step", ""))
         return ""

@@ -29,7 +29,7 @@ def read_kept(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
 
 
 def readable(names: Iterable[str], read: Callable[[str], dict[str, Any]]) -> list[dict[str, Any]]:
-    """What `read` makes of the names, without those whose file is damaged: one does not take the list down."""
+    """The results of `read` for the names, without those whose file is damaged: one does not take the list down."""
     out = []
     for name in names:
         try:

@@ -25,7 +25,7 @@ class Readings:
         self._waiting: dict[str, asyncio.Task[Any]] = {}
 
     async def __call__(self, what: str, read: Callable[[], _T]) -> _T:
-        """What `read` returns, begun after this call. All who ask for `what` before it is begun share it."""
+        """The value of `read`, begun after this call. All who ask for `what` before it is begun share it."""
 
         async def begin() -> _T:
             async with self._turn:

@@ -25,7 +25,7 @@ Zone = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Order:
-    """What is searched. x, y, z: (low, high, step) shifts, mm; turn: deg; base: the balls, None for the first three
+    """The search to make. x, y, z: (low, high, step) shifts, mm; turn: deg; base: the balls, None for the first three
     nests; zone: x, y, z and radius, mm; together: placements that complete each other in the zone.
     """
 

@@ -70,7 +70,7 @@ class Result:
 
     @property
     def offset(self) -> float:
-        """What the robot's clock shows more than the tracker's in the middle of the recording, s, as in the files."""
+        """Offset of the robot's clock against the tracker's in the middle of the recording, s, as in the files."""
         return self.aligned.clocks.offset + self.moved.zero - self.tracked.zero
 
     def tracker_time(self, time: float) -> float:
@@ -79,7 +79,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What keeps these figures from meaning what they seem to mean: a jump of a clock first."""
+        """Reasons not to trust these figures at face value: a jump of a clock first."""
         out = [] if (jump := self._jump()) is None else [jump]
         out += self.aligned.warnings
         for who, stream in (("tracker", self.tracked), ("robot", self.moved)):

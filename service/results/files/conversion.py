@@ -1,4 +1,4 @@
-"""What became of foreign files, for people and for programs."""
+"""The outcome of a conversion of foreign files, for people and for programs."""
 
 from __future__ import annotations
 

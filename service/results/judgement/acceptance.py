@@ -128,7 +128,7 @@ class Acceptance:
 
     @property
     def sentences(self) -> list[str]:
-        """What was decided on every figure, and why."""
+        """The decision on every figure, and its reason."""
         return [
             f"{each.name} {each.shown[0]} mm, U {each.shown[1]} mm, limit {each.limit:g} mm: "
             f"{NAMES[each.verdict].lower()}."

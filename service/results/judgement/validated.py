@@ -146,7 +146,7 @@ def _warnings(
     placed: bool,
     everything: bool,
 ) -> list[str]:
-    """What keeps these figures from meaning what they seem to mean."""
+    """Reasons not to trust these figures at face value."""
     out = [*saved.notes, *(() if second is None else second.notes)]
     if everything and dataset.sha256 in (saved.data_sha256, "" if second is None else second.data_sha256):
         out.append("Rows to which the model was fitted are among those judged: flatters.")

@@ -117,7 +117,7 @@ def of_diagnosis(
 
 
 def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
-    """What to measure next: one entry of poses, with the campaign that measures them, and one a procedure.
+    """The next measurements: one entry of poses, with the campaign that measures them, and one a procedure.
 
     joints_deg as the controller counts them; sides +1 from below, -1 from above, of every joint of a pose;
     approach_deg: how far before the pose the last move begins.

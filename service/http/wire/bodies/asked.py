@@ -235,7 +235,7 @@ class ToJudge(OfDataset):
 
     @property
     def limits(self) -> Limits | None:
-        """What was asked for; None where nothing was."""
+        """The limits that were asked for; None where none were."""
         zones = [each.zone for each in self.accept_zones]
         return Limits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
 

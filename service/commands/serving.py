@@ -1,0 +1,14 @@
+"""Options that every server of the program has."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Host = Annotated[str, typer.Option(help="Address to listen on.")]
+Hello = Annotated[bool, typer.Option("--json", help="Print one JSON line with url and tokens, for programs.")]
+Log = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="Keep a log of JSON lines, a request each; -: on standard error."),
+]
