@@ -122,14 +122,16 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
     assert len(last) == SETS
 
 
-def test_a_way_with_tls_needs_certificates_that_can_be_read(tmp_path: Path) -> None:
+def test_a_way_with_tls_needs_certificates_that_can_be_read(
+    tmp_path: Path, certificates: dict[str, Path]
+) -> None:
     (tmp_path / "ca.pem").write_text("no certificate", "utf-8")
     with nobody_listens() as port:
         address = f"tls://127.0.0.1:{port}"
         with pytest.raises(DataError, match="needs certificates"), connected(address):
             pass
         for name in ("ca.pem", "nowhere.pem"):
-            files = dict.fromkeys(("ca", "cert", "key"), tmp_path / name)
+            files = dict.fromkeys(certificates, tmp_path / name)
             with (
                 config.set(settings(files)),
                 pytest.raises(DataError, match="certificates cannot be used"),
