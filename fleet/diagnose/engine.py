@@ -65,7 +65,11 @@ def local(workers: int) -> Iterator[Client]:
 def connected(address: str) -> Iterator[Client]:
     """The scheduler at an address. Raises DataError for tls:// without usable certificates, EngineGone where none
     answers, or where it does not accept them."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in (
+        "distributed",
+        "distributed.client",
+    ):  # the second has a level of its own: tracebacks on a terminal
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     security = _security(address)
     try:
         client = Client(address, timeout=CONNECT_S, security=security)

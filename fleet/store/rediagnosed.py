@@ -45,8 +45,8 @@ def replaced(
     return sorted((*kept, *by), key=lambda each: (each.parameter, each.measured_at))
 
 
-def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, sa.Row[Any]]:
-    """The result of each data set that was finished last, by its key, without its content."""
+def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, Any]:
+    """The result of each data set that was finished last, by its key: key, hash and time of the data set, program."""
     d, r, found = tables.document.c, tables.robot.c, tables.result.c
     question = (
         sa.select(found.key, d.hash, d.measured_at, found.program)
@@ -60,9 +60,7 @@ def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, sa.Row[Any]]:
     return {row.key: row for row in newest.values()}
 
 
-def _contents(
-    connection: sa.Connection, rows: Mapping[str, sa.Row[Any]]
-) -> list[tuple[sa.Row[Any], dict[str, Any]]]:
+def _contents(connection: sa.Connection, rows: Mapping[str, Any]) -> list[tuple[Any, dict[str, Any]]]:
     found, keys, out = tables.result.c, list(rows), []
     for begin in range(0, len(keys), _MANY):
         some = sa.select(found.key, found.bytes).where(found.key.in_(keys[begin : begin + _MANY]))
@@ -70,7 +68,7 @@ def _contents(
     return out
 
 
-def _points(row: sa.Row[Any], table: Mapping[str, Any]) -> list[Point]:
+def _points(row: Any, table: Mapping[str, Any]) -> list[Point]:
     """Those of one result: none of a refusal, nor of a version that kept no parameters."""
     points = [
         Point(

@@ -22,6 +22,7 @@ from tests.benchmarks import (
     demo,
     diagnosis,
     fleet_diagnose,
+    fleet_kills,
     fleet_store,
     floor,
     freedoms,
@@ -75,6 +76,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "ballbar": (ballbar.run, 20),
     "watch": (watch.run, 100),
     "fleet_diagnose": (fleet_diagnose.run, 64),
+    "fleet_kills": (fleet_kills.run, 2000),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
     "watch_plans": (watch_plans.run, 500),
@@ -88,7 +90,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
 }
 """Name -> function, and the number of campaigns that it takes, where it takes one."""
 
-APART = ("campaign", "demo", "outbox", "path", "peers", "real_data")
+APART = ("campaign", "demo", "fleet_kills", "outbox", "path", "peers", "real_data")
 """Run by name only: kills, demos and the path take minutes, peers are installed first, the real data lie elsewhere."""
 
 

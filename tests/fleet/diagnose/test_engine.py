@@ -13,7 +13,7 @@ import psutil
 import pytest
 from distributed import Client, Worker, WorkerPlugin
 
-from fleet.diagnose import batch, statement
+from fleet.diagnose import batch
 from fleet.diagnose.batch import Order
 from fleet.diagnose.engine import local
 from fleet.diagnose.program import this_program
@@ -21,11 +21,22 @@ from fleet.diagnose.run import Run
 from fleet.diagnose.source import Source, in_files
 from fleet.diagnose.tally import Tally
 from fleet.store import Store
+from tests.fleet.diagnose.noted import Noting
 from tests.fleet.diagnose.sets import bad, good
 
 
+class Deadly(Noting):
+    """A data set of the name "deadly" ends its worker."""
+
+    def of_refusal(self, name: str, error: Any) -> Any:
+        """As `statement.of_refusal`."""
+        if "deadly" in name:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().of_refusal(name, error)
+
+
 class Noted(WorkerPlugin):
-    """Every statement that a worker makes is noted in a file; one on a data set of the name "deadly" ends it."""
+    """Every statement that a worker makes is noted in a file."""
 
     name = "noted"
 
@@ -34,24 +45,7 @@ class Noted(WorkerPlugin):
 
     def setup(self, worker: Worker) -> None:
         """Runs on every worker, also on those that come later."""
-        batch.statement = self  # type: ignore[assignment]
-
-    REFUSED = statement.REFUSED
-
-    def of_diagnosis(self, name: str, found: Any) -> Any:
-        """As `statement.of_diagnosis`."""
-        return self._noted(name, statement.of_diagnosis(name, found))
-
-    def of_refusal(self, name: str, error: Any) -> Any:
-        """As `statement.of_refusal`."""
-        if "deadly" in name:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return self._noted(name, statement.of_refusal(name, error))
-
-    def _noted(self, name: str, said: Any) -> Any:
-        with self.file.open("a", encoding="utf-8") as file:
-            file.write(f"{name}\n")
-        return said
+        batch.statement = Deadly(self.file)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +117,7 @@ def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: P
             killed.append(next(iter(pids.values())))
             os.kill(killed[0], signal.SIGKILL)
 
-    tally, told, said = run(client, order, some(tmp_path, 4, 20), kill)
+    tally, told, said = run(client, order, some(tmp_path, 1, 23), kill)
     assert tally.left == 0
     assert tally.done + tally.found == kept(order) == 24
     assert (tally.twice, tally.failed) == (0, {})
@@ -133,22 +127,17 @@ def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: P
     assert any("is lost: its data sets go to others" in each for each in told)
 
 
-def test_a_data_set_that_ends_its_worker_is_named_and_stops_no_other(
-    client: Client, order: Order, tmp_path: Path
+def test_what_ends_its_worker_or_has_changed_is_named_and_stops_no_other(
+    client: Client, order: Order, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sources = [*in_files([bad(tmp_path, "deadly")]), *some(tmp_path, 0, 4)]
-    tally, _, said = run(client, order, sources)
-    assert tally.left == 0
-    ((name, why),) = tally.failed.items()
-    assert name.endswith("deadly.csv")
-    assert "its worker ended each time" in why
-    assert kept(order) == len(said) == 4
-
-
-def test_what_has_no_result_is_not_kept_as_one(client: Client, order: Order, tmp_path: Path) -> None:
-    sources = some(tmp_path, 0, 4)
+    cluster: Any = client.cluster
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)  # every death takes a start of seconds
+    sources = [*in_files([bad(tmp_path, "deadly")]), *some(tmp_path, 0, 5)]
     Path(sources[1].path).write_text("others now", "utf-8")
-    tally, _, _ = run(client, order, sources)
-    assert (tally.done, list(tally.failed)) == (3, [sources[1].name])
-    assert kept(order) == 3
+    tally, _, said = run(client, order, sources)
+    assert (tally.left, tally.done) == (0, 4)
+    assert sorted(tally.failed) == sorted(each.name for each in sources[:2])
+    assert "its worker ended each time" in tally.failed[sources[0].name]
+    assert "changed since" in tally.failed[sources[1].name]
+    assert kept(order) == len(said) == 4
     assert this_program() == order.expected

@@ -4,11 +4,8 @@ what is killed or away costs nothing that was done."""
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,11 +24,11 @@ from fleet.store import Document, Store, dataset_content
 from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import until
 from tests.fleet.diagnose.certificates import make_certificates
+from tests.fleet.diagnose.plant import as_in_the_manual, process, settings
 from tests.fleet.diagnose.sets import bad
 from tests.fleet.documents import BEGAN, ROBOT
 from tests.fleet.postgres import Cluster
 
-ROOT = Path(__file__).parents[3]
 OTHER = "0.0.9+other"
 SETS = 40
 
@@ -39,39 +36,6 @@ SETS = 40
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return make_certificates(tmp_path_factory.mktemp("tls") / "own")
-
-
-def settings(files: dict[str, Path]) -> dict[str, str]:
-    """Dask's settings of the command, as environment variables are read."""
-    tls = "distributed.comm.tls"
-    return {
-        f"{tls}.ca-file": str(files["ca"]),
-        f"{tls}.client.cert": str(files["cert"]),
-        f"{tls}.client.key": str(files["key"]),
-    }
-
-
-@contextmanager
-def process(*words: str, environment: dict[str, str] | None = None) -> Iterator[subprocess.Popen[str]]:
-    """A program of Python, killed at the end of the block."""
-    with subprocess.Popen(
-        [sys.executable, "-m", *words],
-        cwd=ROOT,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as running:
-        try:
-            yield running
-        finally:
-            running.kill()
-
-
-def as_in_the_manual(what: str, files: dict[str, Path], *words: str) -> list[str]:
-    """`dask scheduler` or `dask worker` with the options of docs/fleet-engine.md."""
-    tls = [f"--tls-ca-file={files['ca']}", f"--tls-cert={files['cert']}", f"--tls-key={files['key']}"]
-    return ["dask", what, *words, "--host", "127.0.0.1", "--no-dashboard", *tls]
 
 
 def put(url: str, folder: Path) -> list[Source]:
@@ -158,14 +122,16 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
     assert len(last) == SETS
 
 
-def test_a_way_with_tls_needs_certificates_that_can_be_read(tmp_path: Path) -> None:
+def test_a_way_with_tls_needs_certificates_that_can_be_read(
+    tmp_path: Path, certificates: dict[str, Path]
+) -> None:
     (tmp_path / "ca.pem").write_text("no certificate", "utf-8")
     with nobody_listens() as port:
         address = f"tls://127.0.0.1:{port}"
         with pytest.raises(DataError, match="needs certificates"), connected(address):
             pass
         for name in ("ca.pem", "nowhere.pem"):
-            files = dict.fromkeys(("ca", "cert", "key"), tmp_path / name)
+            files = dict.fromkeys(certificates, tmp_path / name)
             with (
                 config.set(settings(files)),
                 pytest.raises(DataError, match="certificates cannot be used"),

@@ -1,0 +1,157 @@
+"""Thousands of data sets while a worker, the scheduler and the database are ended: what is lost, what is done twice.
+
+Once with an SQLite file and once with a PostgreSQL, which is stopped and started besides. Real processes as
+docs/fleet-engine.md has them, TLS, the store's own data sets. One data set in a hundred is diagnosed (40 readings, one
+effect); of the others the reading is what is done, for they hold none and are refused: a job is a job for scheduler,
+claims and store. Every statement of a worker is noted beside the store, so that work done twice is seen.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from dask import config
+
+from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
+from fleet.store import Document, Store, dataset_content, migrate
+from tests.benchmarks.clock import line
+from tests.drivers.waiting import until
+from tests.fleet.diagnose.certificates import make_certificates
+from tests.fleet.diagnose.noted import NOTED
+from tests.fleet.diagnose.plant import as_in_the_manual, process, settings
+from tests.fleet.diagnose.sets import bad, good
+from tests.fleet.documents import BEGAN, ROBOT
+from tests.fleet.postgres import Cluster
+
+REAL = 100  # one data set of so many is diagnosed
+START_S = 300.0
+
+
+@dataclass
+class Plant:
+    """A scheduler and two workers. Files: certificates and notes; address: of the scheduler."""
+
+    folder: Path
+    files: dict[str, Path]
+    address: str = ""
+    scheduler: subprocess.Popen[str] | None = None
+    worker: subprocess.Popen[str] | None = None
+
+    @contextmanager
+    def running(self, number: int) -> Iterator[None]:
+        """The processes, for the time of the block."""
+        said = self.folder / f"scheduler{number}.json"
+        with ExitStack() as stack:
+            words = as_in_the_manual("scheduler", self.files, "--port", "0", "--protocol", "tls")
+            self.scheduler = stack.enter_context(process(*words, "--scheduler-file", str(said)))
+            until(said.exists, START_S)
+            self.address = json.loads(said.read_text("utf-8"))["address"]
+            words = as_in_the_manual("worker", self.files, self.address, "--nthreads", "1", "--no-nanny")
+            words += ["--preload", "tests.fleet.diagnose.noted"]
+            noted = {NOTED: str(self.folder / "noted")}
+            self.worker = stack.enter_context(process(*words, environment=noted))
+            stack.enter_context(process(*words, environment=noted))
+            yield
+
+
+def run(count: int = 2000) -> bool:
+    """Measure, print; whether everything is there, once, on both databases."""
+    reached = _run(count, None)
+    cluster = Cluster()
+    try:
+        return _run(count, cluster) and reached
+    finally:
+        cluster.end()
+
+
+def _run(count: int, cluster: Cluster | None) -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        url = f"sqlite:///{root}/plant.sqlite3" if cluster is None else cluster.database()
+        migrate(url)
+        sources = _put(url, root, count)
+        plant = Plant(root, make_certificates(root / "tls"))
+        order, began = Order(url, "first"), time.monotonic()
+        with config.set(settings(plant.files)):
+            first = _killed(plant, order, sources)
+            with plant.running(2):
+                tally = _again(plant, replace(order, owner="second"), sources, cluster)
+        elapsed = time.monotonic() - began
+        with Store.open(url) as store:
+            last = store.work.results(order.task)
+        said = Counter((root / "noted").read_text("utf-8").splitlines())
+    again = sum(times - 1 for times in said.values())
+    changed = len(first - {(each.job.data, each.content) for each in last})
+    kind = "SQLite" if cluster is None else "PostgreSQL, stopped and started besides"
+    print(
+        f"{count} data sets, {kind}: worker and scheduler killed after {len(first)}; the second call did {tally.done}, "
+        f"found {tally.found}; {elapsed:.0f} s elapsed, load {os.getloadavg()[0]:.1f}"
+    )
+    left = count - len({each.job.data for each in last})
+    line("data sets without a result", str(left), "0", left == 0)
+    line(
+        "results that changed or are there twice", str(changed + len(last) - count + left), "0", changed == 0
+    )
+    # the one in hand of a killed worker, and of both when the database went
+    line("computed twice, of which one result was kept", str(again), "<= 4", again <= 4)
+    return left == changed == 0 and len(last) == count and again <= 4
+
+
+def _killed(plant: Plant, order: Order, sources: list[Source]) -> set[tuple[str, bytes]]:
+    """One call whose worker is killed after a quarter, and whose scheduler after half; the results that it has made."""
+    with plant.running(1):
+        assert plant.worker is not None
+        assert plant.scheduler is not None
+        worker, scheduler = plant.worker, plant.scheduler
+
+        def kill(tally: Tally) -> None:
+            if 4 * tally.done >= tally.total:
+                worker.kill()
+            if 2 * tally.done >= tally.total:
+                scheduler.kill()
+
+        try:
+            diagnose_all(sources, order, print, kill, scheduler=plant.address)
+        except EngineGone as error:
+            print(f"the command says: {error}")
+    with Store.open(order.store) as store:
+        return {(each.job.data, each.content) for each in store.work.results(order.task)}
+
+
+def _again(plant: Plant, order: Order, sources: list[Source], cluster: Cluster | None) -> Tally:
+    """The same call, which does what is left; its database goes in the middle, and comes back when that is told."""
+    gone: list[int] = []
+
+    def stop(tally: Tally) -> None:
+        if cluster is not None and not gone and tally.done:
+            gone.append(tally.done)
+            cluster.stop()
+
+    def tell(sentence: str) -> None:
+        print(f"the command says: {sentence}")
+        if cluster is not None and "does not answer" in sentence:
+            cluster.start()
+
+    tally = diagnose_all(sources, order, tell, stop, scheduler=plant.address)
+    assert cluster is None or gone
+    return tally
+
+
+def _put(url: str, folder: Path, count: int) -> list[Source]:
+    documents = []
+    for i in range(count):
+        data = (bad if i % REAL else good)(folder, f"set{i}")
+        content = dataset_content(data.read_text("utf-8"), data.with_suffix(".toml").read_text("utf-8"))
+        documents.append(Document("dataset", ROBOT, "cell-1", f"set{i}", BEGAN, content))
+    with Store.open(url) as store:
+        store.add_all(documents)
+        return in_store(store)
