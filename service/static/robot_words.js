@@ -10,7 +10,7 @@ export const ROBOT_WORDS = {
   said_thermal: ["warmth, or nothing", "Wärme oder nichts"], "said_not thermal": ["something else than warmth", "etwas anderes als Wärme"],
   doPlan: ["Plan a watch, and measure its check poses.", "Eine Überwachung planen und ihre Prüfposen messen."],
   watchedOn: ["Watch of {date}:", "Überwachung vom {date}:"],
-  lastCause: ["Cause", "Ursache"], noCause: ["none", "keine"], orOthers: ["or {n} more", "oder {n} weitere"], inWords: ["In words", "In Worten"], shareOfClass: ["Likely", "Wahrscheinlich"],
+  lastCause: ["Cause", "Ursache"], classOfCauses: ["One of these causes, the likeliest", "Eine dieser Ursachen, die wahrscheinlichste"], errorOf: ["error", "Fehler"], permitted: ["permitted", "erlaubt"], noCause: ["none", "keine"], orOthers: ["or {n} more", "oder {n} weitere"], inWords: ["In words", "In Worten"], shareOfClass: ["Likely", "Wahrscheinlich"],
   positionError: ["Position error, RMS", "Positionsfehler, RMS"], lastMeasured: ["Last measured", "Zuletzt gemessen"], cells: ["Cells", "Zellen"], baseline: ["Baseline of", "Bezugsmodell vom"],
   // the list
   robotsKept: ["Robots of the history", "Roboter der Historie"], noRobots: ["None yet: whatever is measured, diagnosed and watched here enters by itself.", "Noch keine: was hier gemessen, diagnostiziert und überwacht wird, kommt von selbst hinein."],
@@ -33,7 +33,7 @@ export const ROBOT_WORDS = {
   parameter: ["Parameter", "Parameter"], value: ["Value", "Wert"], unit: ["Unit", "Einheit"], before: ["Before", "Vorher"],
   // documents
   documents: ["Documents", "Dokumente"], document_model: ["model", "Modell"], document_watch: ["watch", "Überwachung"], document_campaign: ["campaign", "Kampagne"], document_dataset: ["data set", "Datensatz"], document_diagnosis: ["diagnosis", "Diagnose"], document_thermal: ["upkeep", "Wärmenachführung"],
-  saysWhat: ["Says", "Sagt"], remark: ["Remark", "Bemerkung"], links: ["Links", "Verweise"], contradicts: ["contradicts another", "widerspricht einem anderen"],
+  contradicts: ["contradicts another", "widerspricht einem anderen"],
   // planning and judging
   kind_watch_plan: ["plan of a watch", "Plan einer Überwachung"], kind_watch: ["watch", "Überwachung"], kind_upkeep: ["thermal upkeep", "Wärmenachführung"],
   planWatch: ["Plan a watch", "Überwachung planen"], baselineHint: ["Check poses in this cell, judged by the model of {date}. Nothing moves.", "Prüfposen in dieser Zelle, beurteilt nach dem Modell vom {date}. Nichts bewegt sich."],
