@@ -18,8 +18,8 @@ export function open(root, id) {
   const wide = { className: "wide" }, says = h("p", { role: "status", id: "store-says" }), top = h("section", {}, h("h2", {}, t("robot")), says), due = h("section", {}), charts = h("section", wide, h("h2", {}, t("trends")), legend());
   const pictures = h("div", {}), made = h("ul", { className: "list", ariaLabel: t("watchesHere") }), papers = h("div", {});
   let robot = null, asked = 0, reckoning = { method: "staircase", permitted_mm: "" };
-  const baseline = () => ({ model_document: robot.baseline.document }), judge = judgeForm(baseline), hint = h("p", { className: "dim" });
-  const acting = h("section", { className: "wide", hidden: true }, h("h2", {}, t("planWatch")), hint, planForm(baseline), h("div", { className: "also" }, h("h3", {}, t("judgeReadings")), h("p", { className: "dim" }, t("judgeHint")), judge));
+  const model = h("select", { id: "baseline" }), baseline = () => ({ model_document: model.value }), judge = judgeForm(baseline), hint = h("p", { className: "dim" });
+  const acting = h("section", { className: "wide", hidden: true }, h("h2", {}, t("planWatch")), hint, h("p", {}, h("label", {}, t("judgedBy"), " ", model)), planForm(baseline), h("div", { className: "also" }, h("h3", {}, t("judgeReadings")), h("p", { className: "dim" }, t("judgeHint")), judge));
   charts.append(pictures);
   root.append(h("div", { className: "wide halves" }, top, due), charts, acting, h("section", wide, h("h2", {}, t("watchesHere")), made), h("section", wide, h("h2", {}, t("documents")), papers));
   const permitted = h("input", { type: "number", id: "permitted", min: 0.001, step: "any", max: 1000 }), head = h("div", {}), date = h("div", {});
@@ -45,7 +45,10 @@ export function open(root, id) {
     fill(papers, [robot.history, robot.left_out], () => [documents(robot.history), robot.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: robot.left_out })) : null]);
     permitted.placeholder = robot.permitted_mm || "";
     acting.hidden = looksOn() || !robot.baseline;
-    if (robot.baseline) hint.textContent = t("baselineHint", { date: day(robot.baseline.measured) });
+    hint.textContent = t("baselineHint");
+    const models = robot.history.filter((each) => each.kind === "model");
+    fill(model, models.map((each) => each.document), () => models.map((each) => h("option", { value: each.document, selected: each.document === robot.baseline.document },
+      `${day(each.measured)}, ${each.error_mm ? `${t("errorOf")} ${withU(each.error_mm.rms, each.error_mm.u, "mm")}` : t("updatedByWatch")}`)));
   }
 
   const look = async () => {
