@@ -161,7 +161,7 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
     said = store.verdicts(robot)
     watched = next((each for each in reversed(said) if each.kind == "watch"), None)
     errors = store.trend(robot, ERROR)
-    model = _baseline(store.documents(robot, kind="model", limit=_MODELS), errors)
+    model = _baseline(store.documents(robot, kind="model", limit=_MODELS), said)
     return {
         "id": id_of(robot),
         "serial": robot.serial,
@@ -184,13 +184,14 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
     }
 
 
-def _baseline(models: Sequence[Entry], errors: Sequence[Point]) -> Entry | None:
-    """The newest calibration, of models newest first; the newest model where none was judged on readings held out.
+def _baseline(models: Sequence[Entry], said: Sequence[Said]) -> Entry | None:
+    """The newest calibration, of models newest first; the newest model where there is no calibration.
 
-    A model that a watch has updated is none: by it, what has changed would look unchanged before anybody mended it.
+    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
+    before anybody mended it.
     """
-    judged = {each.hash for each in errors}
-    return next((each for each in models if each.hash in judged), models[0] if models else None)
+    watched = {each.measured_at for each in said if each.kind in ("watch", "thermal")}
+    return next((each for each in models if each.measured_at not in watched), models[0] if models else None)
 
 
 def _state(watched: Said | None, model: Entry | None) -> str:

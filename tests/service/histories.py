@@ -69,7 +69,7 @@ def _written(folder: Path, life: Life) -> list[Path]:
         place = folder / day
         csv = Path(write_campaign(made, place)["csv"])
         edit_rows(csv, _part(i, most) if moved is None else _checked(i, moved))
-        _sign(csv.with_suffix(".toml"), life.serial, day)
+        sign(csv.with_suffix(".toml"), life.serial, day)
         dataset = read_dataset(csv)
         if moved is None:
             found = diagnose(dataset)
@@ -102,7 +102,7 @@ def _checked(i: int, moved: tuple[float, float]) -> Callable[[Rows], None]:
     return keep
 
 
-def _sign(header: Path, serial: str, day: str) -> None:
+def sign(header: Path, serial: str, day: str) -> None:
     """Put devices and time into a header."""
     table = parse_toml(header.read_text("utf-8"), header)
     table["device"] = [

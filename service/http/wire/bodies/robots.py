@@ -171,6 +171,9 @@ class TrendValue(Answered):
     signal: Annotated[bool, told("Whether it lies outside, itself or its mean with those before.", False)]
     document: DocumentHash
     program: Annotated[str, told("The program that wrote it.", "truepose 0.1.0")]
+    rediagnosed: Annotated[bool, told("Whether a later version found it in the same readings.", False)] = (
+        False
+    )
 
 
 class TrendShown(Answered):
