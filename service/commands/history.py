@@ -16,7 +16,6 @@ from fleet.outbox import Cell, read_data, read_result
 from fleet.store import Document, utc_now
 from service import exit_codes, wording
 from service.commands import options
-from service.commands.fleet.records import read_record
 from service.commands.stores import StoreOption, opened
 from service.files import STANDARD_OUTPUT
 from service.printed import history_tables
@@ -24,6 +23,7 @@ from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results import history as results
 from service.results.hours import read_hours
+from service.results.records import read_record
 
 app = typer.Typer(help="Keep what is known of robots over the years: trends, causes, next dates.")
 

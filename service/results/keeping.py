@@ -15,7 +15,7 @@ from calib.errors import DataError
 from fleet.errors import StoreError
 from fleet.outbox import Cell, read_result
 from fleet.store import Document, Store
-from service.commands.fleet.records import read_record
+from service.results.records import read_record
 from service.results.robots import id_of
 
 Outcome = Literal["new", "known", "conflict", "refused"]

@@ -24,6 +24,7 @@ from service.results import history
 Way = Literal["staircase", "drift"]
 MOST = 1000
 """Robots of a list."""
+_MODELS = 50  # among which the newest calibration is looked for
 ERRORS = 24
 """Values of a line's small picture."""
 
@@ -159,8 +160,8 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
     robot = known.robot
     said = store.verdicts(robot)
     watched = next((each for each in reversed(said) if each.kind == "watch"), None)
-    model = next(iter(store.documents(robot, kind="model", limit=1)), None)
     errors = store.trend(robot, ERROR)
+    model = _baseline(store.documents(robot, kind="model", limit=_MODELS), said)
     return {
         "id": id_of(robot),
         "serial": robot.serial,
@@ -181,6 +182,16 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
         ],
         "due": _due(errors, way, now),
     }
+
+
+def _baseline(models: Sequence[Entry], said: Sequence[Said]) -> Entry | None:
+    """The newest calibration, of models newest first; the newest model where there is no calibration.
+
+    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
+    before anybody mended it.
+    """
+    watched = {each.measured_at for each in said if each.kind in ("watch", "thermal")}
+    return next((each for each in models if each.measured_at not in watched), models[0] if models else None)
 
 
 def _state(watched: Said | None, model: Entry | None) -> str:

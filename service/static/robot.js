@@ -15,18 +15,18 @@ const ERROR = "error_rms", SHORT = 12;
 
 export function open(root, id) {
   if (!id) { location.hash = "#/robots"; return { look: async () => {}, show: () => {} }; }
-  const wide = { className: "wide" }, says = h("p", { role: "status", id: "store-says" }), top = h("section", wide, h("h2", {}, t("robot")), says), due = h("section", wide), charts = h("section", wide, h("h2", {}, t("trends")), legend());
+  const wide = { className: "wide" }, says = h("p", { role: "status", id: "store-says" }), top = h("section", {}, h("h2", {}, t("robot")), says), due = h("section", {}), charts = h("section", wide, h("h2", {}, t("trends")), legend());
   const pictures = h("div", {}), made = h("ul", { className: "list", ariaLabel: t("watchesHere") }), papers = h("div", {});
   let robot = null, asked = 0, reckoning = { method: "staircase", permitted_mm: "" };
-  const baseline = () => ({ model_document: robot.baseline.document }), judge = judgeForm(baseline), hint = h("p", { className: "dim" });
-  const acting = h("section", { className: "wide", hidden: true }, h("h2", {}, t("planWatch")), hint, planForm(baseline), h("h3", {}, t("judgeReadings")), h("p", { className: "dim" }, t("judgeHint")), judge);
+  const model = h("select", { id: "baseline" }), baseline = () => ({ model_document: model.value }), judge = judgeForm(baseline), hint = h("p", { className: "dim" });
+  const acting = h("section", { className: "wide", hidden: true }, h("h2", {}, t("planWatch")), hint, h("p", {}, h("label", {}, t("judgedBy"), " ", model)), planForm(baseline), h("div", { className: "also" }, h("h3", {}, t("judgeReadings")), h("p", { className: "dim" }, t("judgeHint")), judge));
   charts.append(pictures);
-  root.append(top, due, charts, acting, h("section", wide, h("h2", {}, t("watchesHere")), made), h("section", wide, h("h2", {}, t("documents")), papers));
-  const head = h("div", {}), date = h("div", {});
+  root.append(h("div", { className: "wide halves" }, top, due), charts, acting, h("section", wide, h("h2", {}, t("watchesHere")), made), h("section", wide, h("h2", {}, t("documents")), papers));
+  const permitted = h("input", { type: "number", id: "permitted", min: 0.001, step: "any", max: 1000 }), head = h("div", {}), date = h("div", {});
   top.append(head); due.append(h("h2", {}, t("nextCheck")), date, reckon());
 
   function reckon() {
-    const permitted = h("input", { type: "number", id: "permitted", min: 0.001, step: "any", max: 1000 }), method = h("select", { id: "method" }, ["staircase", "drift"].map((each) => h("option", { value: each }, t(`method_${each}`))));
+    const method = h("select", { id: "method" }, ["staircase", "drift"].map((each) => h("option", { value: each }, t(`method_${each}`))));
     return h("form", { className: "form", on: { submit: (event) => { event.preventDefault(); reckoning = { method: method.value, permitted_mm: permitted.value }; asked = 0; order(async () => {}); } } },
       h("label", {}, t("permittedError"), permitted), h("label", {}, t("byMethod"), method), h("button", {}, t("reckonAgain")));
   }
@@ -37,13 +37,18 @@ export function open(root, id) {
       h("p", { className: "big" }, `${robot.serial} (${robot.model}) `, stateOf(robot.state)),
       h("p", { className: "big" }, `${t("whatToDo")} `, robot.state === "not_watched" || robot.state === "recalibrated" ? t("doPlan") : h("span", { lang: "en" }, said.advice)),
       said ? h("p", {}, `${t("watchedOn", { date: day(said.measured) })} `, h("span", { lang: "en" }, said.in_words)) : null,
-      said && said.causes.length ? table(t("lastCause"), [t("lastCause"), t("inWords"), t("size"), t("shareOfClass")], said.causes.map((each) => [each.label, h("span", { lang: "en" }, each.in_words), numeric(withU(each.value, each.u, each.unit)), numeric(typeof each.weight === "number" ? `${number(100 * each.weight, 0)} %` : "–")])) : null,
+      said && said.causes.length ? h("p", {}, `${t(said.causes.length > 1 ? "classOfCauses" : "lastCause")}: `, h("strong", {}, causeOf(said.causes[0]))) : null,
+      said && said.causes.length > 1 ? h("ul", {}, said.causes.map((each) => h("li", {}, `${causeOf(each)}: `, h("span", { lang: "en" }, each.in_words)))) : null,
       h("dl", { className: "facts" }, fact("positionError", robot.error_mm ? withU(robot.error_mm.rms, robot.error_mm.u, "mm") : "–"), fact("lastMeasured", day(robot.last_measured)), fact("cells", robot.cells.join(", ")), fact("baseline", robot.baseline ? day(robot.baseline.measured) : "–"))]);
     fill(date, [robot.due, robot.permitted_mm], () => [h("p", { className: "big" }, dueOf(robot.due)), h("p", { lang: "en" }, robot.due.because),
       h("p", { className: "dim" }, `${t("byIlac", { method: t(`method_${reckoning.method}`) })} ${robot.permitted_mm ? t("permittedIs", { mm: number(robot.permitted_mm) }) : t("permittedUnknown")}`)]);
     fill(papers, [robot.history, robot.left_out], () => [documents(robot.history), robot.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: robot.left_out })) : null]);
+    permitted.placeholder = robot.permitted_mm || "";
     acting.hidden = looksOn() || !robot.baseline;
-    if (robot.baseline) hint.textContent = t("baselineHint", { date: day(robot.baseline.measured) });
+    hint.textContent = t("baselineHint");
+    const models = robot.history.filter((each) => each.kind === "model");
+    fill(model, models.map((each) => each.document), () => models.map((each) => h("option", { value: each.document, selected: each.document === robot.baseline.document },
+      `${day(each.measured)}, ${each.error_mm ? `${t("errorOf")} ${withU(each.error_mm.rms, each.error_mm.u, "mm")}` : t("updatedByWatch")}`)));
   }
 
   const look = async () => {
@@ -52,7 +57,7 @@ export function open(root, id) {
       const query = new URLSearchParams({ method: reckoning.method, ...(reckoning.permitted_mm ? { permitted_mm: reckoning.permitted_mm } : {}) });
       try {
         robot = await reckoned(`/robots/${id}?${query}`);
-        drawTrends(pictures, (await reckoned(`/robots/${id}/trends`)).trends);
+        drawTrends(pictures, (await reckoned(`/robots/${id}/trends`)).trends, robot.permitted_mm);
         says.replaceChildren();
         show();
       } catch (error) { if (!(error instanceof Refusal)) throw error; says.replaceChildren(...refusal(error)); }
@@ -70,21 +75,21 @@ const outcome = (job) => (job.result && job.result.verdict ? t(`robot_${job.resu
 const fact = (name, what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
 
 // What lies outside its limits first, and the error before all; the steady ones are there to be opened.
-function drawTrends(place, trends) {
-  fill(place, [trends, innerWidth < 700], () => {
+function drawTrends(place, trends, permitted) {
+  fill(place, [trends, permitted, innerWidth < 700], () => {
     const error = trends.filter((each) => each.parameter === ERROR), rest = trends.filter((each) => each.parameter !== ERROR);
     const loud = rest.filter((each) => each.signals.length), charted = rest.filter((each) => !each.signals.length && each.values.length > 1), single = rest.filter((each) => each.values.length === 1);
     const steady = h("details", { id: "steady" }, h("summary", {}, t("steadyOnes", { n: charted.length })), h("div", { className: "trends" }));
     steady.addEventListener("toggle", () => { if (steady.open && !steady.lastChild.hasChildNodes()) steady.lastChild.append(...charted.map((each) => trendCard(each))); });
-    return [h("div", { className: "trends" }, error.map((each) => trendCard(each, true)), loud.map((each) => trendCard(each))), !trends.length ? h("p", {}, t("noTrends")) : null, charted.length ? steady : null,
+    return [h("div", { className: "trends" }, error.map((each) => trendCard(each, { wide: true, permitted })), loud.map((each) => trendCard(each))), !trends.length ? h("p", {}, t("noTrends")) : null, charted.length ? steady : null,
       single.length ? h("details", {}, h("summary", {}, t("singleOnes", { n: single.length })), table(t("trends"), [t("parameter"), t("value"), t("unit"), t("when")], single.map((each) => [each.parameter, numeric(withU(each.values[0].value, each.values[0].u)), each.unit, day(each.values[0].measured)]))) : null];
   });
 }
 
 function documents(lines) {
-  const rows = lines.map((each) => [day(each.measured), t(`document_${each.kind}`), [each.verdict ? t(`said_${each.verdict}`) : "", each.causes.length ? causeOf(each.causes[0]) : "", each.error_mm ? withU(each.error_mm.rms, each.error_mm.u, "mm") : ""].filter(Boolean).join("; "),
-    each.contradicts_another ? `⚠ ${t("contradicts")}` : "", h("span", { className: "row" }, ...links(each))]);
-  return rows.length ? table(t("documents"), [t("when"), t("what"), t("saysWhat"), t("remark"), t("links")], rows) : h("p", {}, t("noneYet"));
+  const says = (each) => [each.verdict ? t(`said_${each.verdict}`) : "", each.causes.length ? causeOf(each.causes[0]) : "", each.error_mm ? `${t("errorOf")} ${withU(each.error_mm.rms, each.error_mm.u, "mm")}` : ""].filter(Boolean).join("; ");
+  return lines.length ? h("ul", { className: "list papers", ariaLabel: t("documents") }, lines.map((each) => h("li", {}, h("span", { className: "dim" }, day(each.measured)), h("strong", {}, t(`document_${each.kind}`)), h("span", { className: "says" }, says(each)),
+    each.contradicts_another ? h("span", { className: "overdue" }, `⚠ ${t("contradicts")}`) : null, links(each)))) : h("p", {}, t("noneYet"));
 }
 
 function links(line) {

@@ -57,5 +57,6 @@ function line(robot, permitted) {
   return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
       fact("positionError", robot.error_mm ? withU(robot.error_mm.rms, robot.error_mm.u, "mm") : "–"), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
-    h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors")))];
+    h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, h("span", { lang: "en" }, said.advice)) : null].filter(Boolean);
 }

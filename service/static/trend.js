@@ -34,9 +34,9 @@ function ticks([low, high]) {
 }
 
 // One parameter: values with U, the centre, the limits of every value; a signal has a ring and a letter.
-export function trendPicture(trend, W) {
+export function trendPicture(trend, W, permitted) {
   const { values } = trend, charted = values.filter((each) => each.limits);
-  const range = spread([...values.flatMap((each) => [each.value - (each.u || 0), each.value + (each.u || 0)]), ...charted.flatMap((each) => each.limits)], 0.06);
+  const range = spread([...values.flatMap((each) => [each.value - (each.u || 0), each.value + (each.u || 0)]), ...charted.flatMap((each) => each.limits), ...(permitted ? [permitted] : [])], 0.06);
   const times = values.length > 1 ? [time(values[0].measured), time(values.at(-1).measured)] : [0, 0];
   const x = (each) => at(time(each.measured), times, L + 12, W - R - 12), y = (value) => at(value, range, H - B, T);
   const { found, digits } = ticks(range), label = (px, py, anchor, words) => svg("text", { x: px, y: py, "text-anchor": anchor }, words);
@@ -44,6 +44,7 @@ export function trendPicture(trend, W) {
     found.map((each) => [svg("path", { d: `M${L - 4} ${y(each).toFixed(1)}H${L}`, class: "axis" }), label(L - 7, y(each) + 4, "end", each.toFixed(digits).replace("-", "−"))]),
     label(L + 2, H - 8, "start", day(values[0].measured)), values.length > 1 ? label(W - R, H - 8, "end", day(values.at(-1).measured)) : null];
   if (trend.centre !== null) parts.push(svg("path", { d: `M${L} ${y(trend.centre).toFixed(1)}H${W - R}`, class: "centre" }));
+  if (permitted) parts.push(svg("path", { d: `M${L} ${y(permitted).toFixed(1)}H${W - R}`, class: "permitted" }), label(L + 6, y(permitted) + 15, "start", t("permitted")));
   for (const side of [0, 1]) {
     const steps = charted.map((each, i) => {
       const before = i ? (x(charted[i - 1]) + x(each)) / 2 : L, after = i < charted.length - 1 ? (x(each) + x(charted[i + 1])) / 2 : W - R;
@@ -64,10 +65,10 @@ export function trendPicture(trend, W) {
 export const nameOf = (parameter) => (parameter === "error_rms" ? t("positionError") : parameter);
 
 // A parameter with its picture and what is said of it.
-export function trendCard(trend, wide = false) {
+export function trendCard(trend, { wide = false, permitted = null } = {}) {
   const last = trend.values.at(-1), W = innerWidth < 700 ? 330 : wide ? 860 : 420;
   return h("article", { className: wide ? "trend-card wide" : "trend-card" }, h("h3", {}, `${nameOf(trend.parameter)}${trend.unit ? `, ${trend.unit}` : ""}`),
-    h("p", {}, `${t("lastValue")}: ${withU(last.value, last.u, trend.unit)} (${day(last.measured)})`), trendPicture(trend, W),
+    h("p", {}, `${t("lastValue")}: ${withU(last.value, last.u, trend.unit)} (${day(last.measured)})`), trendPicture(trend, W, permitted),
     trend.signals.length ? h("ul", { className: "signals", lang: "en" }, trend.signals.map((each) => h("li", {}, `! ${each}`))) : null,
     trend.no_chart_because ? h("p", { className: "dim", lang: "en" }, trend.no_chart_because) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
 }

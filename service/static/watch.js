@@ -44,7 +44,7 @@ export function open(root, id) {
   return { look, show };
 }
 
-const size = (value, unit) => (typeof value === "number" ? `${Number(value.toPrecision(2))} ${unit}`.replace("-", "−") : t("notSeen"));
+const size = (value, unit, none = t("notSeen")) => (typeof value === "number" ? `${Number(value.toPrecision(2))} ${unit}`.replace("-", "−") : none);
 
 function planned(job) {
   const r = job.result, wide = { className: "wide" };
@@ -53,7 +53,8 @@ function planned(job) {
     location.hash = `#/campaigns/${kept.id}`;
   }), { id: "keep-campaign", className: "go" });
   return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
-    table(t("watchShows"), [t("lastCause"), t("inWords"), t("seenFrom"), t("aloneFrom"), t("neverApart")], r.causes.map((each) => [each.label, h("span", { lang: "en" }, each.meaning), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit)), each.never_apart_from.join(", ") || "–"])),
+    table(t("watchShows"), [t("lastCause"), t("inWords"), t("seenFrom"), t("aloneFrom"), t("neverApart")], r.causes.map((each) => [each.label, h("span", { lang: "en" }, each.meaning), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.join(", ") || "–"])),
+    r.in_words ? h("p", { lang: "en" }, r.in_words) : null,
     r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
     r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${each.worst.label} ${size(each.worst.seen_from, "")}`]))) : null),
   h("section", wide, h("h2", {}, t("nextSteps")), h("p", {}, t("watchNext")), looksOn() ? null : h("div", { className: "row" }, keep))];
@@ -61,7 +62,11 @@ function planned(job) {
 
 const updated = (job) => (job.result.updated_model ? h("div", { className: "row" }, link(t("updatedModel"), `/models/${job.id}`, `${job.id}-model.json`), h("span", { className: "dim" }, t("updatedHint"))) : null);
 const notes = (r) => (r.notes.length ? h("section", { className: "wide" }, h("h2", {}, t("notes")), h("ul", { lang: "en" }, r.notes.map((each) => h("li", {}, each)))) : null);
-const whose = (r) => h("p", { className: "dim" }, [(r.device.find((each) => each.role === "robot") || {}).serial, r.robot, r.measured && r.measured.began, r.data].filter(Boolean).join(" · "));
+// A robot is asked for by its serial number too, where an address can hold it.
+function whose(r) {
+  const serial = (r.device.find((each) => each.role === "robot") || {}).serial || "", addressed = /^[0-9A-Za-z][0-9A-Za-z-]{0,63}$/.test(serial);
+  return h("p", {}, addressed ? h("a", { href: `#/robot/${serial}`, className: "do" }, `${t("robot")} ${serial}`) : serial, " ", h("span", { className: "dim" }, [r.robot, r.measured && r.measured.began, r.data].filter(Boolean).join(" · ")));
+}
 
 function judged(job) {
   const r = job.result, wide = { className: "wide" };

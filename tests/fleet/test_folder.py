@@ -18,7 +18,7 @@ from acquisition import Run
 from drivers.interfaces import Identity
 from fleet.outbox import FILE, Cell, Outbox, collect
 from fleet.store import Document, RobotKey, dataset_texts
-from service.commands.fleet.records import read_record
+from service.results.records import read_record
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.fleet.test_outbox import NOW
 

@@ -89,7 +89,7 @@ CHANGES = (
         _FOLDER,
     ),
     Change(
-        "service/commands/fleet/records.py",
+        "service/results/records.py",
         "        if status.state != State.SUCCEEDED.value:",
         "        if not status:",
         "outbox: a record is sent before its end",

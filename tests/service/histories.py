@@ -5,8 +5,9 @@ One moved its base and wears, one is as it was, one lost the zero of a joint and
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import tomli_w
@@ -26,13 +27,13 @@ FIT, JUDGED, CHECKED = 70, 30, 12  # readings of a calibration, held out, of a w
 
 @dataclass(frozen=True)
 class Life:
-    """A robot. days: of what is measured, "calibrated" or how the joints and points of a watch differ by then, mm along y
-    and deg of joint 4."""
+    """A robot. days: with None for a calibration, or, for a watch, by what its points (mm along y) and joint 4 (deg)
+    differ by then."""
 
     serial: str
     seed: int
     effects: tuple[str, ...]
-    days: Sequence[tuple[str, tuple[float, float] | None]] = field(default_factory=list)
+    days: Sequence[tuple[str, tuple[float, float] | None]]
 
 
 LIVES = (
@@ -68,7 +69,7 @@ def _written(folder: Path, life: Life) -> list[Path]:
         place = folder / day
         csv = Path(write_campaign(made, place)["csv"])
         edit_rows(csv, _part(i, most) if moved is None else _checked(i, moved))
-        _sign(csv.with_suffix(".toml"), life.serial, day)
+        sign(csv.with_suffix(".toml"), life.serial, day)
         dataset = read_dataset(csv)
         if moved is None:
             found = diagnose(dataset)
@@ -101,7 +102,7 @@ def _checked(i: int, moved: tuple[float, float]) -> Callable[[Rows], None]:
     return keep
 
 
-def _sign(header: Path, serial: str, day: str) -> None:
+def sign(header: Path, serial: str, day: str) -> None:
     """Put devices and time into a header."""
     table = parse_toml(header.read_text("utf-8"), header)
     table["device"] = [
@@ -111,3 +112,7 @@ def _sign(header: Path, serial: str, day: str) -> None:
     table["measured"] = {"began": f"{day} 08:15 UTC", "ended": f"{day} 09:40 UTC"}
     table.pop("simulated", None)  # for a store of real robots; a test's alone
     header.write_text(tomli_w.dumps(table), "utf-8")
+
+
+if __name__ == "__main__":  # python -m tests.service.histories FOLDER: for the pictures of docs/operator.md
+    write_history(Path(sys.argv[1]))

@@ -16,11 +16,11 @@ from fleet.outbox import FILE, Cell, Link, Outbox, Round, Sender, collect
 from fleet.store import utc_now
 from service import exit_codes, wording
 from service.commands import options
-from service.commands.fleet.records import read_record
 from service.ending import Ending, until_asked
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal, duration
 from service.private import owner_only, read_secret
+from service.results.records import read_record
 
 Folder = Annotated[
     Path, typer.Argument(metavar="FOLDER", help="Where models, watches, data sets and records lie.")

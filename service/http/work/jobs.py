@@ -56,16 +56,20 @@ _WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
 @dataclass(frozen=True)
 class Baseline:
-    """A model to judge by. own: the id of the job that found it, or the hash of a document; file: its name."""
+    """A model to judge by. own: the id of the job that found it, or the hash of a document."""
 
     own: str
-    file: str
     content: bytes
 
     @property
     def sha256(self) -> str:
         """The hash of the document, by which a history knows it."""
         return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def file(self) -> str:
+        """Its name in verdicts: the same for the same model, however it was named."""
+        return f"{self.sha256[:12]}.json"
 
 
 class Jobs:

@@ -33,19 +33,17 @@ from service.kept_dataset import CSV
 
 router = APIRouter(route_class=JsonRoute, tags=["watches"])
 PLANS, WATCHES, UPKEEPS = path_of("watch-plans"), path_of("watches"), path_of("upkeeps")
-SHORT = 12  # letters of a hash in the name of a file
 Limit = Annotated[int, Query(ge=1, le=500, description="Number of them, newest first.", examples=[50])]
 
 
 def _baseline(here: Service, body: OfBaseline) -> Baseline:
     """The model that is judged by. Raises Problem 404, DataError."""
     if body.model_id:
-        file = here.jobs.model_file(body.model_id)
-        return Baseline(body.model_id, f"{body.model_id}.json", file.read_bytes())
+        return Baseline(body.model_id, here.jobs.model_file(body.model_id).read_bytes())
     content = here.history.ask(history_calls.content, body.model_document)
     if content is None:
         raise not_found("document", body.model_document)
-    return Baseline(body.model_document, f"{body.model_document[:SHORT]}.json", content)
+    return Baseline(body.model_document, content)
 
 
 def _readings(here: Service, body: OfReadings) -> dict[str, Any]:

@@ -57,7 +57,7 @@ class SaidShown(Answered):
 
 
 class BaselineNow(Answered):
-    """The newest model of a robot."""
+    """The newest calibration of a robot: not what a watch has updated."""
 
     document: DocumentHash
     measured: Moment
@@ -88,7 +88,9 @@ class RobotLine(Answered):
     ]
     watched: Annotated[SaidShown | None, told("The last watch.", None)]
     diagnosed: Annotated[SaidShown | None, told("The last diagnosis.", None)]
-    baseline: Annotated[BaselineNow | None, told("The newest model: the baseline of the next watch.", None)]
+    baseline: Annotated[
+        BaselineNow | None, told("The newest calibration: the baseline of the next watch.", None)
+    ]
     error_mm: Annotated[ErrorShown | None, told("The last position error, mm.", {"rms": 0.081, "u": 0.01})]
     errors: Annotated[list[ErrorThen], told("The last 24 position errors, oldest first, mm.", [])]
     due: Annotated[DueShown, told("When the next check is due.", {"date": None, "overdue": False})]
@@ -169,6 +171,9 @@ class TrendValue(Answered):
     signal: Annotated[bool, told("Whether it lies outside, itself or its mean with those before.", False)]
     document: DocumentHash
     program: Annotated[str, told("The program that wrote it.", "truepose 0.1.0")]
+    rediagnosed: Annotated[bool, told("Whether a later version found it in the same readings.", False)] = (
+        False
+    )
 
 
 class TrendShown(Answered):

@@ -163,6 +163,7 @@ class ProposalShown(Answered):
 
     targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
     rounds: Annotated[int, told("Number of visits to each pose.", 4)]
+    repeats: Annotated[int, told("Number of readings of a target in a visit.", 1)] = 1
     readings: Annotated[int, told("Number of readings.", 80)]
     reached: Annotated[bool, told("Whether every cause is seen from the size that is wanted.", True)]
     worst: Annotated[
@@ -179,7 +180,10 @@ class WatchPlanResult(Answered):
     instrument: Annotated[str, told("The instrument.", "faro-ion")]
     targets: Annotated[list[str], told("Names of targets.", ["T1"])]
     rounds: Annotated[int, told("Number of visits to each pose.", 1)]
+    repeats: Annotated[int, told("Number of readings of a target in a visit.", 1)] = 1
     readings: Annotated[int, told("Number of readings.", 10)]
+    in_words: Annotated[str, told("What the poses show, in words; empty where nothing is said.", "")] = ""
+    enough_poses: Annotated[int | None, told("Number of poses that would show every cause.", None)] = None
     false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
     seen_in: Annotated[float, told("Share of watches in which `seen_from` is seen, no unit.", 0.95)]
     alone_in: Annotated[float, told("Share of watches in which `alone_from` is named alone, no unit.", 0.8)]
