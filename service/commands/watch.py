@@ -193,7 +193,14 @@ def run_command(
         )
     refuse_plan(the_cell, cell, saved, model, acquisition.checked_plan(the_cell, the_campaign))
     with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
-        campaigns.execute(run, record, None, simulate=simulate, quiet=json == STANDARD_OUTPUT)
+        campaigns.execute(
+            run,
+            record,
+            None,
+            simulate=simulate,
+            quiet=json == STANDARD_OUTPUT,
+            judge=f"truepose watch judge {model} {record / 'watch.csv'}",
+        )
     data = acquisition.export(record, record / "watch.csv")
     judge_command(model, data, history, update, rate, running_s=running_s, robot=robot, json=json)
 
@@ -224,7 +231,11 @@ def judge_command(
         for shown in verdict_tables(found):
             terminal.out.print(shown)
         if found.updated:
-            terminal.note(f"updated model: {update}")
+            terminal.note(
+                f"updated model: {update}. Correct targets again: truepose compensate {update} IN OUT"
+            )
+        elif update is None and found.verdict.kind in ("changed", "ambiguous"):
+            terminal.note("--update OUT.json writes the model with this change, where the cause is known.")
     if found.exit_code != exit_codes.DONE:
         raise typer.Exit(found.exit_code)
 

@@ -25,7 +25,7 @@ KINDS = (
         ),
         apart=(),
         changed="Joint {joint} lost its zero by {size}.",
-        remedy="Re-zero joint {joint} by {size}.",
+        remedy="Re-zero joint {joint} by {size}: where the controller shows 0 it stands at {size}.",
     ),
 )
 

@@ -303,8 +303,13 @@ def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulat
     return run
 
 
-def execute(run: Run, record: Path, json: str | None, *, simulate: bool, quiet: bool = False) -> None:
-    """Execute to the end, a pause or a stop, and leave with the contract's exit code where it was not the end."""
+def execute(
+    run: Run, record: Path, json: str | None, *, simulate: bool, quiet: bool = False, judge: str | None = None
+) -> None:
+    """Execute to the end, a pause or a stop, and leave with the contract's exit code where it was not the end.
+
+    judge: the command that will judge the readings once they are exported, where that is what they are taken for.
+    """
     with ExitStack() as stack:
         terminal = stack.enter_context(Terminal(quiet=quiet or json == STANDARD_OUTPUT))
         progress = Progress(run, terminal)
@@ -323,7 +328,9 @@ def execute(run: Run, record: Path, json: str | None, *, simulate: bool, quiet: 
             terminal.note(_complaint(outcome.error, progress.prompt))
         if status.state in ("paused", "stopped"):
             terminal.note(_how_to_go_on(record, simulate=simulate))
-        elif status.done > status.skipped:
+            if judge is not None:
+                terminal.note(f"Then: truepose campaign export {record} {record / 'watch.csv'}, and {judge}")
+        elif status.done > status.skipped and judge is None:
             terminal.note(f"Next: truepose campaign export {record} OUT.csv")
         write_json(
             _document(record, status, outcome), json
