@@ -55,6 +55,10 @@ settings.load_profile("truepose")
 providers._get_local_constants = Constants
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--whole", action="store_true", help="what `make test` takes a sample of, in full")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Each process has a folder of its own for locks: others' simulated robots may bear the same serial number.
 

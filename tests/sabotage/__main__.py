@@ -21,11 +21,13 @@ from tests.sabotage import (
     calib,
     drivers,
     fit,
+    fleet,
     motion,
     outbox,
     priors,
     service,
     store,
+    upkeep,
     watch,
 )
 from tests.sabotage.change import Change
@@ -43,6 +45,8 @@ CHANGES: tuple[Change, ...] = (
     *priors.CHANGES,
     *outbox.CHANGES,
     *arms.CHANGES,
+    *fleet.CHANGES,
+    *upkeep.CHANGES,
 )
 
 
