@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure
+from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure, Surprise
 from calib.fit import ErrorStatistics
 from service import effect_names
 
@@ -186,23 +186,30 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     effects = f"{counted(len(names), 'effect')} that the base model lacks"
     before, after = diagnosis.error_before, diagnosis.error_after
     lost = bool(names) and before is not None and after is not None and after.rms > before.rms
+    surprised = diagnosis.surprise is not None and diagnosis.surprise.real
     where = "; ".join(f"{s.where}, acting on {s.acts_on}" for s in diagnosis.structure[:2])
+    noise = "noise" if names else "the noise"
+    if diagnosis.by_repeats:
+        noise = f"the noise that visits of the same pose show, {diagnosis.final.noise_scale:.2g} times the declared"
     head = {
-        "complete": "Nothing was found: the base model explains these readings to the noise. "
+        "complete": f"Nothing was found: the base model explains these readings to {noise}. "
         "How large an effect must be to show in them is in the report.",
         "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
         + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
         + ". No structure shows where it comes from: the noise is larger"
         + " than declared, or a law outside the library is at work.",
-        "attributed": f"Found {effects}: {listed}." + ("" if lost else " Nothing else is left beyond noise."),
+        "attributed": f"Found {effects}: {listed}."
+        + ("" if lost or surprised else f" Nothing else is left beyond {noise}."),
         "ambiguous": f"Found {effects}: {listed}. These poses cannot say which member of a class it is; "
         "the weights of all members are listed.",
         "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
         + f"Structure is left that none explains ({where}).",
     }[diagnosis.verdict]
     gain, warning = gain_in_words(before, after), _not_carried(lost, diagnosis.harmful, len(names))
-    parts = (warning, gain, head) if lost else (warning, head, gain)
-    return " ".join(part for part in (*parts, _stretched(diagnosis.stretch)) if part)
+    parts = [warning, gain, head] if lost else [warning, head, gain]
+    contradicted = surprised and diagnosis.verdict not in ("unexplained", "excess_noise")
+    parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))
+    return " ".join(part for part in parts if part)
 
 
 def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
@@ -213,16 +220,22 @@ def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
     if not harmful:
         return ""
     listed = ", ".join(harmful[:3]) + (f" and {len(harmful) - 3} more" if len(harmful) > 3 else "")
-    return f"Held-out readings speak against {listed}: each makes their error larger."
+    which = "it makes" if len(harmful) == 1 else "each makes"
+    return f"Held-out readings speak against {listed}: {which} their error larger."
 
 
-def _stretched(stretch: float | None) -> str:
-    """The meaning of a held-out error far above that of the fit; empty where it is not."""
+def _held_out_against(stretch: float | None, surprise: Surprise | None) -> str:
+    """How a held-out error compares with what was to be expected; empty where there is nothing to be said."""
+    if surprise is not None and surprise.real:
+        return (
+            f"The held-out readings miss by {two_figures(surprise.times)} times what noise and the uncertainty of the "
+            "parameters let expect: the model does not hold there, or some of those readings are faulty."
+        )
     if stretch is None or stretch < _STRETCHED:
         return ""
     return (
-        f"It is {stretch:.1f} times what the fit leaves on its own readings: there the model extrapolates. "
-        "Measure poses like those that were held out."
+        f"It is {stretch:.1f} times what the fit leaves on its own readings, which the uncertainty of the parameters "
+        "lets expect: more readings make it smaller, most of all near those that were held out."
     )
 
 

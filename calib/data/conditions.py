@@ -26,6 +26,7 @@ class Conditions:
 
     joints: Array  # (n, N) commanded
     previous: Array  # (n, N) where the robot was before
+    earlier: Array  # (n, N) the move before the last, rad or mm; 0 where a series begins
     side: Array  # (n, N) +1 when the joint arrived from below, -1 from above
     torque: Array  # (n, N) gravity torque, nominal geometry; this and the next three: see kinematics.Statics
     moment: Array  # (n, N, 3) gravity moment at every joint, axes of the frame just before it turns

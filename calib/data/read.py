@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from calib.data.misspelt import refuse_misspelt
 from calib.data.plausible import refuse_implausible
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
-from calib.data.visits import with_visits
+from calib.data.visits import moves_before_the_last, with_visits
 from calib.errors import DataError
 from calib.text.columns import Columns
 from calib.text.toml_table import FARTHEST_MM
@@ -76,6 +77,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
     conditions = Conditions(
         joints=joints,
         previous=previous,
+        earlier=np.zeros_like(joints),
         side=side,
         torque=loading.torque,
         moment=loading.moment,
@@ -97,6 +99,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         unit_names=header.robot.units,
     )
     conditions = with_visits(conditions, table.text("visit"))
+    conditions = replace(conditions, earlier=moves_before_the_last(conditions))
     dataset = Dataset(
         path=table.path,
         header=header,

@@ -51,6 +51,25 @@ def visits_of(conditions: Conditions) -> NDArray[np.int64]:
     return visit
 
 
+def moves_before_the_last(conditions: Conditions) -> Array:
+    """(n, N) the move before the last of every reading, the same in all readings of a visit: from the reading before to
+    where the last move began or, where the robot had not moved between, that reading's own last move. What a joint
+    keeps of moves that lie further back than the last shows in nothing else."""
+    in_time = np.argsort(conditions.order, kind="stable")
+    _, first, place = np.unique(conditions.visit[in_time], return_index=True, return_inverse=True)
+    rows = in_time[np.sort(first)]  # the first reading of every visit, in order of time
+    joints, previous, series = conditions.joints[rows], conditions.previous[rows], conditions.series[rows]
+    led = previous[1:] - joints[:-1]
+    own = joints[:-1] - previous[:-1]
+    moves = np.zeros_like(joints)
+    moved = np.max(np.abs(led), axis=1, initial=0.0) > STILL
+    moves[1:] = np.where(moved[:, None], led, own)
+    moves[1:][series[1:] != series[:-1]] = 0.0
+    out = np.empty_like(conditions.joints)
+    out[in_time] = moves[np.argsort(np.argsort(first))[place.reshape(-1)]]
+    return out
+
+
 def _goes_elsewhere(conditions: Conditions, in_time: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(n,) in order of time: readings of another pose or series than the one before."""
     place = np.column_stack([conditions.series, conditions.pose])[in_time]

@@ -10,6 +10,7 @@ from calib.diagnose.power import Visible
 from calib.diagnose.repeats import EACH_POSE
 from calib.diagnose.select import MOST_EFFECTS
 from calib.diagnose.structure import Structure
+from calib.diagnose.surprise import Surprise
 from calib.diagnose.without import errors_without
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Patch",
     "Rival",
     "Structure",
+    "Surprise",
     "Visible",
     "carry_over",
     "diagnose",

@@ -26,6 +26,7 @@ from calib.diagnose.power import Visible, visible
 from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
+from calib.diagnose.surprise import Surprise, surprise_of
 from calib.diagnose.type_sizes import in_type
 from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
@@ -72,11 +73,17 @@ class Diagnosis:
     # The smallest size of everything looked for that these readings would have shown
     power: tuple[Visible, ...]
     harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
+    surprise: Surprise | None  # how the held-out error compares with what noise and parameters let expect
     seconds: float
 
     @property
+    def by_repeats(self) -> bool:
+        """Whether the verdict rests on the noise that repeated visits show, since there is more than was declared."""
+        return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")
+
+    @property
     def stretch(self) -> float | None:
-        """Held-out error over what the fit leaves on its own points: far above 1 the model extrapolates there."""
+        """Held-out error over what the fit leaves on its own points; `surprise` says whether that is to be expected."""
         observed = self.final.readings.observed
         if self.error_after is None or observed.points is None or observed.lengths is not None:
             return None
@@ -132,6 +139,7 @@ def diagnose(
         follow_up=_follow_up(dataset, selection.fitted, named),
         power=power,
         harmful=_harmful(dataset, final, found),
+        surprise=surprise_of(dataset, final),
         seconds=time.perf_counter() - begin,
     )
 
@@ -296,7 +304,7 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
 def _structure(dataset: Dataset, space: Space) -> list[Structure]:
     """The structure that is left: along the drivers, those readings included that the fit left out, in where these lie,
     and in the poses by themselves."""
-    alarm = ALARM if _fits(space) else SUSPECT
+    alarm = ALARM if p_lack_of_fit(space) >= NOISY else SUSPECT
     readings, out = all_readings(dataset, space.fitted)
     if not out.any():
         return left_over(space, alarm) or each_pose(space)

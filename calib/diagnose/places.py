@@ -2,7 +2,7 @@
 
 Each driver is some smooth functions of the conditions, weighted so that the slow ones count most; they claim no cause.
 An error acts at the tool point along the world's axes or the tool's, along the line of sight, on all lengths of the
-arm, or turns one joint.
+arm, tilts the base (or the instrument beside it), or turns one joint.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ TOGETHER = "joint angles together"
 TIME = "time"
 QUICK = "time, from one reading to the next"
 SIGHT = "the line of sight"
+OVERTURNING = "overturning moment"
 LENGTHS = "the lengths of the arm"
+BASE = "the tilt of the base"  # about the vertical it turns as joint 1 does
 _WAVES = 5
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
@@ -56,9 +58,12 @@ def drivers(space: Space) -> dict[str, Array]:
             found |= _named(f"side of approach of joint {names[k]}", np.column_stack([side, side * beside]))
             moved = _powers(conditions.joints[:, k] - conditions.previous[:, k], 4)
             found |= _named(f"last move of joint {names[k]}", moved)
+            earlier = conditions.earlier[:, k]
+            earlier = np.column_stack([np.sign(earlier), _powers(earlier, 3)])
+            found |= _named(f"last move but one of joint {names[k]}", earlier)
             unloaded = _powers(conditions.torque[:, k] - before[:, k], 4)
             found |= _named(f"last change of torque about joint {names[k]}", unloaded)
-    found |= _named("overturning moment", _quadratic(conditions.overturning))
+    found |= _named(OVERTURNING, _quadratic(conditions.overturning))
     return found | _outside_the_arm(space, conditions)
 
 
@@ -105,6 +110,7 @@ def directions(space: Space) -> dict[str, Array]:
     view = np.broadcast_to(frames.p, (3, n)) - np.array(space.fitted.model.station)[:, None]
     found[SIGHT] = observed.displaced(frames, (view / np.maximum(np.linalg.norm(view, axis=0), 1e-9))[None])
     found[LENGTHS] = _growth(space)[None]
+    found[BASE] = np.stack([observed.column(frames, slot) for slot in ("base.rx", "base.ry")])
     robot = space.fitted.model.robot
     for axis, slot in zip(robot.axes, robot.joint_slots, strict=True):
         found[f"joint {axis.removeprefix('j')}"] = observed.column(frames, slot)[None]
@@ -124,9 +130,10 @@ def _growth(space: Space) -> Array:
 
 def likely(driver: str, direction: str) -> bool:
     """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
-    a joint where that joint's own angle, load or arrival drives it, and the lengths or the sight by time and warmth."""
-    if direction in (SIGHT, LENGTHS):
-        return driver in (TIME, QUICK, "temperature")
+    a joint where that joint's own angle, load or arrival drives it, the lengths or the sight by time and warmth, and
+    the base by these or by the moment that overturns it."""
+    if direction in (SIGHT, LENGTHS, BASE):
+        return driver in (TIME, QUICK, "temperature") or (direction == BASE and driver == OVERTURNING)
     return not direction.startswith("joint ") or direction in driver
 
 

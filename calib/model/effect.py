@@ -103,13 +103,21 @@ class Effect:
         return len({t.regressor.order for t in self.terms if isinstance(t.regressor, Cosine | Sine)}) > 1
 
     def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
-        """Size of the effect, its standard error and unit: root sum of squares of the parameters of the first unit.
+        """Size of the effect, its standard error and unit: root sum of squares of the parameters of one unit.
 
         values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself; for a curve
-        of many waves, its root mean square over a turn.
+        of many waves, its root mean square over a turn. Where units differ, of those of which the readings are surest:
+        a tool that turned is not told by how little it shifted.
         """
-        unit = self.parameters[0].unit
-        same = [i for i, p in enumerate(self.parameters) if p.unit == unit]
+        units = dict.fromkeys(p.unit for p in self.parameters)
+        of_unit = {unit: [i for i, p in enumerate(self.parameters) if p.unit == unit] for unit in units}
+
+        def sure(unit: str) -> float:
+            at = of_unit[unit]
+            return float(values[at] @ np.linalg.pinv(covariance[np.ix_(at, at)], hermitian=True) @ values[at])
+
+        unit = max(of_unit, key=sure) if len(of_unit) > 1 else self.parameters[0].unit
+        same = of_unit[unit]
         v, c = values[same], covariance[np.ix_(same, same)]
         if len(same) == 1:
             return to_display(float(v[0]), unit), to_display(math.sqrt(float(c[0, 0])), unit), unit

@@ -91,6 +91,7 @@ def conditions_at(
     place = model.placements.get(series, np.eye(4))
     return Conditions(
         joints=joints,
+        earlier=np.zeros_like(joints),
         previous=joints - sides * np.asarray(stated.approach) * model.robot.steps,
         side=sides,
         torque=loading.torque,

@@ -80,6 +80,7 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
     return Conditions(
         joints=joints,
         previous=joints + rng.uniform(-0.2, 0.2, (n, count)),
+        earlier=np.zeros((n, count)),
         side=rng.choice((-1.0, 1.0), (n, count)),
         torque=loading.torque,
         moment=loading.moment,

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.structure import Structure
+from calib.diagnose.surprise import Surprise
 from calib.fit.statistics import ErrorStatistics
 from service.files import as_json
 from service.results.models.documents import reading
@@ -78,6 +79,8 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
         error_before=errors(0.1),
         error_after=errors(0.2),
         stretch=1.1,
+        surprise=Surprise(1.1, 0.2),
+        by_repeats=False,
         harmful=(),
     )
     text = verdict_in_words(diagnosis)
@@ -88,11 +91,36 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     diagnosis.error_before = errors(0.3)
     assert "carry over" not in verdict_in_words(diagnosis)
     assert ("Nothing else" in verdict_in_words(diagnosis)) == (verdict == "attributed")
-    assert "extrapolates" not in verdict_in_words(diagnosis)
+    assert "let expect" not in verdict_in_words(diagnosis)
     diagnosis.harmful = ("backlash:j4",)
     assert verdict_in_words(diagnosis).startswith("Held-out readings speak against backlash:j4:")
     diagnosis.stretch = 2.4
-    assert "2.4 times what the fit leaves" in verdict_in_words(diagnosis)
+    assert "2.4 times what the fit leaves on its own readings, which the uncertainty" in verdict_in_words(
+        diagnosis
+    )
+    diagnosis.surprise = Surprise(
+        1.9, 1e-9
+    )  # what the readings held out say cannot stand beside "nothing else is left"
+    assert "Nothing else" not in verdict_in_words(diagnosis)
+    assert "miss by 1.9 times what noise and the uncertainty" in verdict_in_words(diagnosis)
+
+
+def test_noise_beyond_the_declared_is_said_where_repeats_explain_it() -> None:
+    diagnosis: Any = SimpleNamespace(
+        verdict="complete",
+        effects=(),
+        structure=(),
+        final=SimpleNamespace(noise_scale=2.25),
+        error_before=None,
+        error_after=None,
+        stretch=None,
+        surprise=None,
+        by_repeats=True,
+        harmful=(),
+    )
+    assert "to the noise that visits of the same pose show, 2.2 times the declared." in verdict_in_words(
+        diagnosis
+    )
 
 
 def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:

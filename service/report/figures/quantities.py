@@ -82,6 +82,9 @@ def _of_joint(where: str, k: int, conditions: Conditions, header: Header) -> Qua
     if where.startswith("moment across"):
         size = np.linalg.norm(conditions.moment[:, k, :2], axis=1)
         return Quantity(size[:, None] / _N_M, ("moment across the joint, N.m",))
+    if where.startswith("last move but one"):
+        moved = conditions.earlier[:, [k]] / header.robot.joint_units[k]
+        return Quantity(moved, (f"last move but one, {header.robot.units[k]}",))
     if where.startswith("last move"):
         moved = conditions.joints[:, [k]] - conditions.previous[:, [k]]
         return Quantity(moved / header.robot.joint_units[k], (f"last move, {header.robot.units[k]}",))

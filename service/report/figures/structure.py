@@ -70,11 +70,13 @@ def _over_three(
 ) -> str | None:
     """Maps over the three angles that tell most of what is left: of its parts, or of the joint on which it acts."""
     values, weight, labels = rest[pointed], np.ones(int(pointed.sum())), tuple(f"{k}, mm" for k in "xyz")
-    if left.acts_on.startswith("joint "):
-        joint = int(left.acts_on.split()[-1])
-        seen = sample.of_joint(joint, ())
+    conditions = sample.parts[0].conditions
+    axes = [axis.removeprefix("j") for axis in conditions.axis_names]
+    which = left.acts_on.removeprefix("joint ")
+    if which in axes and conditions.unit_names[axes.index(which)] == "deg":
+        seen = sample.of_joint(axes.index(which) + 1, ())
         values, weight = seen.y[pointed, None] / MDEG, 1.0 / seen.sd[pointed] ** 2
-        labels = (f"joint {joint}, mdeg",)
+        labels = (f"joint {which}, mdeg",)
     three = most_telling(angles.values, values, weight)
     if three is None:
         return None
