@@ -86,7 +86,7 @@ class Displaced(Refused):
 
     code = 3109
     advice = (
-        "Find out what moved it: a hand, the pendant, a brake. Nothing may move it between its arrival and its reading; "
+        "Find out what moved it: a hand, the pendant, a brake. Nothing may move it between arrival and reading; "
         "confirm, and it approaches the pose anew."
     )
 
