@@ -82,10 +82,13 @@ class NoClearWay(Refused):
 
 
 class Displaced(Refused):
-    """The robot was moved while somebody put the ballbar on."""
+    """The robot does not stand where it arrived: it was moved while it settled, was measured, or a bar was put on."""
 
     code = 3109
-    advice = "Keep the robot where it is while the bar is put on; confirm, and it approaches the pose anew."
+    advice = (
+        "Find out what moved it: a hand, the pendant, a brake. Nothing may move it between arrival and reading; "
+        "confirm, and it approaches the pose anew."
+    )
 
 
 class OtherBalls(Refused):

@@ -34,6 +34,8 @@ class AcquisitionError(Exception):
         raw: bytes = b"",
         what_to_do: str | None = None,
     ) -> None:
+        # A device's own words may hold control characters, which a terminal would obey.
+        message = "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in message)
         super().__init__(message)
         self.message = message
         self.device = device

@@ -65,6 +65,8 @@ def _refused(refusal: Refusal) -> int:
 
 
 def _complain(message: str, code: int) -> int:
+    # The name of a file may hold control characters, which a terminal would obey.
+    message = "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in message)
     sys.stderr.write(f"truepose: {message}\n")
     return code
 

@@ -13,9 +13,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from calib.errors import DataError
+from calib.text import read_bytes
 
 _POSIX = os.name == "posix"
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_MOST_BYTES = 65536
 
 
 @contextmanager
@@ -47,16 +49,15 @@ def make_secret(path: Path, text: str) -> None:
 
 
 def read_secret(path: Path, harm: str = "move the robot") -> str:
-    """The text of a file. harm: what whoever reads it can do. Raises DataError where others may read it, or it is not
-    text."""
-    with path.open("rb") as file:
-        if _POSIX and os.fstat(file.fileno()).st_mode & _OTHERS:
-            raise DataError(
-                f"can be read by others, and whoever reads it can {harm}.",
-                do=f"Let nobody else read it: chmod 600 {path}",
-                file=path,
-            )
-        data = file.read()
+    """The text of a file. harm: what whoever reads it can do. Raises DataError where others may read it, or it is no
+    ordinary file of text."""
+    data = read_bytes(path, _MOST_BYTES)
+    if _POSIX and path.stat().st_mode & _OTHERS:
+        raise DataError(
+            f"can be read by others, and whoever reads it can {harm}.",
+            do=f"Let nobody else read it: chmod 600 {path}",
+            file=path,
+        )
     try:
         return data.decode()
     except UnicodeDecodeError as error:

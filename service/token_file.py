@@ -49,7 +49,7 @@ def lasting_tokens(file: Path, first: str = "operator's", harm: str = "move the 
     first: whose the first is; harm: what whoever has it can do.
     Raises DataError where others may read the file or it holds no usable token.
     """
-    if not file.exists():
+    if not os.path.lexists(file):  # a link that leads nowhere is refused below
         tokens = _new(None)
         make_secret(file, _text(tokens))
         return tokens

@@ -29,6 +29,7 @@ from acquisition.errors import RecordError, RecordInUse, StorageError, damaged
 from acquisition.record.schema import SCRIPTS
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
+_GLANCE_S = 0.2  # a look by `is_owned` keeps nobody from owning a record
 BUSY_S = 5.0  # how long another program may hold the file, on the wall
 _TABLES = frozenset({"campaign", "pose", "attempt", "prompt", "command", "event"})  # of every version
 _LOCKED = "Close the other program that has the record open (a database browser?), then resume."
@@ -180,12 +181,23 @@ def own(folder: Path, *, new: bool) -> FileLock:
         elif not folder.is_dir():
             raise RecordError(f"{folder}: there is no record")
         lock = FileLock(folder / LOCK, thread_local=False)
-        lock.acquire(timeout=0)
+        lock.acquire(timeout=_GLANCE_S, poll_interval=_GLANCE_S / 10)
     except Timeout as error:
         raise RecordInUse(f"{folder}: another program runs this campaign") from error
     except OSError as error:
         raise StorageError(f"{folder}: cannot be written ({error.strerror})") from error
     return lock
+
+
+def is_owned(folder: Path) -> bool:
+    """Whether a program runs the campaign of this record, as far as can be told; the lock is taken for a moment."""
+    if not (folder / LOCK).exists():  # a copy without it: nothing is written to it
+        return False
+    try:
+        with FileLock(folder / LOCK, thread_local=False).acquire(timeout=0):
+            return False
+    except (Timeout, OSError):  # a folder that cannot be written tells nothing
+        return True
 
 
 def sha256_of(folder: Path) -> str:
@@ -210,7 +222,7 @@ def _look_at(path: Path) -> bool:
     """
     try:
         found = path.stat()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
     except OSError as error:
         raise _unreadable(path, error.strerror) from error

@@ -7,6 +7,9 @@ from enum import Enum
 
 from acquisition.errors import IllegalTransition
 
+LEFT_BEHIND = "The program ended in mid-campaign; nothing moves."
+"""The reason of a pause that nobody ordered: killed, or the computer went off."""
+
 
 class State(Enum):
     """The states of a run, as the record and the HTTP interface name them."""

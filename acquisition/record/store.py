@@ -28,7 +28,7 @@ from acquisition.record.database import Database
 from acquisition.record.event import Event, Moment
 from acquisition.record.path_progress import streams_kept
 from acquisition.record.planned import Planned, planned_of
-from acquisition.record.states import State, check_transition
+from acquisition.record.states import LEFT_BEHIND, State, check_transition
 
 Point = tuple[float, ...]
 COUNTED = "(kind = 'pose' OR base_target IS NOT NULL)"  # of planned readings: as `Visit.counted`
@@ -240,7 +240,7 @@ class Store:
                 self.note(db, "attempt_died", **died, **streams_kept(db, row["id"]))
             db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
             if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
-                self.change_state(db, State.PAUSED, "The program ended in mid-campaign; nothing moves.")
+                self.change_state(db, State.PAUSED, LEFT_BEHIND)
 
     def command(self, verb: str, by: str, key: str | None = None) -> bool:
         """Note what somebody asked for; False when this idempotency key was seen before."""

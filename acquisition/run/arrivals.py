@@ -79,7 +79,12 @@ class Arrivals:
             return Arrival(visit.number, arrival, reached.joints_deg), attempt
 
     def check_not_displaced(self, arrival: Arrival) -> None:
-        """Check that the robot has not been moved after people had their hands on it. Raises Displaced."""
+        """Check that the robot still stands where it arrived: a brake may slip, a person may jog it. Raises Displaced.
+
+        A robot that is driven by hand stands where its person says.
+        """
+        if self._by_hand:
+            return
         off = apart_deg(self._rig.position().joints_deg, arrival.read_deg)
         if off > DISPLACED_DEG:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")

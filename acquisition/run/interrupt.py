@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -15,22 +15,32 @@ _ORDERS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def pausing_on_interrupt(run: Run, by: str = "terminal") -> Iterator[None]:
+def pausing_on_interrupt(
+    run: Run, by: str = "terminal", tell: Callable[[str], None] = lambda _: None
+) -> Iterator[None]:
     """While the block runs, in the main thread, SIGINT and SIGTERM are orders to the run.
+
+    tell: takes, from another thread, the sentence of what a stop did not reach: the robot may go on for long.
 
     A handler runs only when the main thread runs again, and that may just have begun to wait for a person, or for an
     hour of warming up. So a thread listens: to the byte that the interpreter itself writes at every signal.
     """
     ear, bell = socket.socketpair()
     bell.setblocking(False)
+    given: list[threading.Thread] = []
+
+    def stop(by: str) -> None:
+        for problem in run.stop(by):
+            tell(problem.sentence)
 
     def listen() -> None:
-        order = run.pause
+        order: Callable[[str], None] = run.pause
         while number := ear.recv(1):
             if number[0] in _ORDERS:
                 # In a thread of its own: the second order must not wait for the first.
-                threading.Thread(target=order, args=(by,), daemon=True).start()
-                order = run.stop
+                given.append(threading.Thread(target=order, args=(by,), daemon=True))
+                given[-1].start()
+                order = stop
 
     listener = threading.Thread(target=listen, daemon=True)
     listener.start()
@@ -44,6 +54,8 @@ def pausing_on_interrupt(run: Run, by: str = "terminal") -> Iterator[None]:
         signal.set_wakeup_fd(bell_before)
         bell.close()
         listener.join()
+        for each in given:  # what a stop did not reach is told before the end
+            each.join()
         ear.close()
 
 

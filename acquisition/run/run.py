@@ -187,6 +187,8 @@ class Run:
                 ending, reason = verdict_of(self._store)
             except Pausing as pausing:
                 reason = str(pausing)
+                if execution.rig.adrift:  # nobody looks after a move that is still being made
+                    execution.rig.halt()
             except Stopping:
                 ending, reason = State.STOPPED, "Stopped on request."
             except AcquisitionError as caught:
@@ -197,6 +199,8 @@ class Run:
             finally:
                 # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.
                 execution.rig.release()
+                if ending is State.STOPPED or execution.rig.adrift:
+                    reason = " ".join([reason, *(each.sentence for each in execution.rig.unheard)])
                 error = self._end(ending, reason) or error
         return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 

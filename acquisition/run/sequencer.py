@@ -10,11 +10,11 @@ What it does about an error is a function of its class (`drivers.errors`):
     SafetyStop, StorageError, NoOperator and all others: pause
 
 Any interruption voids the approach, a prompt too, for which people walk up to the robot: a reading is only taken
-after an arrival with nothing in between. A ballbar is put on while the robot is in the pose, and it stays there
-for all its distances. What lies outside the stroke of the bar is put off to a second stage, for which the robot is
-calibrated by what lay within (`run.second_stage`). A redo puts the last reading aside and measures it again
-at once. A calendar that steps pauses: the times of the record come from the steady clock, which does not count while
-a computer sleeps; on resuming they catch up with the calendar and never go back.
+after an arrival with nothing in between, and only kept where the robot still stands as it arrived. A ballbar is put on
+while the robot is in the pose, and it stays there for all its distances. What lies outside the stroke of the bar is put
+off to a second stage, for which the robot is calibrated by what lay within (`run.second_stage`). A redo puts the last
+reading aside and measures it again at once. A calendar that steps pauses: the times of the record come from the steady
+clock, which does not count while a computer sleeps; on resuming they catch up with the calendar and never go back.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class Sequencer:
                 self._arrival = arrival if answer is Answer.SKIP else None
                 return
             if planned.base_target is not None and arrival is not None:
-                self._arrivals.check_not_displaced(arrival)
+                self._arrivals.check_not_displaced(arrival)  # while the bar was put on
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
             self._measure(planned, attempt, arrival)
@@ -203,6 +203,8 @@ class Sequencer:
                 reading = self._point(planned, arrival)
             if planned.visit.waypoints:
                 self._path.drive(planned, attempt)
+            elif arrival is not None:
+                self._arrivals.check_not_displaced(arrival)  # while it settled and was measured
         except AcquisitionError as error:
             self._attempts.failed(attempt, error)
             raise

@@ -9,10 +9,11 @@ from typing import Any
 
 from acquisition.campaign.forecast import Forecast
 from acquisition.record.attempts import Attempts
+from acquisition.record.database import is_owned
 from acquisition.record.drift import drift_of
 from acquisition.record.path_progress import share_of_path
 from acquisition.record.seal import unprotected
-from acquisition.record.states import State
+from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock
 
@@ -93,9 +94,16 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
 
 
 def read_status(record_dir: Path) -> RunStatus:
-    """The state of a record that another program may be running. Raises RecordError, StorageError."""
+    """The state of a record that another program may be running. One that a killed program left behind is paused.
+
+    Raises RecordError, StorageError.
+    """
     store = Store.open(record_dir, writer=False)
     try:
-        return status_of(store)
+        seen = status_of(store)
+        # The state is asked once more, for the owner may just have come to its end.
+        if State(seen.state).active and not is_owned(record_dir) and store.state.active:
+            return status_of(store, trouble=LEFT_BEHIND)
+        return seen
     finally:
         store.close()

@@ -36,7 +36,12 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
         what = "is a folder." if stat.S_ISDIR(mode) else "is not an ordinary file."
         raise DataError(what, do="Name a file on a disk.", file=path)
     with open(handle, "rb") as file:
-        data = file.read(most + 1)
+        try:
+            data = file.read(most + 1)
+        except OSError as error:  # a disk that fails; a file of the system that only looks ordinary
+            raise DataError(
+                f"cannot be read ({error.strerror}).", do="Name another file, or look at the disk.", file=path
+            ) from error
     if len(data) > most:
         raise DataError(
             f"is larger than {most / 1024 / 1024:g} MB.", do="Split it, or check the name.", file=path

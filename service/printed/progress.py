@@ -35,6 +35,7 @@ class Progress:
         self._run, self._terminal = run, terminal
         self._step_shown = -1
         self._pictured = self._on_path = False
+        self._can_stop = True
         self.prompt: str | None = None
 
     def __call__(self, event: Event) -> None:
@@ -48,6 +49,7 @@ class Progress:
             self._terminal.begin("measuring")
         elif event.kind == "connected":
             if not event.data["can_stop"] and event.data["role"] == "robot":
+                self._can_stop = False
                 self._terminal.note(
                     "This robot cannot be stopped by the program: keep a hand on its emergency stop."
                 )
@@ -63,7 +65,10 @@ class Progress:
             self._terminal.note(event.data["text"])
         elif event.kind == "command" and event.data["verb"] == "pause":
             after = "move in hand; the path begins anew then" if self._on_path else "reading in hand"
-            self._terminal.note(f"Pausing after the {after}. Ctrl-C once more stops the robot now.")
+            once_more = (
+                "stops the robot now" if self._can_stop else "ends the campaign, but cannot stop this robot"
+            )
+            self._terminal.note(f"Pausing after the {after}. Ctrl-C once more {once_more}.")
         elif event.kind == "reading" and event.data["set"] == "nest":
             self._terminal.say(f"nest {event.data['target']} measured")
         elif event.kind == "waypoint":

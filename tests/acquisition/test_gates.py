@@ -308,7 +308,7 @@ def test_a_block_may_ask_for_the_check(make: Callable[..., Stage]) -> None:
     stage = make(block=[{"count": 1, "targets": ["T1"], "settle_s": 1.5, "settle_check": True}])
     stage.arm = SwingingArm(stage.bench)
     assert stage.execute().state.value == "succeeded"
-    assert stage.arm.left == 4
+    assert stage.arm.left == 5  # and once more after the reading
     began, ended = (stage.events(kind)[-1].t_s or 0.0 for kind in ("world_frame", "arrived"))
     # Half a second to see that it stands before its first way, the pause, and three looks until it stands again.
     assert ended - began == pytest.approx(0.5 + 1.5 + 3 * 0.5, abs=0.1)

@@ -15,6 +15,7 @@ from acquisition.run.clock import ScaledClock
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import Control, Pausing, Stopping
 from acquisition.run.run import Run
+from drivers.errors import AcquisitionError, CannotStop
 from tests.acquisition.fakes import JumpingClock
 from tests.acquisition.stage import ALL, Stage
 from tests.drivers.waiting import PATIENCE_S, until
@@ -52,8 +53,9 @@ class Ordered:
     def pause(self, by: str) -> None:
         self.paused.set()
 
-    def stop(self, by: str) -> None:
+    def stop(self, by: str) -> list[AcquisitionError]:
         self.stopped.set()
+        return [CannotStop("has no stop", device="arm")]
 
 
 def test_ctrl_c_is_heard_while_the_main_thread_sleeps() -> None:
@@ -66,12 +68,15 @@ def test_ctrl_c_is_heard_while_the_main_thread_sleeps() -> None:
         until(lambda: sys._current_frames()[sleeper].f_code.co_name == "wait")
         signal.pthread_kill(threading.get_ident(), signal.SIGINT)
 
-    with pausing_on_interrupt(cast(Run, run)):
+    told: list[str] = []
+    with pausing_on_interrupt(cast(Run, run), tell=told.append):
         for heard in (run.paused, run.stopped):
             begun = threading.Event()
             threading.Thread(target=press, args=(begun,)).start()
             begun.set()
             assert heard.wait(PATIENCE_S)
+    (sentence,) = told  # a stop that reaches nobody does not look like one that did
+    assert "has no stop" in sentence
 
 
 def test_scaled_clock_waits_less_and_wakes() -> None:

@@ -69,6 +69,31 @@ def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
     Store.open(tmp_path).close()
 
 
+def test_a_run_whose_program_was_killed_is_not_shown_as_running(tmp_path: Path) -> None:
+    """Else somebody waits beside an arm for a campaign that nobody runs any more. Looking changes nothing."""
+    store = new_store(tmp_path)
+    store.start()
+    assert read_status(tmp_path).state == "running"
+    version = store.version
+    store.close()  # the end of a process gives up the lock, and writes nothing
+    for _ in range(2):
+        left = read_status(tmp_path)
+        assert (left.state, left.state_code, left.version) == ("paused", 4, version)
+        assert "ended in mid-campaign" in left.reason
+    (tmp_path / "owner.lock").unlink()
+    assert read_status(tmp_path).state == "paused"
+    assert not (tmp_path / "owner.lock").exists()
+
+
+def test_a_file_is_no_record(tmp_path: Path) -> None:
+    file = tmp_path / "record.csv"
+    file.write_text("a,b\n")
+    for look in (read_status, Store.open, lambda folder: Store.open(folder, writer=False)):
+        with pytest.raises(RecordError, match="there is no record") as caught:
+            look(file)
+        assert caught.value.exit_code == 2
+
+
 @pytest.mark.parametrize("look", [read_status, sha256_of])
 def test_what_is_written_after_a_look_by_the_same_program_survives(
     tmp_path: Path, look: Callable[[Path], object]

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,6 +24,7 @@ from drivers.interfaces import Answer, JointReading
 from drivers.operator import TerminalOperator
 from tests.acquisition.fakes import (
     FakeArm,
+    FakeMeter,
     devices_of,
 )
 from tests.acquisition.stage import ALL, Stage, fill_disk
@@ -89,6 +91,32 @@ def test_a_robot_that_is_read_back_elsewhere_is_approached_anew(
     assert stage.bench.log.count("move") == ALL.count("move") + 2
     (failed,) = (event for event in stage.run.events() if event.kind == "attempt_failed")
     assert failed.data["error"]["code"] == 3008
+
+
+@pytest.mark.parametrize("meanwhile", ["settles", "is measured"])
+def test_a_robot_that_moves_by_itself_before_its_reading_is_taken(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, meanwhile: str
+) -> None:
+    """A brake that slips, a person who jogs it: the point would be filed under angles where the arm no longer is."""
+    device, verb = (FakeArm, "move_to") if meanwhile == "settles" else (FakeMeter, "measure")
+    act = getattr(device, verb)
+    begun = "move" if meanwhile == "settles" else "measure T"
+
+    def creeps_after(who: Any, *args: Any, **kinds: Any) -> Any:
+        done = act(who, *args, **kinds)
+        bench = who.bench
+        if sum(each.startswith(begun) for each in bench.log) == 2 and bench.log[-1].startswith(begun):
+            bench.where = (bench.where[0] + 0.05, *bench.where[1:])
+        return done
+
+    monkeypatch.setattr(device, verb, creeps_after)
+    assert stage.execute().state.value == "succeeded"
+    (prompt,) = (event for event in stage.run.events() if event.kind == "prompt")
+    assert "0.050 deg" in prompt.data["text"]
+    (failed,) = (event for event in stage.run.events() if event.kind == "attempt_failed")
+    assert failed.data["error"]["code"] == 3109
+    assert stage.bench.log.count("move") == ALL.count("move") + 2  # approached anew
+    assert sum(kind == "measure" and status == "good" for kind, status, _ in stage.attempts()) == 8
 
 
 def test_settle_and_warm_up_take_campaign_time(tmp_path: Path) -> None:

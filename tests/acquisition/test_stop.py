@@ -68,9 +68,33 @@ def test_a_stop_while_the_robot_is_not_reached_says_so(
     assert outcome.state.value == "stopped"
     assert (arm.stops, meter.armed) == (1, False)
     (problem,) = problems
+    assert problem.sentence in outcome.reason  # whoever looks later reads it as well
+    assert problem.sentence in stage.run.status().reason
     assert (problem.device, problem.what_to_do) == ("arm", PRESS)
     assert words in problem.message
     assert stage.bench.log[-1] == "connect arm"
+
+
+def test_a_pause_after_a_link_broke_in_a_move_halts_the_robot(stage: Stage) -> None:
+    """Nobody looks after that move any more: without an order it would go on to its end, behind a paused campaign."""
+    devices, arm, _ = far(stage, LinkTimeout("no answer", device="arm"))
+
+    def pull_the_cable_and_pause() -> None:
+        stage.run.pause("anna")
+        lose_the_link()
+
+    stage.bench.faults[MOVE] = pull_the_cable_and_pause
+    outcome = stage.run.execute(devices, stage.clock)
+    assert (outcome.state.value, arm.stops) == ("paused", 1)
+    assert outcome.reason.startswith("Paused on request.")
+    assert PRESS in outcome.reason
+
+
+def test_a_pause_of_a_robot_at_rest_orders_no_stop(stage: Stage) -> None:
+    devices, arm, _ = far(stage, LinkTimeout("no answer", device="arm"))
+    stage.bench.faults[MOVE] = lambda: stage.run.pause("anna")
+    outcome = stage.run.execute(devices, stage.clock)
+    assert (outcome.state.value, outcome.reason, arm.stops) == ("paused", "Paused on request.", 0)
 
 
 def test_the_instrument_does_not_wait_for_the_robot_to_be_given_up(stage: Stage) -> None:

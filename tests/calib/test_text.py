@@ -15,7 +15,7 @@ from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
 from calib.text.json_text import parse_json
 from calib.text.plain_values import DEEPEST
-from calib.text.text_file import read_text
+from calib.text.text_file import read_bytes, read_text
 from calib.text.toml_text import parse_toml
 
 REFUSED: dict[str, tuple[Callable[[str, str], object], str, str]] = {
@@ -110,3 +110,9 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
     assert len(read_text(tmp_path / "large", 2**20 + 1)) == 2**20 + 1
     with pytest.raises(DataError, match="larger than 1 MB"):
         read_text(tmp_path / "large", 2**20)
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="not a Linux")
+def test_a_file_whose_disk_fails_is_named() -> None:
+    with pytest.raises(DataError, match=r"/proc/self/mem: cannot be read \(Input/output error\)"):
+        read_bytes(Path("/proc/self/mem"))

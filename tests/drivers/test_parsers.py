@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import AbbArm, AbbDeadlines, AcquisitionError, ConfigError, ProtocolError
+from drivers import AbbArm, AbbDeadlines, AcquisitionError, CommandRefused, ConfigError, ProtocolError
 from drivers.abb.conversation import parse_numbered
 from drivers.bridge import mbp
 from drivers.link import parse_url
@@ -190,3 +190,9 @@ def test_errors_describe_themselves() -> None:
         assert error.what_to_do.endswith(".")
         assert error.as_dict()["raw"] == "\xff"
         assert f"[{kind.code}]" in str(error)
+
+
+def test_the_words_of_a_device_give_the_terminal_no_orders() -> None:
+    error = CommandRefused("bridge says 501: \x1b[2J\x07gone\x9b1m", raw=b"\x1b[2J")
+    assert error.sentence.startswith("bridge says 501: \ufffd[2J\ufffdgone\ufffd1m. ")
+    assert error.as_dict()["raw"] == "\x1b[2J"  # the record keeps what came

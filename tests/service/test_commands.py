@@ -292,6 +292,14 @@ def test_the_json_is_there_when_the_report_fails(
     assert {path.name for path in tmp_path.iterdir()} == set(names[:3])
 
 
+def test_a_name_of_a_file_gives_the_terminal_no_orders(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", str(tmp_path / "a\x1b[2J\x9b31m.csv")]) == 2
+    complaint = capsys.readouterr().err
+    assert "a\ufffd[2J\ufffd31m.csv: there is no such file" in complaint
+
+
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"truepose {metadata.version('truepose')}\n"

@@ -154,6 +154,21 @@ def test_a_lasting_file_is_made_once_and_read_ever_after(tmp_path: Path) -> None
 
 
 @on_posix
+def test_a_name_that_is_no_file_of_tokens_is_refused_and_never_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")  # nobody writes to it
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "nowhere").symlink_to(tmp_path / "gone")
+    for name, what in (
+        ("pipe", "not an ordinary file"),
+        (".", "is a folder"),
+        ("loop", "cannot be read"),
+        ("nowhere", "no such file"),
+    ):
+        with pytest.raises(DataError, match=what):
+            lasting_tokens(tmp_path / name)
+
+
+@on_posix
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o644])
 def test_a_file_that_others_can_read_is_refused(
     mode: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -66,6 +66,8 @@ class Rig:
         self._at_rest = False  # since its last move nothing happened that may have set it moving
         self.moving = False
         self.lost_in_move = False
+        self.adrift = False  # its link broke in a move, and it has not been seen at rest since
+        self.unheard: list[AcquisitionError] = []  # what the last halt did not stop
         self._halting = threading.Condition()
         self._halts = 0  # under way
         self._released = False
@@ -115,9 +117,11 @@ class Rig:
             except LinkError:
                 # A robot that cannot be stopped may still be moving: nobody but a person may say go on.
                 self.lost_in_move = not self._can_stop
+                self.adrift = True
                 raise
             finally:
                 self.moving = False
+        self.adrift = False
         self._control.check_stop()
         self._at_rest = True
         return reached
@@ -161,7 +165,9 @@ class Rig:
 
     def at_rest(self) -> JointReading:
         """The joints that the robot reads back once it has come to rest. Raises AcquisitionError, Stopping."""
-        return until_still(self.position, self._control.settle)
+        reading = until_still(self.position, self._control.settle)
+        self.adrift = False
+        return reading
 
     def may_have_moved(self) -> None:
         """Note that somebody may have jogged the robot, or be at it."""
@@ -236,7 +242,8 @@ class Rig:
         with self._halting:
             self._halts += 1
         try:
-            return self._halt()
+            self.unheard = self._halt()
+            return self.unheard
         finally:
             with self._halting:
                 self._halts -= 1
@@ -244,7 +251,7 @@ class Rig:
 
     def _halt(self) -> list[AcquisitionError]:
         problems: list[AcquisitionError] = []
-        moving = self.moving or self.lost_in_move
+        moving = self.moving or self.adrift
         lost = set(self._lost)
 
         def stop(role: str, device: RobotArm | PointMeter | LengthMeter) -> None:

@@ -319,7 +319,9 @@ def execute(
             devices = stack.enter_context(simulated_cell(run.cell)).open(run.cell, operator)
         else:
             devices = acquisition.open_devices(run.cell, operator=operator)
-        stack.enter_context(pausing_on_interrupt(run))
+        stack.enter_context(
+            pausing_on_interrupt(run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}"))
+        )
         outcome = run.execute(devices, on_event=progress)
         terminal.rest()
         status = run.status()
