@@ -1,6 +1,6 @@
 """A model on disk: written with a hash, read back with every number held against what a robot can be."""
 
-from calib.saved.model_document import model_document, parameters_of
+from calib.saved.document import model_document, parameters_of
 from calib.saved.model_file import SIMULATED, SavedModel, as_saved, load_model, save_model
 from calib.saved.updated import save_update
 

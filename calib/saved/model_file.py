@@ -47,7 +47,7 @@ from calib.saved.model_checks import (
     refuse_other_table,
     rigid,
 )
-from calib.saved.model_document import FORMAT, model_document, scope_of
+from calib.saved.document import FORMAT, model_document, scope_of
 from calib.saved.regression import refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json

@@ -158,7 +158,7 @@ def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
     arm.arm()
     move = in_thread(lambda: arm.move_to(FAR))
     assert slow.cell is not None
-    seen = slow.cell.ur.input_seen
+    seen = slow.cell.ur.registers.received
     for _ in range(3):
         last = dict(seen)
         until(lambda last=last: seen != last)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from fleet.store import Store
-from service.plant import Settings, create_plant, routes
+from service.plant import Senders, Settings, create_plant, routes
 from service.plant.app import UPLOADS
 from tests.drivers.waiting import PATIENCE_S
 from tests.fleet import documents
@@ -54,7 +54,7 @@ def test_whoever_falls_silent_in_an_upload_is_let_go(
             return pieces.pop() if pieces else await asyncio.Event().wait()
 
         async with asyncio.timeout(PATIENCE_S):
-            return await upload(create_plant(store, Settings(TOKENS)), receive)
+            return await upload(create_plant(store, Settings(Senders(TOKENS))), receive)
 
     with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         status, told = asyncio.run(silent())
@@ -64,7 +64,7 @@ def test_whoever_falls_silent_in_an_upload_is_let_go(
 
 def test_who_comes_when_all_places_are_taken_is_told_when_to_come_again(tmp_path: Path) -> None:
     async def crowd() -> list[int]:
-        app = create_plant(store, Settings(TOKENS))
+        app = create_plant(store, Settings(Senders(TOKENS)))
         here, on = asyncio.Semaphore(0), asyncio.Event()
 
         async def receive() -> Any:
