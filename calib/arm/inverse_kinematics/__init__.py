@@ -5,9 +5,9 @@ axes with shoulder and wrist in a point. By a search over one joint: wrists that
 """
 
 from calib.arm.inverse_kinematics.arm import Arm
-from calib.arm.inverse_kinematics.solve import arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
 from calib.arm.inverse_kinematics.solutions import BRANCHES, SINGULAR_SINE, Reached, Solutions, branch_index
+from calib.arm.inverse_kinematics.solve import arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.turns import nearest_branch, nearest_turns, within_limits
 
 __all__ = [
