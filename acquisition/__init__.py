@@ -1,4 +1,4 @@
-"""Acquisition: what to measure, in which order, and a record that loses nothing. `Run` is the door."""
+"""Acquisition: what to measure, in which order, and a record that loses nothing. It begins with `Run`."""
 
 from acquisition.campaign import Campaign, campaign_from, read_campaign
 from acquisition.cell import Cell, Devices, open_devices, read_cell

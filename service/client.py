@@ -91,7 +91,7 @@ class Run:
 
 
 class Limits(TypedDict, total=False):
-    """What the error on readings held out may be, mm: RMS and largest; 0 or left out: no limit.
+    """Limits of the error on readings held out, mm: RMS and largest; 0 or left out: no limit.
 
     accept_zones: boxes with limits of their own, as the API has them.
     """

@@ -177,7 +177,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
         replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
 
     def say(_: str) -> None:
-        """What is done is in the progress."""
+        """Sentences go nowhere: the progress shows what is done."""
 
     try:
         found = found_for(

@@ -93,10 +93,10 @@ def _answer_of(port: int, question: Mapping[str, object], seconds: float | None)
     """The answer of a simulator to one JSON line. `seconds` None: as long as it takes. Raises ConfigError."""
     try:
         with (
-            socket.create_connection(("127.0.0.1", port), HAND_TIMEOUT_S) as door,
-            door.makefile("rwb") as lines,
+            socket.create_connection(("127.0.0.1", port), HAND_TIMEOUT_S) as back_door,
+            back_door.makefile("rwb") as lines,
         ):
-            door.settimeout(seconds)
+            back_door.settimeout(seconds)
             lines.write(json.dumps(question).encode() + b"\n")
             lines.flush()
             if line := lines.readline():

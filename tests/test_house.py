@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import graphlib
+import re
 import subprocess
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 REPO = Path(__file__).parents[1]
 ROOMS = ("calib", "drivers", "acquisition", "fleet", "service", "truepose", "mocks", "tests")
 LONGEST = 400
+# Files of the program that are written or changed for one more of each; what is tried out beside them does not count.
+TOUCHED = {"An effect": 2, "A robot": 0, "A driver": 0, "An exporter": 1, "An endpoint": 2}
 
 
 def circle(imports: dict[str, set[str]]) -> list[str]:
@@ -52,3 +55,14 @@ def test_no_file_is_longer_than_a_reader_has_patience() -> None:
     }
     assert len(lines) > 1000
     assert {name: count for name, count in lines.items() if count > LONGEST} == {}
+
+
+@pytest.mark.parametrize("way", TOUCHED)
+def test_one_more_touches_few_files(way: str) -> None:
+    """The examples of `docs/extending.md`, each of which is followed by `tests/end_to_end/test_extending.py`."""
+    parts = re.split(r"^## (.+)$", (REPO / "docs" / "extending.md").read_text("utf-8"), flags=re.MULTILINE)
+    sections = dict(zip(parts[1::2], parts[2::2], strict=True))
+    assert set(sections) == set(TOUCHED)
+    files = set(re.findall(r"^```\w+ file=(\S+)$", sections[way], re.MULTILINE))
+    assert files, "the example shows no file"
+    assert len({name for name in files if name.split("/")[0] in ROOMS}) == TOUCHED[way]

@@ -1,4 +1,4 @@
-"""A run of a campaign: the devices moved and asked, one durable reading at a time. `Run` is the door."""
+"""A run of a campaign: the devices moved and asked, one durable reading at a time. It begins with `Run`."""
 
 from acquisition.campaign.forecast import Forecast
 from acquisition.run.clock import Clock, ScaledClock

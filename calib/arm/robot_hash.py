@@ -9,7 +9,7 @@ from dataclasses import asdict
 from calib.arm.robot import Robot
 
 DESCRIPTION = ("name", "maker", "source", "capsules")
-"""Keys of a robot that are words, or its girth, and move nothing."""
+"""Keys of a robot that are words, or its capsules, and move nothing."""
 
 
 def robot_hash(robot: Robot) -> str:

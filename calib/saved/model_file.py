@@ -162,7 +162,7 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     if robot_file is not None or robot.name in built_in_robots():
         reference = load_robot(robot.name if robot_file is None else str(robot_file.absolute()))
         refuse_other_table(robot, reference, path)
-        # Its girth is that of today's robot file; models of older versions have none.
+        # Its capsules are those of today's robot file; models of older versions have none.
         robot = replace(robot, capsules=reference.capsules)
         saved = replace(saved, model=replace(saved.model, robot=robot))
     else:

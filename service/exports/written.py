@@ -70,7 +70,7 @@ def written(
 
 
 def _about(found: Carried, says: str, holds_for: str, held_out: float | None) -> tuple[str, ...]:
-    """What people must know beside the file."""
+    """The cautions that people must know beside the file."""
     lines = [f"Carries {says}. Holds for: {holds_for}."]
     if found.left_out:
         more = len(found.left_out) - _NAMED

@@ -80,9 +80,9 @@ def compensate(
         raise DataError("holds no target.", do="Give a program with targets.", file=path)
     angles, why = postures(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
-    door = nominal_of if inverse else correct
+    corrected = nominal_of if inverse else correct
     model, point = _with_tool(saved.model, targets)
-    done = door(
+    done = corrected(
         model, saved.estimate, nominal, stated, target=point, coupling=coupling, regression=saved.regression
     )
     counted = robot.controller_angles(done.joints, coupling)

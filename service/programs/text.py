@@ -30,15 +30,6 @@ class Edit:
     text: str
 
 
-@dataclass(frozen=True)
-class Number:
-    """A number in a program, text[start:end], and its value."""
-
-    start: int
-    end: int
-    value: float
-
-
 def read_text(path: Path) -> str:
     """A program as text. Raises DataError when there is no such file, it is too large or holds binary data."""
     return text_of(read_bytes(path, MOST_BYTES), path)
@@ -91,6 +82,15 @@ class Lines:
     def at(self, position: int) -> int:
         """Line number, from 1; lines end with LF, CR, or both."""
         return bisect_left(self._ends, position + 1) + 1
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number in a program, text[start:end], and its value."""
+
+    start: int
+    end: int
+    value: float
 
 
 def decimal(value: float, places: int) -> str:

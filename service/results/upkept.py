@@ -103,14 +103,14 @@ class Upkeep:
 
     @property
     def in_words(self) -> str:
-        """What was found, a sentence."""
+        """The finding, a sentence."""
         if self.thermal:
             return "What has changed is how warm the arm is, or nothing: the rest is chance."
         return f"Not updated: something else has changed. {self.found.rest.in_words}"
 
     @property
     def advice(self) -> str:
-        """What to do, a sentence."""
+        """The advice, a sentence."""
         if not self.thermal:
             return "Measure the check poses of a watch, and judge them."
         return "Correct targets with the updated model." if self.asked.update else "Write it with --update."

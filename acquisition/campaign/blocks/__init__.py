@@ -1,4 +1,4 @@
-"""The blocks of a campaign, one recipe a kind. `read_block` is the door; `KINDS` says what there is."""
+"""The blocks of a campaign, one recipe a kind. `read_block` reads one; `KINDS` says what there is."""
 
 from __future__ import annotations
 

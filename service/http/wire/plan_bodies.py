@@ -126,7 +126,7 @@ class ArrowsShown(Answered):
 
 
 class ResultShown(Answered):
-    """What all results have. Those of jobs have the members of a job besides, those of loops the members of a loop."""
+    """Members of all results. Those of jobs have the members of a job besides, those of loops the members of a loop."""
 
     id: Annotated[str, _field("The id of the job or loop.", "20261122-143851-6ab9e645236")]
     kind: Annotated[str, _field("identification, diagnosis, regression, alignment or loop.", "diagnosis")]
@@ -147,7 +147,7 @@ class CapsuleShown(Answered):
 
 
 class ObstacleShown(Answered):
-    """What arm and tool must not touch: a table has a height, a box two corners, a post two ends and a radius."""
+    """An obstacle of arm and tool: a table has a height, a box two corners, a post two ends and a radius."""
 
     kind: Annotated[str, _field("table, box or post.", "box")]
     name: Annotated[str, _field("Its name in the cell file.", "keep-out box 1")]

@@ -51,7 +51,7 @@ def get_plan(here: Here, run_id: RunId) -> dict[str, Any]:
 
 @router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice", response_model=PriceShown)
 def get_price(here: Here, run_id: RunId, number: Number) -> dict[str, Any]:
-    """What a pose is worth: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
+    """The price of a pose: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
     here.book.get(run_id)  # a dry run measures nothing
     price = here.workers.call(price_of, here.book.path(run_id), number)
     if price is None:

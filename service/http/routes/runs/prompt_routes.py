@@ -1,4 +1,4 @@
-"""What a run asks a person, the answers, and its events as they happen."""
+"""The questions of a run to a person, the answers, and its events as they happen."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def export_run(
     responses={200: {"content": {LINES: {"schema": {"type": "string"}}}}},
 )
 def download_events(here: Here, run_id: RunId) -> PlainTextResponse:
-    """What has happened up to now, oldest first, one JSON object a line."""
+    """The events up to now, oldest first, one JSON object a line."""
     here.book.get(run_id)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "events.jsonl"

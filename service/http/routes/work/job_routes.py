@@ -92,7 +92,7 @@ async def get_diagnosis(here: Here, job_id: JobId, wait: Wait = 0, after: After 
 
 @router.get("/datasets/{dataset_id}/jobs", operation_id="listDatasetJobs", response_model=JobsShown)
 def list_dataset_jobs(here: Here, dataset_id: DatasetId) -> JSONResponse:
-    """What a data set was given to: its identifications, diagnoses and regressions, newest first."""
+    """The jobs of a data set: its identifications, diagnoses and regressions, newest first."""
     here.datasets.get(dataset_id)
     return JSONResponse({"jobs": here.jobs.of_dataset(dataset_id)})
 

@@ -114,7 +114,7 @@ class Why(Body):
 
 
 class AnswerGiven(Why):
-    """What goes with an answer; may be left out. `typed`: the numbers that a prompt with an `entry` asks for."""
+    """The reason and the typed numbers of an answer, for a prompt with an `entry`; may be left out."""
 
     typed: Annotated[
         str,

@@ -52,7 +52,7 @@ class Separation(Answered):
 
 
 class FollowUpShown(Answered):
-    """What to measure next: poses, or a procedure for a person."""
+    """The next measurement: poses, or a procedure for a person."""
 
     kind: Annotated[Literal["poses", "procedure"], told("Which of the two.", "poses")]
     text: Annotated[str, told("Of a procedure: what to do.", "Turn joint 5 through its whole range.")] = ""
@@ -76,7 +76,7 @@ class FollowUpShown(Answered):
 
 
 class StructureShown(Answered):
-    """What is left that no effect of the library explains."""
+    """Structure that is left and that no effect of the library explains."""
 
     where: Annotated[str, told("What it goes with.", "j5")]
     acts_on: Annotated[str, told("On what it acts.", "the tool point")]

@@ -44,7 +44,7 @@ class RegressionRow(Answered):
 
 
 class TurnedWrist(Answered):
-    """What a regression does where nothing was measured."""
+    """The correction of a regression where nothing was measured."""
 
     name: Annotated[str, told("Its name.", "mls-svr on residuals of level 3")]
     joint: Annotated[int, told("Number of the joint that is turned.", 4)]
@@ -55,7 +55,7 @@ class TurnedWrist(Answered):
 
 
 class RegressionQuestion(Answered):
-    """What was asked for."""
+    """The regression that was asked for."""
 
     name: Annotated[str, told("In words.", "mls-svr on residuals of level 3")]
     on: Annotated[Literal["residuals", "positions"], told("What it learns.", "residuals")]

@@ -109,7 +109,7 @@ class PathShown(Answered):
 
 
 class DeviceError(Answered):
-    """What a device, or the record, did not do."""
+    """A failure of a device, or of the record."""
 
     code: Annotated[int, told("Number of the kind of error; no unit.", 2001)]
     name: Annotated[str, told("The kind of error.", "TargetNotSeen")]

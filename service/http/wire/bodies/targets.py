@@ -50,7 +50,7 @@ class StatedConditions(Answered):
 
 
 class TargetDone(Answered):
-    """What became of one target."""
+    """The outcome of one target."""
 
     target: Annotated[str, told("Its name.", "A")]
     line: Annotated[int, told("Its line in the program, a number from 1.", 2)]
@@ -72,7 +72,7 @@ class TargetDone(Answered):
 
 
 class Corrected(Answered):
-    """What became of the targets (`truepose-compensation/1`)."""
+    """The outcome of the targets (`truepose-compensation/1`)."""
 
     format: Annotated[Literal["truepose-compensation/1"], told("The format.", "truepose-compensation/1")]
     model: Annotated[str, told("The id of the model.", "20261121-170459-3f9a1c07b2e")]
