@@ -92,7 +92,8 @@ class _Dots(Line2D):
         look = {"linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0.0}
         super().__init__([], [], color=colour, alpha=alpha, label=label, **look)
         self.points = points
-        self._look = f"fill: none; stroke: {colour}; stroke-opacity: {alpha:g}; stroke-width: {size:g}; stroke-linecap: round"
+        stroke = f"stroke: {colour}; stroke-opacity: {alpha:g}; stroke-width: {size:g}; stroke-linecap: round"
+        self._look = f"fill: none; {stroke}"
 
     def svg(self) -> str:
         """Those within the axes, once the figure has been laid out."""
