@@ -107,7 +107,7 @@ class _Dots(Line2D):
         places = share * [width, -height] + [0.0, height]
         # a line as long as nothing has round ends in most viewers, not in all
         every = "".join(f'<path d="M{x:.1f} {y:.1f}h.01"/>' for x, y in places.tolist())
-        return f'<g style="{self._look}">{every}</g>'
+        return f'<g class="dots" style="{self._look}">{every}</g>'
 
 
 def dots(
