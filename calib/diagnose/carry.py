@@ -44,12 +44,12 @@ class CarryOver:
             return ""
         frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
         if frozen <= 0.0:
-            said = f"Frozen as found, the effects do not carry over: they raise the error by {-frozen:.0%}."
+            said = f"Frozen as found, the effects do not carry over: they raise the error by {-100.0 * frozen:.0f} %."
         else:
-            said = f"Frozen as found, the effects take {frozen:.0%} of the base model's error away."
+            said = f"Frozen as found, the effects take {100.0 * frozen:.0f} % of the base model's error away."
         if refitted <= 0.0:
             return f"{said} Fitted anew, their amplitudes do not help either."
-        return f"{said} With their amplitudes fitted anew they take {refitted:.0%} away."
+        return f"{said} With their amplitudes fitted anew they take {100.0 * refitted:.0f} % away."
 
 
 def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:

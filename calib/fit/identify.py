@@ -295,7 +295,7 @@ def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
         return []
     share = len(faulty) / (len(faulty) + len(readings.rows))
     many = f"{len(faulty)} readings" if len(faulty) > 1 else "1 reading"
-    return [f"{many} ({share:.1%}) outside what the model and the noise allow: left out."]
+    return [f"{many} ({100.0 * share:.1f} %) outside what the model and the noise allow: left out."]
 
 
 def leaving_out(fitted: Identification, readings: Readings, faulty: tuple[str, ...]) -> Identification:

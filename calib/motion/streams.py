@@ -9,14 +9,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from calib.array import Array
 from calib.errors import DataError
 from calib.units import DEG
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 GAP_PERIODS = 3.5
 """Samples farther apart than so many periods of their stream have a gap between them."""
@@ -117,6 +120,9 @@ class JointStream(_Clocked):
 
     @cached_property
     def _curve(self) -> CubicHermiteSpline:
+        # With what it brings it is a tenth of the start of a service, which aligns in workers.
+        from scipy.interpolate import CubicHermiteSpline
+
         # Slopes of neighbours alone, so that a gap bends the curve at its edges and nowhere else.
         return CubicHermiteSpline(self.time, self.joints, np.gradient(self.joints, self.time, axis=0), axis=0)
 

@@ -76,8 +76,7 @@ def run_server(app: FastAPI, address: str, port: int, hello: Callable[[str], str
             timeout_graceful_shutdown=GRACE_S,
         )
         # What is loaded by now stays: looking through it for garbage holds the interpreter for a tenth of a second or
-        # more, and a stop with it.
-        gc.collect()
+        # more, and a stop with it. Nor is it looked through once, for a thousand small objects of a million.
         gc.freeze()
         gc.enable()  # `truepose serve` has had it off while it imported
         # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.

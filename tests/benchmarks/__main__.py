@@ -40,8 +40,10 @@ from tests.benchmarks import (
     path,
     peers,
     priors,
+    ready,
     real_data,
     regress,
+    report,
     robot_check,
     selection,
     status,
@@ -64,6 +66,8 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "align": (align.run, 20),
     "stop": (stop.run, 20),
     "status": (status.run, None),
+    "ready": (ready.run, None),
+    "report": (report.run, None),
     "parsers": (parsers.run, None),
     "floor": (floor.run, 50),
     "regress": (regress.run, 40),
@@ -90,7 +94,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
 }
 """Name -> function, and the number of campaigns that it takes, where it takes one."""
 
-APART = ("campaign", "demo", "fleet_kills", "outbox", "path", "peers", "real_data")
+APART = ("campaign", "demo", "fleet_kills", "outbox", "path", "peers", "real_data", "report")
 """Run by name only: kills, demos and the path take minutes, peers are installed first, the real data lie elsewhere."""
 
 

@@ -17,7 +17,8 @@ import numpy as np
 from calib.arm.robot import load_robot
 from calib.motion.alignment import Aligned, align
 from calib.motion.streams import JointStream, PointStream
-from service.results.files.alignment import Order, aligned_of
+from service.results.files.alignment import aligned_of
+from service.results.files.alignment_order import Order
 from tests.benchmarks.clock import line
 from tests.calib.bending import gears
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker

@@ -48,7 +48,18 @@ sys.exit(", ".join(each for each in {names} if each in sys.modules) or 0)
     ("script", "names"),
     [
         ("from service.cli import main; main(['--help'])", ["numpy", "fastapi", "calib", "drivers"]),
-        ("import service.http.app", ["matplotlib", "scipy.stats", "jinja2"]),
+        (
+            "import service.http.app",
+            [
+                "matplotlib",
+                "scipy.stats",
+                "scipy.optimize",
+                "jinja2",
+                "rich",
+                "service.programs",
+                "calib.motion",
+            ],
+        ),
     ],
 )
 def test_what_starts_loads_nothing_that_it_does_not_need(script: str, names: list[str]) -> None:

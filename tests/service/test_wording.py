@@ -86,7 +86,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     text = verdict_in_words(diagnosis)
     assert "Nothing else" not in text
     assert text.startswith(
-        "The effect found does not carry over to the held-out readings. The held-out error rises by 100%"
+        "The effect found does not carry over to the held-out readings. The held-out error rises by 100 %"
     )
     diagnosis.error_before = errors(0.3)
     assert "carry over" not in verdict_in_words(diagnosis)

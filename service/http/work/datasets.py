@@ -12,7 +12,6 @@ import acquisition
 from acquisition import read_status
 from acquisition.record import Acceptance, export_together
 from calib.errors import DataError
-from calib.foreign import converted, data_set_of, read_map
 from calib.text import decoded, parse_toml
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
@@ -20,7 +19,6 @@ from service.http.work.deletions import Deletions, take_away
 from service.http.work.kept import read_kept, readable
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset
 from service.names import plain_name, safe_id
-from service.results.files import conversion
 
 MAP = "map.toml"
 
@@ -45,6 +43,10 @@ class Datasets:
     def upload_mapped(self, files: Sequence[tuple[str, bytes]], map_text: bytes, name: str) -> dict[str, Any]:
         """Keep the data set of foreign files (name, content) and their map, with how the robot fits them and what was
         made of the files. Raises DataError as `truepose convert` does."""
+        # imported in the worker that does it
+        from calib.foreign import converted, data_set_of, read_map
+        from service.results.files import conversion
+
         told: dict[str, Any] = {}
 
         def write(folder: Path) -> None:

@@ -35,7 +35,7 @@ from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, PROGRESS, REPORT, 
 from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.results.cell import placements
-from service.results.files.alignment import Order
+from service.results.files.alignment_order import Order
 from service.results.judgement.acceptance import Limits
 
 MOST_WAITING = 50

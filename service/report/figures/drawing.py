@@ -92,9 +92,8 @@ class _Dots(Line2D):
         look = {"linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0.0}
         super().__init__([], [], color=colour, alpha=alpha, label=label, **look)
         self.points = points
-        self._look = (
-            f"fill: none; stroke: {colour}; stroke-opacity: {alpha:g}; stroke-width: {size:g}; stroke-linecap: round"
-        )
+        stroke = f"stroke: {colour}; stroke-opacity: {alpha:g}; stroke-width: {size:g}; stroke-linecap: round"
+        self._look = f"fill: none; {stroke}"
 
     def svg(self) -> str:
         """Those within the axes, once the figure has been laid out."""
@@ -108,7 +107,7 @@ class _Dots(Line2D):
         places = share * [width, -height] + [0.0, height]
         # a line as long as nothing has round ends in most viewers, not in all
         every = "".join(f'<path d="M{x:.1f} {y:.1f}h.01"/>' for x, y in places.tolist())
-        return f'<g style="{self._look}">{every}</g>'
+        return f'<g class="dots" style="{self._look}">{every}</g>'
 
 
 def dots(

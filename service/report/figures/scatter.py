@@ -37,9 +37,14 @@ def joints_figure(panels: Sequence[Panel]) -> str:
         _draw(axes, panel, large=False)
         if float(np.median(panel.sd)) > (_UNSEEN_MDEG if panel.y_label.endswith("mdeg") else _UNSEEN_UM):
             axes.text(
-                0.5, 0.84, "these readings hardly see this joint", transform=axes.transAxes, ha="center"
+                0.5,
+                0.84,
+                "these readings hardly see this joint",
+                transform=axes.transAxes,
+                ha="center",
+                fontsize=8.0,
             )
-        axes.set_title(panel.title, fontsize=9.0, loc="left", color=drawing.INK)
+        axes.set_title(panel.title, fontsize=8.0, loc="left", color=drawing.INK)
         axes.set_xlabel(panel.x_label)
     for i, (axes, panel) in enumerate(zip(places, panels, strict=False)):
         if i % columns == 0 or panel.y_label != panels[i - 1].y_label:

@@ -51,5 +51,5 @@ def _step(before: ErrorStatistics | None, after: ErrorStatistics) -> str:
     if wording.millimetres(abs(change)) == wording.millimetres(0.0):
         return "none"
     sign = "−" if change < 0.0 else "+"
-    share = f" ({sign}{abs(change) / before.rms:.0%})".replace("%", " %") if before.rms > 0.0 else ""
+    share = f" ({sign}{100.0 * abs(change) / before.rms:.0f} %)" if before.rms > 0.0 else ""
     return f"{sign}{wording.millimetres(abs(change))} mm{share}"

@@ -14,7 +14,6 @@ from calib.arm import Robot, load_robot
 from calib.convert import Table
 from calib.errors import DataError
 from calib.motion import (
-    SLOW_MM_S,
     Aligned,
     Band,
     JointStream,
@@ -28,31 +27,11 @@ from calib.motion import (
     read_points,
     standstills,
 )
+from service.results.files.alignment_order import FARTHEST_TOOL_MM, Order
 
 FORMAT = "truepose-alignment/1"
-HOLDOUT, SEED = 0.2, 1
-FARTHEST_TOOL_MM = 1e4
 _GAPS = 3  # that are named one by one
 _STRETCH_S = 1.0  # of wild points: no single outliers
-
-
-@dataclass(frozen=True)
-class Order:
-    """What is known of two streams, and what becomes of them. tool: mm, in the flange frame; robot_in_header: the robot
-    as the data set shall name it, where that is not as it is named here."""
-
-    tool: tuple[float, float, float]
-    robot: str
-    tool_known: bool = False
-    slower_than: float = SLOW_MM_S
-    coupling: str = "none"
-    instrument: str = "unknown"
-    robot_columns: str | None = None
-    tracker_columns: str | None = None
-    every_sample: bool = False
-    holdout: float = HOLDOUT
-    seed: int = SEED
-    robot_in_header: str = ""
 
 
 @dataclass(frozen=True)

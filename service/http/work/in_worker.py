@@ -1,0 +1,37 @@
+"""Doors to what routes have done in a worker process. It is imported there: the service is ready without it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from calib.compensate import Bounds
+
+Corrected = tuple[dict[str, Any], list[dict[str, Any]]]
+
+
+def corrected(model_file: Path, model_id: str, order: Mapping[str, Any]) -> Corrected:
+    """As `corrections.corrected`."""
+    from service.http.work import corrections
+
+    return corrections.corrected(model_file, model_id, order)
+
+
+def corrected_program(
+    model_file: Path, model_id: str, name: str, content: bytes, order: Mapping[str, Any]
+) -> Corrected:
+    """As `corrections.corrected_program`."""
+    from service.http.work import corrections
+
+    return corrections.corrected_program(model_file, model_id, name, content, order)
+
+
+def exported(
+    model_file: Path, model_id: str, kind: str, conditions: str, robot_hash: str, bounds: Bounds
+) -> dict[str, Any]:
+    """As `exporting.exported`."""
+    from service.http.work import exporting
+
+    return exporting.exported(model_file, model_id, kind, conditions, robot_hash, bounds)
