@@ -44,6 +44,7 @@ export function open(root, id) {
   return { look, show };
 }
 
+const words = (text) => h("span", { lang: "en", className: "words" }, text);
 const size = (value, unit, none = t("notSeen")) => (typeof value === "number" ? `${Number(value.toPrecision(2))} ${unit}`.replace("-", "−") : none);
 
 function planned(job) {
@@ -53,7 +54,7 @@ function planned(job) {
     location.hash = `#/campaigns/${kept.id}`;
   }), { id: "keep-campaign", className: "go" });
   return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
-    table(t("watchShows"), [t("lastCause"), t("inWords"), t("seenFrom"), t("aloneFrom"), t("neverApart")], r.causes.map((each) => [each.label, h("span", { lang: "en" }, each.meaning), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.join(", ") || "–"])),
+    table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart"), t("inWords")], r.causes.map((each) => [each.label, numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.join(", ") || "–", words(each.meaning)])),
     r.in_words ? h("p", { lang: "en" }, r.in_words) : null,
     r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
     r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${each.worst.label} ${size(each.worst.seen_from, "")}`]))) : null),
@@ -71,7 +72,7 @@ function whose(r) {
 function judged(job) {
   const r = job.result, wide = { className: "wide" };
   return [h("section", wide, h("h2", {}, t("verdict")), h("p", { className: "big" }, stateOf(r.verdict)), h("p", { className: "big" }, `${t("whatToDo")} `, h("span", { lang: "en" }, r.advice)), h("p", { lang: "en" }, r.in_words), whose(r), updated(job)),
-    r.causes.length ? h("section", wide, h("h2", {}, t("lastCause")), table(t("lastCause"), [t("lastCause"), t("inWords"), t("size"), t("shareOfClass")], r.causes.map((each) => [each.label, h("span", { lang: "en" }, each.in_words), numeric(withU(each.size.value, each.size.u, each.size.unit)), numeric(`${number(100 * (each.weight || 0), 0)} %`)]))) : null,
+    r.causes.length ? h("section", wide, h("h2", {}, t("lastCause")), table(t("lastCause"), [t("lastCause"), t("size"), t("shareOfClass"), t("inWords")], r.causes.map((each) => [each.label, numeric(withU(each.size.value, each.size.u, each.size.unit)), numeric(`${number(100 * (each.weight || 0), 0)} %`), words(each.in_words)]))) : null,
     h("section", wide, h("h2", {}, t("howSure")), h("p", {}, t("errorAtPoses", { rms: withU(r.error_mm.rms, r.error_mm.u, "mm"), max: number(r.error_mm.max) })),
       table(t("howSure"), [t("watchesCounted"), "T²", t("itsLimit"), "p", t("itsLimit"), t("alarm")], r.questions.map((each) => [each.watches, numeric(number(each.t_squared, 1)), numeric(number(each.t_squared_limit, 1)), numeric(probability(each.p_value)), numeric(probability(each.p_limit)), each.alarm ? `✖ ${t("yes")}` : `✔ ${t("no")}`]))), notes(r)].filter(Boolean);
 }

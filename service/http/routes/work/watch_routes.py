@@ -60,7 +60,7 @@ def _judge(here: Service, kind: str, body: OfReadings, more: dict[str, Any]) -> 
     order = {
         "rate": body.false_alarms,
         "missing_allowed": body.allow_missing,
-        "running_s": body.running_s,
+        "running_s": body.running_s if body.running_s >= 0.0 else None,
         **more,
     }
     data = str(here.datasets.path(dataset["id"]) / CSV)

@@ -100,7 +100,7 @@ class NotKept(Answered):
     """A result of this service that is not in the history."""
 
     path: Annotated[str, told("Where it lies in the record; empty: all of them.", "diagnoses/X/result.json")]
-    because: Annotated[str, told("Why.", "names no serial number of the robot.")]
+    because: Annotated[str, told("Why it is not.", "names no serial number of the robot.")]
 
 
 class _OfStore(Answered):

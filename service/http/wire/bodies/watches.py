@@ -36,10 +36,10 @@ AllowMissing = Annotated[bool, told("Judge although check poses are missing.", F
 RunningS = Annotated[
     float,
     told(
-        "How long the robot had run, from cold, when the readings began, s; left out: nobody knows, which a model "
-        "that warms up is refused for. 0: cold.",
+        "How long the robot had run, from cold, when the readings began, s; 0: cold; -1: nobody knows, for which a "
+        "model that warms up is refused.",
         1800.0,
-        ge=0.0,
+        ge=-1.0,
         le=1e7,
         allow_inf_nan=False,
         strict=False,
@@ -72,7 +72,7 @@ class OfReadings(OfBaseline):
     ] = ""
     false_alarms: FalseAlarms = RATE
     allow_missing: AllowMissing = False
-    running_s: RunningS | None = Field(default=None)
+    running_s: RunningS = -1.0
 
     @model_validator(mode="after")
     def _one_source(self) -> Any:
@@ -150,7 +150,7 @@ class NestsSeen(Answered):
 
 
 class WorstSeen(Answered):
-    """The cause that is seen worst."""
+    """A cause and the size from which it is seen."""
 
     label: Annotated[str, told("The cause.", "backlash:j6")]
     seen_from: Annotated[
