@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +14,9 @@ from calib.units import DEG
 from calib.watch.choose import choose
 from calib.watch.judge import RATE, odds_of
 from calib.watch.lack import scatter_beyond
+from calib.watch.lever import lever_needed
 from calib.watch.planned import planned
-from calib.watch.rounds import Tried, Ways, fewest
+from calib.watch.rounds import Tried, Ways, fewest, wanted
 from calib.watch.seen import Seen
 from calib.watch.sizes import Shown, shown
 from calib.watch.visits import Visits
@@ -30,7 +32,8 @@ class Plan:
 
     rounds: how often each is visited; repeats: how often everything is read in a visit; beyond: labels of causes that
     no number of readings shows from the size at which they should be seen; enough: how many poses, visited and read so
-    often, would show all others from there, None where these do or none would.
+    often, would show all causes from there, or all others, None where these do or none would; lever: where a cause of
+    the last joint is seen worst, its label and how far off its axis the one target would have to be, mm.
     """
 
     chosen: tuple[int, ...]
@@ -40,6 +43,7 @@ class Plan:
     repeats: int = 1
     enough: int | None = None
     beyond: tuple[str, ...] = ()
+    lever: tuple[str, float] | None = None
 
 
 def plan(
@@ -85,23 +89,35 @@ def plan(
     best = fewest(ways, once, goal, times=times, repeats=repeats)
     visits = best.rounds.of(once)
     found = judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
-    enough, tried = count, best
-    for _ in range(_TRIES):
-        most = min(len(candidates), _MOST)
-        if not 1.0 < tried.short < np.inf or enough > most:
-            break
-        enough = int(np.ceil(enough * tried.short**2))
-        if enough <= most:
-            more = candidates.take(choose(seen, which, enough))
+
+    def enough(goal: Mapping[str, float]) -> int | None:
+        """How many poses reach a goal by the same rounds; None where these do, or none that are tried."""
+        poses, tried, most = count, replace(best, goal=goal), min(len(candidates), _MOST)
+        for _ in range(_TRIES):
+            if not 1.0 < tried.short < np.inf:
+                break
+            poses = int(np.ceil(poses * tried.short**2))
+            if poses > most:
+                return None
+            more = candidates.take(choose(seen, which, poses))
             tried = Tried(best.rounds, ways.sizes(more, best.rounds), goal)
+        return poses if poses > count and tried.short <= 1.0 else None
+
+    strict = {label: wanted(label) for label in goal}
+    lever = None
+    if best.short > 1.0 and best.worst.endswith(f":j{saved.model.robot.joints}"):
+        now = next(c.lever_mm for c in found.causes if c.label == best.worst)
+        long = None if now is None else lever_needed(ways, once, best.rounds, best.worst, now)
+        lever = None if long is None else (best.worst, long)
     return Plan(
         tuple(chosen),
         visits,
         found,
         best.rounds.times,
         best.rounds.repeats,
-        enough if count < enough and tried.short <= 1.0 else None,
+        enough(strict) or enough(goal),
         best.beyond,
+        lever,
     )
 
 

@@ -39,7 +39,7 @@ def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Ar
     estimate = np.concatenate([saved.estimate, np.zeros(len(goal.parameters) - old)])
     estimate[place] += cause.values
     columns = seen.columns[seen.causes.index(effect)]
-    change = Change(np.linalg.solve(seen.spread(), columns), cause.covariance)
+    change = Change(np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64), cause.covariance)
     return goal, estimate, change.covariance_of(saved, seen, place, len(estimate))
 
 

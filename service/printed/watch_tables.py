@@ -102,7 +102,8 @@ def verdict_tables(found: Watched) -> list[RenderableType]:
         )
     shown.append(table)
     if verdict.causes:
-        causes = tables.grid("Causes", "cause", "weight", "size")
+        title = "Causes" if verdict.kind != "unexplained" else "What comes nearest, and does not explain it"
+        causes = tables.grid(title, "cause", "weight", "size")
         for cause, weight in verdict.causes:
             causes.add_row(cause.label, f"{weight:.2f}", str(cause.size))
         shown.append(causes)

@@ -184,6 +184,7 @@ class Planned:
                 else {"limit_mm": self.nests.limit_mm, "seen_from_mm": self.nests.seen_mm},
                 "in_words": in_words(self),
                 "enough_poses": self.plan.enough,
+                "enough_lever_mm": None if self.plan.lever is None else self.plan.lever[1],
                 "proposals": [
                     {
                         "targets": list(each.targets),

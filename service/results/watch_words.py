@@ -35,7 +35,7 @@ def in_words(found: Planned) -> str:
     others = [each for each in short if each.label not in found.plan.beyond]
     said = []
     if others:
-        ways = _ways(found, others[0])
+        ways = _ways(found)
         mended = f" What would show them: {'; or '.join(ways)}." if ways else ""
         said.append(f"Seen too seldom: {', '.join(map(_named, others))}.{mended}")
     if beyond:
@@ -51,7 +51,7 @@ def _named(cause: Smallest) -> str:
     return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {cause.share:.0%} of watches)"
 
 
-def _ways(found: Planned, worst: Smallest) -> list[str]:
+def _ways(found: Planned) -> list[str]:
     """What would do it: more readings at these poses, other targets, more poses, a target farther off the axis."""
     least = len(found.plan.beyond)
     ways = []
@@ -62,12 +62,12 @@ def _ways(found: Planned, worst: Smallest) -> list[str]:
             ways.append(f"{targets}--visits {good[0].rounds} --readings {good[0].repeats}")
     if found.plan.enough is not None:
         ways.append(f"{found.plan.enough} poses instead of {found.asked.poses}")
-    last = f":j{found.cell.robot.model.joints}"
-    if worst.label.endswith(last) and worst.lever_mm is not None and worst.wanted is not None:
-        lever = worst.lever_mm * worst.size / worst.wanted
+    if found.plan.lever is not None:
+        label, lever = found.plan.lever
+        now = next(c.lever_mm for c in found.plan.shown.causes if c.label == label)
+        joint = label.partition(":j")[2]
         ways.append(
-            f"with as many readings as here a target {lever:.0f} mm from the axis of joint {last[2:]} instead of "
-            f"{worst.lever_mm:.0f}"
+            f"with as many readings as here a target {lever:.0f} mm from the axis of joint {joint} instead of {now:.0f}"
         )
     return ways
 

@@ -169,6 +169,20 @@ def test_a_seed_makes_one_plan() -> None:
     assert one == same != other
 
 
+@pytest.mark.parametrize("one_smr", [False, True])
+def test_targets_are_read_again_while_the_robot_rests(*, one_smr: bool) -> None:
+    """With one SMR as well: a person moves it no more often."""
+    cell = a_cell(instrument__one_smr=one_smr)
+    block = {"kind": "poses", "count": 2, "targets": ["T1", "T2"], "readings": 3}
+    visits = [v for v in make_plan(cell, a_campaign(block=[block])) if v.kind == "pose"]
+    once = ("T1",) * 3, ("T2",) * 3
+    assert [v.targets for v in visits] == (
+        [once[0], once[0], once[1], once[1]] if one_smr else [once[0] + once[1]] * 2
+    )
+    with pytest.raises(ConfigError, match="readings"):
+        a_campaign(block=[block | {"readings": 0}])
+
+
 @given(reference_every=st.integers(1, 10), count=st.integers(1, 20), one_smr=st.booleans())
 def test_a_reference_comes_first_and_after_every_so_many_readings(
     reference_every: int, count: int, one_smr: bool

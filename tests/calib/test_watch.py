@@ -18,6 +18,7 @@ from calib.model import Design
 from calib.saved import SavedModel, as_saved
 from calib.units import DEG
 from calib.watch import (
+    DOUBTFUL,
     Seen,
     Visits,
     append,
@@ -28,7 +29,9 @@ from calib.watch import (
     plan,
     read_history,
     refuse_unlike,
+    times_as_uncertain,
 )
+from calib.watch.cause import _fit, fitted
 from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
 from calib.watch.mean import WEIGHT, mean_of
@@ -175,6 +178,38 @@ def test_an_updated_model_sees_no_change(saved: SavedModel, measure: Callable[..
     twice = as_updated(updated, further, cause_to_update(judge(further)))
     assert len(twice.estimate) == len(updated.estimate)
     assert twice.estimate[-1] / DEG == pytest.approx(0.12, abs=0.01)
+
+
+def test_a_base_that_only_shifted_is_not_turned(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
+    """Elsewhere a turn that is only noise would move the robot by more than the shift is uncertain by."""
+    data = measure("base_shift", dx=0.1, dy=-0.05, dz=0.1)
+    seen = Seen.of(saved, data)
+    cause = next(c for c, _ in judge(seen).causes if c.label == "base_shift")
+    turned = _fit(seen, cause.effect, odds_of(seen)[0], None, np.ones(6, dtype=np.bool_))
+    assert np.linalg.norm(cause.values[3:]) < 0.3 * np.linalg.norm(turned.values[3:])
+    shifted, both = (
+        times_as_uncertain(saved, as_updated(saved, seen, each), data.header, ("T2",))
+        for each in (cause, turned)
+    )
+    assert shifted < 0.8 * both
+    # one that did turn is turned
+    lost = Seen.of(saved, measure("joint_offset:j1", offset=0.1))
+    found = _fit(lost, cause.effect, odds_of(lost)[0], None, np.ones(6, dtype=np.bool_))
+    mean = fitted(lost, cause.effect, odds_of(lost)[0])
+    assert mean.values[5] / DEG == pytest.approx(0.1, abs=0.02)
+    np.testing.assert_allclose(mean.values, found.values, rtol=0.05, atol=1e-4)
+
+
+def test_few_readings_make_an_update_worth_less(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
+    data = measure("tool_shift", dx=0.2, dy=0.0, dz=0.0)
+    worth = []
+    for count in (4, 20):
+        status = np.array(["ok" if k < count else "rejected:not taken" for k in range(len(data))])
+        seen = Seen.of(saved, replace(data, status=status))
+        cause = fitted(seen, next(e for e in seen.causes if e.label == "tool_shift"), odds_of(seen)[0])
+        worth.append(times_as_uncertain(saved, as_updated(saved, seen, cause), data.header, ("T2",)))
+    assert worth[0] > DOUBTFUL
+    assert 1.0 < worth[1] < 0.8 * worth[0]
 
 
 def test_the_mean_is_the_recursion_over_its_weight() -> None:

@@ -9,16 +9,23 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calib.data import read_dataset
+from calib.effects.thermal.warm_up import warm_up
 from calib.fit import identify
+from calib.model import Design
+from calib.model.stated import conditions_at
 from calib.saved import load_model, save_model
+from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, World
-from mocks.world.poses import approach_point
+from mocks.world.dataset import header_of, row_of
+from mocks.world.poses import approach_point, random_pose
 from service.cli import main
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import edit_text, read_rows, write_data
@@ -56,7 +63,7 @@ def test_cameras_watch_a_robot_and_name_a_bumped_tool(model: Path, tmp_path: Pat
     asked = ["--poses", "5", "--from", "40", "--visits", "1", "--readings", "2", "--targets", "T1,T2"]
     assert main(["watch", "plan", str(model), str(same), "--out", str(campaign), *asked]) == 0
 
-    def run(cell: Path, against: Path, code: int, *more: str) -> Mapping[str, object]:
+    def run(cell: Path, against: Path, code: int, *more: str) -> Mapping[str, Any]:
         record = tmp_path / f"{cell.stem}_{against.stem}"
         command = ["watch", "run", str(against), str(cell), str(campaign), "--record", str(record)]
         assert main([*command, "--simulate", "--json", str(tmp_path / "v.json"), *more]) == code
@@ -129,3 +136,57 @@ def test_touched_balls_are_filled_in_and_judged(model: Path, tmp_path: Path) -> 
     assert cause["label"] == "joint_step:j3"
     assert cause["size"]["value"] == pytest.approx(0.05, abs=cause["size"]["u"])
     assert load_model(model).updates == ()
+
+
+def test_upkeep_in_a_loop_follows_an_arm_that_warms_up(model: Path, tmp_path: Path) -> None:
+    """Every quarter of an hour four readings of one target; between, the true arm is where the kept model says."""
+    robot = load_model(model)
+    growing = robot.model.append(warm_up(robot.model.robot, 1500.0))
+    unsure = np.diag([0.0] * len(robot.estimate) + [(100e-6) ** 2])
+    cold, now = tmp_path / "cold.json", tmp_path / "now.json"
+    fitted = identify(read_dataset(write_data(tmp_path, seed=SEED, effects=(), n=120)))
+    save_model(
+        cold,
+        replace(
+            fitted,
+            model=growing,
+            estimate=np.append(fitted.estimate, 0.0),
+            prior=np.append(fitted.prior, 0.0),
+            covariance=np.pad(fitted.covariance, ((0, 1), (0, 1))) + unsure,
+        ),
+    )
+    world = World(seed=SEED)
+    world.effects = [world.draw_effect("warm_up").with_values(alpha=400e-6, T_c=1500.0)]
+    rng = np.random.default_rng(2)
+    poses = [random_pose(world.robot, world.targets, rng) for _ in range(24)]
+
+    def error_mm(file: Path, at_s: float) -> float:
+        saved = load_model(file)
+        conditions = conditions_at(
+            saved.model, np.radians(poses), replace(saved.usual, time_s=at_s), target="T2"
+        )
+        predicted = Design(saved.model, conditions).predict(saved.estimate)
+        true = [
+            world.true_point(ArmState(q, approach_point(q, (1,) * 6), (1,) * 6, at_s), "T2") for q in poses
+        ]
+        return float(np.sqrt(np.mean(np.sum((predicted - np.array(true)) ** 2, axis=1))))
+
+    before = cold
+    for number, began_s in enumerate((900.0, 1800.0, 2700.0)):
+        states = [
+            ArmState(q, approach_point(q, (1,) * 6), (1,) * 6, began_s + 20.0 * i, 22.0, 1000 * number + i)
+            for i, q in enumerate(poses[:4])
+        ]
+        rows = [
+            row_of(world, i, "calibration", (state, "T2")) | {"t_s": state.t_s - began_s}
+            for i, state in enumerate(states)
+        ]
+        nest = tmp_path / f"nest{number}"
+        nest.mkdir()
+        data = write_campaign(Campaign(rows, header_of(world, 1.0, DEFAULT_FIT), {}, world, []), nest)["csv"]
+        after = now.with_stem(f"now{number}")
+        asked = ["watch", "upkeep", str(before), str(data), "--running-s", str(began_s)]
+        assert main([*asked, "--update", str(after)]) == 0
+        assert error_mm(after, began_s + 450.0) < 0.5 * error_mm(cold, began_s + 450.0)
+        before = after
+    assert len(load_model(before).updates) == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from acquisition.campaign.plan import make_plan
 from calib.data import read_dataset
 from calib.fit import identify
 from calib.saved import load_model, save_model
+from calib.saved.model_checks import content_hash
 from service.cli import main
 from tests.service.campaigns import Rows, edit_rows, edit_text, write_data
 
@@ -108,6 +110,70 @@ def test_another_robot_and_another_station_are_refused(
     assert judge(model, data, "--new-frame") == 0
     header.write_text(text.replace("abb-irb120", "fanuc-lrmate200ic"), "utf-8")
     assert judge(model, data) == 2
+
+
+def _warm(header: Path, rows: Rows) -> None:
+    for row in rows:
+        row["t_air_c"] = str(float(row["t_air_c"]) + 8.0)
+
+
+def _other_robot(header: Path, rows: Rows) -> None:
+    header.write_text(header.read_text("utf-8") + '\n[[device]]\nrole = "robot"\nserial = "77"\n', "utf-8")
+
+
+def _other_tool(header: Path, rows: Rows) -> None:
+    edit_text(header, "215.0", "216.0")
+
+
+def _heavier(header: Path, rows: Rows) -> None:
+    text = header.read_text("utf-8")
+    header.write_text(
+        f"loads = [{{ link = 6, mass_kg = 3.3, cog_mm = [50.0, 25.0, 100.0] }}]\n{text}", "utf-8"
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (_other_robot, "is of the robot 77; the baseline is of the robot 12"),
+        (_other_tool, "tool of the baseline"),
+        (_heavier, "kg on the last link"),
+        (_warm, "no law of temperature"),
+    ],
+)
+def test_what_is_no_watch_of_this_robot_is_refused_with_what_to_do(
+    model: Path,
+    data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    spoil: Callable[[Path, Rows], None],
+    says: str,
+) -> None:
+    """Nothing is written: no verdict for a PLC, no line of a history, no model."""
+    document = json.loads(model.read_text("utf-8"))
+    document["device"] = [{"role": "robot", "serial": "12"}]
+    known = tmp_path / "known.json"
+    known.write_text(json.dumps(document | {"content_sha256": content_hash(document)}), "utf-8")
+    files = [tmp_path / name for name in ("v.json", "h.jsonl", "new.json")]
+    asked = [str(x) for pair in zip(("--json", "--history", "--update"), files, strict=True) for x in pair]
+    edit_rows(data, lambda rows: spoil(data.with_suffix(".toml"), rows))
+    assert judge(known, data, *asked) == 2
+    assert says in capsys.readouterr().err
+    assert not any(file.exists() for file in files)
+
+
+def test_a_baseline_of_an_older_version_is_judged_and_said_to_be_one(
+    model: Path, data: Path, tmp_path: Path
+) -> None:
+    document = json.loads(model.read_text("utf-8"))
+    for key in ("content_sha256", "device", "updates", "held_std"):
+        document.pop(key, None)
+    old, verdict = tmp_path / "old.json", tmp_path / "v.json"
+    old.write_text(json.dumps(document), "utf-8")
+    assert judge(old, data, "--json", str(verdict)) == 0
+    notes = " ".join(json.loads(verdict.read_text("utf-8"))["notes"])
+    assert "older version" in notes
+    assert "names no serial number" in notes
 
 
 def test_the_plan_is_a_campaign_of_the_cell(
