@@ -1,14 +1,14 @@
 """What a re-diagnosis of a robot's data sets says of its parameters, as points of a trend.
 
 It says of the same readings what the cell's own model said, by another version: so it stands in the place of that model
-(`replaced`), and no measurement is shown twice. Of several versions the result that was finished last counts.
+(`Store.trend`), and no measurement is shown twice. Of several versions the result that was finished last counts.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
@@ -24,25 +24,18 @@ TASK = "diagnose"
 _MANY = 500  # keys in one question
 
 
-def rediagnosed(connection: sa.Connection, robot: RobotKey) -> list[Point]:
-    """The points of every parameter, and of the error on held-out readings, by name and time.
+def rediagnosed(
+    connection: sa.Connection, robot: RobotKey, parameter: str | None
+) -> tuple[list[Point], set[datetime]]:
+    """The points of one parameter, or of all (None) with the error on held-out readings; and when the data sets were
+    measured that have such a model.
 
     Not of data sets that do not say when they were measured: their time is that of a file.
     """
-    found = _contents(connection, _last(connection, robot))
-    points = [point for row, table in found for point in _points(row, table)]
-    return sorted(points, key=lambda each: (each.parameter, each.measured_at))
-
-
-def replaced(
-    points: Sequence[Point], kinds: Mapping[str, str], times: Set[datetime], by: Sequence[Point]
-) -> list[Point]:
-    """Points of documents and of re-diagnoses together, by name and time.
-
-    kinds: of each document, by hash; times: when the data sets were measured of which models are replaced.
-    """
-    kept = [each for each in points if kinds[each.hash] != "model" or each.measured_at not in times]
-    return sorted((*kept, *by), key=lambda each: (each.parameter, each.measured_at))
+    rows = _contents(connection, _last(connection, robot))
+    found = [(row, table) for row, table in rows if table.get("parameters")]
+    points = [point for row, table in found for point in _points(row, table, parameter)]
+    return points, {row.measured_at for row, _ in found}
 
 
 def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, Any]:
@@ -68,8 +61,8 @@ def _contents(connection: sa.Connection, rows: Mapping[str, Any]) -> list[tuple[
     return out
 
 
-def _points(row: Any, table: Mapping[str, Any]) -> list[Point]:
-    """Those of one result: none of a refusal, nor of a version that kept no parameters."""
+def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[Point]:
+    """Those of one result."""
     points = [
         Point(
             row.measured_at,
@@ -81,11 +74,11 @@ def _points(row: Any, table: Mapping[str, Any]) -> list[Point]:
             row.program,
             rediagnosed=True,
         )
-        for each in table.get("parameters", ())
-        if each["value"] is not None
+        for each in table["parameters"]
+        if parameter in (None, each["name"]) and each["value"] is not None
     ]
     missed = table.get("error_after_mm")
-    if points and missed and missed["rms"] is not None:
+    if parameter in (None, ERROR) and missed and missed["rms"] is not None:
         u = K * missed["rms"] / math.sqrt(6.0 * missed["n"])
         points.append(
             Point(row.measured_at, ERROR, missed["rms"], u, "mm", row.hash, row.program, rediagnosed=True)

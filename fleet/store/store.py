@@ -193,12 +193,11 @@ class Store:
             question = question.where(p.name == parameter)
         with reading(self._engine) as connection:
             rows = connection.execute(question).all()
-            again = rediagnoses.rediagnosed(connection, robot) if rediagnosed else []
-        points, kinds = [Point(*row[:-1]) for row in rows], {row.hash: row.kind for row in rows}
-        if not again:
-            return points
-        wanted = [each for each in again if parameter in (None, each.parameter)]
-        return rediagnoses.replaced(points, kinds, {each.measured_at for each in again}, wanted)
+            again, times = (
+                rediagnoses.rediagnosed(connection, robot, parameter) if rediagnosed else ([], set())
+            )
+        kept = [Point(*row[:-1]) for row in rows if row.kind != "model" or row.measured_at not in times]
+        return sorted((*kept, *again), key=lambda each: (each.parameter, each.measured_at)) if again else kept
 
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
