@@ -26,7 +26,7 @@ from acquisition.campaign.campaign import Campaign
 from acquisition.cell.bars import Bar, bar_for, bars_of
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
-from acquisition.errors import OtherBalls, WronglySeated
+from acquisition.errors import NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
@@ -52,6 +52,9 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
+GIVEN_UP_AT_FIRST = (
+    3  # before any target was seen: the arm may be another than the one by which it keeps clear
+)
 
 
 class Sequencer:
@@ -98,6 +101,7 @@ class Sequencer:
         self._tries = 0
         self._refusals = 0
         self._given_up = 0
+        self._seen = False  # a target, about where the robot file has it
 
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
@@ -215,6 +219,7 @@ class Sequencer:
         self._attempts.measured(attempt, planned, reading, self._nests.world, point)
         if planned.visit.counted:
             self._last = planned.id
+            self._seen = True
             self._gates.measured(planned, point)
             if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
                 self._ask(moved)
@@ -314,9 +319,15 @@ class Sequencer:
             raise error  # without its nests a campaign has no world frame
         self._done_with(planned, "skipped" if last else "deferred", error.message)
         self._given_up += 1
-        if self._given_up >= GIVEN_UP_IN_A_ROW:
-            self._given_up = 0
-            self._consult(error)
+        unseen = planned.base_target is None and not self._seen
+        if self._given_up >= (GIVEN_UP_AT_FIRST if unseen else GIVEN_UP_IN_A_ROW):
+            tries, self._given_up = self._given_up, 0
+            self._seen = True  # by a person who says so
+            self._consult(
+                NothingWhereItShouldBe(f"none of the first {tries} readings could be had: {error.message}")
+                if unseen
+                else error
+            )
 
     def _done_with(self, planned: Planned, status: str, reason: str) -> None:
         self._store.mark(planned.id, status, reason)
