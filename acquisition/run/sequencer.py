@@ -35,7 +35,7 @@ from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
 from acquisition.run.checks.calendar import Calendar
-from acquisition.run.checks.expected import Expectation, as_planned
+from acquisition.run.checks.expected import Anew, Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
@@ -88,7 +88,7 @@ class Sequencer:
         transit, by_hand = Transit(self._placing.cell()), cell.robot.declared.by_hand
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
-        self._checks = BallbarChecks(store, cell)
+        self._checks, self._anew = BallbarChecks(store, cell), Anew()
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -243,6 +243,7 @@ class Sequencer:
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
+        self._anew.refuse_again(reading, expected.world_mm)
         return reading
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
