@@ -145,6 +145,16 @@ class Misplaced(Unmeasurable):
     )
 
 
+class NothingWhereItShouldBe(Refused):
+    """Not one target of the first readings was had: whether the arm is where the robot file says is not known."""
+
+    code = 3113
+    advice = (
+        "Check that robot.model, joint_coupling and the targets in the cell file are those of this arm: the program "
+        "keeps clear only by them. Confirm to go on where it is the line of sight."
+    )
+
+
 class NotResumed(Refused):
     """The campaign is paused or ended, and nobody has asked for it to go on."""
 

@@ -26,7 +26,7 @@ from acquisition.campaign.campaign import Campaign
 from acquisition.cell.bars import Bar, bar_for, bars_of
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
-from acquisition.errors import OtherBalls, WronglySeated
+from acquisition.errors import NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
@@ -35,7 +35,7 @@ from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
 from acquisition.run.checks.calendar import Calendar
-from acquisition.run.checks.expected import Expectation, as_planned
+from acquisition.run.checks.expected import Anew, Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
@@ -52,6 +52,9 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
+GIVEN_UP_AT_FIRST = (
+    3  # before any target was seen: the arm may be another than the one by which it keeps clear
+)
 
 
 class Sequencer:
@@ -85,7 +88,7 @@ class Sequencer:
         transit, by_hand = Transit(self._placing.cell()), cell.robot.declared.by_hand
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
-        self._checks = BallbarChecks(store, cell)
+        self._checks, self._anew = BallbarChecks(store, cell), Anew()
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -98,6 +101,7 @@ class Sequencer:
         self._tries = 0
         self._refusals = 0
         self._given_up = 0
+        self._seen = False  # a target, about where the robot file has it
 
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
@@ -215,6 +219,7 @@ class Sequencer:
         self._attempts.measured(attempt, planned, reading, self._nests.world, point)
         if planned.visit.counted:
             self._last = planned.id
+            self._seen = True
             self._gates.measured(planned, point)
             if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
                 self._ask(moved)
@@ -238,6 +243,7 @@ class Sequencer:
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
+        self._anew.refuse_again(reading, expected.world_mm)
         return reading
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
@@ -314,9 +320,15 @@ class Sequencer:
             raise error  # without its nests a campaign has no world frame
         self._done_with(planned, "skipped" if last else "deferred", error.message)
         self._given_up += 1
-        if self._given_up >= GIVEN_UP_IN_A_ROW:
-            self._given_up = 0
-            self._consult(error)
+        unseen = planned.base_target is None and not self._seen
+        if self._given_up >= (GIVEN_UP_AT_FIRST if unseen else GIVEN_UP_IN_A_ROW):
+            tries, self._given_up = self._given_up, 0
+            self._seen = True  # by a person who says so
+            self._consult(
+                NothingWhereItShouldBe(f"none of the first {tries} readings could be had: {error.message}")
+                if unseen
+                else error
+            )
 
     def _done_with(self, planned: Planned, status: str, reason: str) -> None:
         self._store.mark(planned.id, status, reason)

@@ -176,10 +176,22 @@ class AbbArm:
                 self._calsrv.raise_if_unfit(self._calsrv.status(), "connect")
 
     def identify(self) -> Identity:
-        """Serial number, RobotWare and type. Raises LinkError, CommandRefused."""
-        found = self._main.ask(98, (), _IDENTITY, quiet_s=self.deadlines.quiet_s)
-        serial, firmware, model = (part.decode("latin-1").strip() for part in found.groups())
+        """Serial number, RobotWare and type. Raises LinkError, CommandRefused.
+
+        Asked until two answers agree, as for positions: by it a record knows its robot, and others are refused.
+        """
+        found = self._asked_who()
+        for _ in range(_MOST_LOOKS):
+            before, found = found, self._asked_who()
+            if found == before:
+                break
+        else:
+            raise self._damaged("no two answers say the same robot", "identify", b"*".join(found))
+        serial, firmware, model = (part.decode("latin-1").strip() for part in found)
         return Identity("ABB", model, serial, firmware, self.dialect)
+
+    def _asked_who(self) -> tuple[bytes, ...]:
+        return self._main.ask(98, (), _IDENTITY, quiet_s=self.deadlines.quiet_s).groups()
 
     # -- arming -------------------------------------------------------------------------------------------
 

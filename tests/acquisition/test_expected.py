@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +12,9 @@ import pytest
 
 from acquisition.errors import Misplaced, WronglySeated
 from acquisition.record.event import Event
-from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
-from drivers.interfaces import Answer, Identity, JointReading, Prompt
-from tests.acquisition.fakes import FakeArm, SeatingOperator
+from drivers.errors import AcquisitionError, Busy, LinkLost, NoisyMeasurement, WrongMode
+from drivers.interfaces import Answer, Identity, JointReading, PointReading, Prompt
+from tests.acquisition.fakes import FakeArm, FakeMeter, SeatingOperator
 from tests.acquisition.stage import Stage
 
 WARM_UP_S = 3600.0
@@ -60,6 +62,35 @@ def test_an_smr_in_the_wrong_nest_is_told(stages: Callable[..., Stage]) -> None:
     assert asked_next == "Seat the SMR in T1 and press confirm."
     assert codes(events) == [WronglySeated.code]
     assert stage.run.status().skipped == 0
+
+
+def test_a_point_that_is_sent_again_is_not_the_next_one(
+    stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of a sweep are smaller than what a target may be off: only its last digit tells a bridge that repeats."""
+    block = {
+        "kind": "sweep",
+        "joint": 1,
+        "at_deg": [0.0, 20.0, 20.0, 0.0, 40.0, 0.0],
+        "range_deg": [0.0, 8.0],
+    }
+    stage = stages(block=[block | {"step_deg": 2.0, "both_ways": False, "targets": ["T1"]}])
+    measure = FakeMeter.measure
+    sent: list[PointReading] = []
+
+    def frozen_once(meter: FakeMeter, target: str, **asked: Any) -> PointReading:
+        seen = measure(meter, target, **asked)
+        sent.append(replace(seen, xyz_mm=sent[-1].xyz_mm) if len(sent) == 5 else seen)
+        return sent[-1]
+
+    monkeypatch.setattr(FakeMeter, "measure", frozen_once)
+    events: list[Event] = []
+    assert stage.execute(events.append).state.value == "succeeded"
+    assert codes(events) == [NoisyMeasurement.code]
+    assert stage.run.status().skipped == 0
+    points = [event.data["tracker_mm"] for event in events if event.kind == "reading"][3:]
+    assert len(points) == 5
+    assert all(one != other for one, other in pairwise(points))
 
 
 def test_a_beam_on_the_neighbouring_smr_is_tried_again(stages: Callable[..., Stage]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -201,6 +202,28 @@ def test_nothing_measurable_is_a_failure(stage: Stage) -> None:
     stage.bench.hidden = {"T1", "T2", "T3"}
     outcome = stage.execute()
     assert (outcome.state.value, outcome.exit_code) == ("failed", 1)
+
+
+def test_an_arm_that_is_seen_nowhere_is_not_driven_on(stage: Stage) -> None:
+    """Another robot file, a coupling left out: every check of clearance is then about an arm that is not there."""
+    stage.bench.hidden = {"T1", "T2", "T3"}
+    stage.operator = TerminalOperator(io.StringIO())  # nobody is there
+    outcome = stage.execute()
+    assert outcome.state.value == "paused"
+    tries = [name for name in stage.bench.log if name.startswith("measure T")]
+    assert len(tries) == 3 * 2  # three readings, each tried twice
+    prompt = [event for event in stage.run.events() if event.kind == "prompt"][-1]
+    assert "none of the first 3 readings" in prompt.data["text"]
+    assert "joint_coupling" in prompt.data["text"]
+
+
+def test_a_person_may_say_that_it_is_the_line_of_sight(stage: Stage) -> None:
+    stage.bench.hidden = {"T1", "T2"}
+    assert stage.execute().state.value == "succeeded"
+    assert ["none of the first" in text for text in stage.operator.asked] == [
+        True
+    ]  # once, and not of the readings since
+    assert stage.run.status().skipped == 4
 
 
 def test_refused_asks_and_goes_on_when_confirmed(stage: Stage) -> None:

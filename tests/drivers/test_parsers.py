@@ -150,6 +150,20 @@ def test_any_bytes_as_open_abb(data: bytes) -> None:
         assert [float(field) for field in data.split()] == [4.0, 1.0, *joints]
 
 
+def test_who_a_robot_is_takes_two_answers_that_agree() -> None:
+    """One digit of a serial number changed on the way, and the record would refuse its own robot from then on."""
+    damaged, good = b"98 1 120-5O0017*6.08*IRB 120-3/0.6", b"98 1 120-500017*6.08*IRB 120-3/0.6"
+    arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=5.0, quiet_s=0.01))
+    with hearing(arm._main.link, *(each for said in (damaged, good, good) for each in (said, b"0 1 ")), b""):
+        assert arm.identify().serial == "120-500017"
+    others = (b"98 1 120-%06d*6.08*IRB 120-3/0.6" % k for k in range(4))
+    with (
+        hearing(arm._main.link, *(each for said in others for each in (said, b"0 1 ")), b""),
+        pytest.raises(ProtocolError, match="no two answers"),
+    ):
+        arm.identify()
+
+
 @given(st.binary(min_size=1, max_size=20), st.integers(0, len(STOCK) - 1))
 def test_more_or_less_than_an_answer_of_open_abb(more: bytes, length: int) -> None:
     assert stock_position(STOCK, b"0 1 ") == (10.5, -20.25, 0.0, -0.13, 90.0, -179.99)

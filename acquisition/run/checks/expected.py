@@ -14,7 +14,10 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, WronglySeated
 from acquisition.record.planned import Planned
+from drivers.errors import NoisyMeasurement
 from drivers.interfaces import PointReading
+
+_SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some millimetres to a hundredth
 
 
 class Expectation:
@@ -52,6 +55,28 @@ class Expectation:
             command=f"measure {self._target}",
             raw=reading.raw,
         )
+
+
+class Anew:
+    """The check that the instrument measured anew: a target that has moved is never seen in the same place to the last
+    digit. A bridge that sends its last point again under a new time would go unseen where steps are small."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[tuple[float, float, float], Array]] = {}  # of each target
+
+    def refuse_again(self, reading: PointReading, expected_mm: Array) -> None:
+        """`expected_mm` (3,), world: where the target should be. Raises NoisyMeasurement."""
+        last_mm, last_expected_mm = self._last.get(reading.target, (None, expected_mm))
+        if reading.xyz_mm == last_mm:
+            moved_mm = float(np.linalg.norm(expected_mm - last_expected_mm))
+            if moved_mm > _SURELY_MOVED_MM:
+                raise NoisyMeasurement(
+                    f"the same point to the last digit as before, though it should be {moved_mm:.1f} mm from there",
+                    device="instrument",
+                    command="measure",
+                    raw=reading.raw,
+                )
+        self._last[reading.target] = reading.xyz_mm, expected_mm
 
 
 def as_planned(cell: Cell, planned: Planned, stands_deg: Sequence[float], world_mm: Array) -> list[float]:
