@@ -1,4 +1,4 @@
-"""The silence that a watchdog waits for: on the wall, for it guards the link, and only while the simulator has its turn.
+"""The silence that a watchdog waits for: on the wall, for it guards the link, and only while a simulator has its turn.
 
 No other program keeps a controller from its turn; a simulator is kept from it for seconds where the machine is busy.
 Meanwhile words wait in its sockets, and moves are over that nobody has ended. So silence is counted in pieces, each
