@@ -50,9 +50,10 @@ fuzz: $(VENV)/.installed
 	$(BIN)/python -m tests.fuzz 3600
 	$(BIN)/python -m pytest tests/drivers tests/fuzz/test_requests.py -k test_any --hypothesis-profile=fuzz --timeout=0
 
-# Every driver under every fault of the proxy, 400 questions each, about a quarter of an hour.
+# Every driver under every fault of the proxy, 400 questions each, about a quarter of an hour; and `make test`'s sample whole.
 conformance: $(VENV)/.installed
 	$(BIN)/python -m tests.conformance
+	$(BIN)/python -m pytest -n $(JOBS) tests/conformance/test_faults.py --whole
 
 # Each change of a list that breaks the program, in a copy: do the tests notice? About half an hour.
 sabotage: $(VENV)/.installed

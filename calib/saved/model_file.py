@@ -36,6 +36,7 @@ from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.model.stated import StatedConditions
 from calib.regression.regression import Regression
+from calib.saved.document import FORMAT, model_document, scope_of
 from calib.saved.model_checks import (
     covariance_of,
     dropped_of,
@@ -47,7 +48,6 @@ from calib.saved.model_checks import (
     refuse_other_table,
     rigid,
 )
-from calib.saved.document import FORMAT, model_document, scope_of
 from calib.saved.regression import refuse_unlikely_shift, regression_of
 from calib.text.files import replace_file
 from calib.text.json_text import read_json

@@ -15,8 +15,8 @@ import numpy as np
 
 from calib.array import Array
 from calib.model.model import RobotModel
-from calib.saved.model_checks import content_hash
 from calib.saved.document import parameters_of, triangle
+from calib.saved.model_checks import content_hash
 from calib.text.files import replace_file
 from calib.text.json_text import read_json
 from calib.text.program import written_by

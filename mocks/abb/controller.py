@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from mocks.shared.arm_device import ArmDevice, Outcome
 from mocks.shared.clock import CellClock
+from mocks.shared.silence import silence
 from mocks.shared.sockets import drop
 from mocks.world.robots import Robot
 
@@ -53,7 +54,7 @@ class AbbController:
         )
         self._watchdog_s = 0.0
         self._settle_s = 0.0
-        self._last_word = time.monotonic()  # of the client; the watchdog guards the link, so: on the wall
+        self._last_word = time.monotonic()  # of the client
         self._stop_asked = False
         self._watchdog_acted = False
         self._restarted = asyncio.Event()
@@ -279,8 +280,6 @@ class AbbController:
 
     async def _guard(self) -> None:
         """Watchdog: stops the arm when no word came from the client for too long."""
-        self._last_word = time.monotonic()
-        while (left := self._last_word + self._watchdog_s - time.monotonic()) > 0:
-            await asyncio.sleep(left)
+        await silence(self._watchdog_s, lambda: self._last_word)
         self._watchdog_acted = True
         self.arm.halt()

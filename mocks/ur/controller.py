@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import QUICKEST_S, CellClock, Past
+from mocks.shared.silence import silence
 from mocks.shared.sockets import Endpoint, Handler, Servers
 from mocks.ur.packets import (
     Dh,
@@ -201,14 +201,8 @@ class UrController:
         return self.can_run
 
     async def _guard(self, variable_name: str, min_frequency: float, action: str) -> None:
-        """Watchdog over a link, so on the clock of the wall: without an update for too long it acts."""
-        begun = time.monotonic()
-        while (
-            left := max(self.registers.received_s(variable_name), begun)
-            + 1 / min_frequency
-            - time.monotonic()
-        ) > 0:
-            await asyncio.sleep(left)
+        """Watchdog over a link: without an update for too long it acts."""
+        await silence(1 / min_frequency, lambda: self.registers.received.get(variable_name))
         if action != "ignore":
             self._abort()
 

@@ -28,7 +28,7 @@ class Registers:
         self._integers: Past[dict[int, int]] = Past(now, {})
         self._doubles: Past[dict[int, float]] = Past(now, {})
         self._owners: dict[str, object] = {}
-        self.received: dict[str, float] = {}
+        self.received: dict[str, float] = {}  # input: when, on the clock of the wall
 
     @property
     def integers(self) -> dict[int, int]:
@@ -78,10 +78,6 @@ class Registers:
             self.received[name] = time.monotonic()
             self.inputs[_INPUTS[name]] = value
         self.input_changed.set()
-
-    def received_s(self, name: str) -> float:
-        """Time of the last value of the input on the clock of the wall; 0 where there was none."""
-        return self.received.get(name, 0.0)
 
 
 _INPUTS = {f"input_int_register_{i}": i for i in range(COUNT)}

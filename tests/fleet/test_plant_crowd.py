@@ -42,9 +42,7 @@ async def upload(app: Any, receive: Callable[[], Awaitable[Any]]) -> tuple[int, 
     return told[0]["status"], json.loads(told[1]["body"])
 
 
-def test_whoever_falls_silent_in_an_upload_is_let_go(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whoever_falls_silent_in_an_upload_is_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(routes, "PIECE_S", 0.05)
 
     async def silent() -> tuple[int, dict[str, Any]]:

@@ -200,4 +200,18 @@ CHANGES = (
         "a run reads its whole plan in the process that has to hear a stop",
         ("tests/service/test_forecasts.py",),
     ),
+    Change(
+        "service/http/runs/book.py",
+        "            self._let_begin(name)\n",
+        "",
+        "a run that was resumed is shown as it rested",
+        ("tests/service/test_going_on.py",),
+    ),
+    Change(
+        "service/http/runs/loop_work.py",
+        "            self._changed.wait_for(self._goes_on, BEGIN_S)\n",
+        "",
+        "a loop that was resumed is shown as it rested",
+        ("tests/service/test_loop_work.py",),
+    ),
 )

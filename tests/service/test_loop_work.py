@@ -98,6 +98,7 @@ def test_a_pause_between_two_runs_rests_before_the_next_moves(stage: Stage) -> N
     assert stage.bench.calls == 0
     work.pause("anna")  # already
     work.resume(Lease("bert", 30.0, LeaseClock()))
+    assert work.document["state"] != "paused"  # nobody takes the old pause for the next one
     until(lambda: work.document["state"] == "succeeded")
     assert work.document["runs"] == ["the-loop-campaign-2"]
     shown = stage.book.document("the-loop-campaign-2")

@@ -48,6 +48,7 @@ PAUSE_S = 2.0
 REST_S = 3.0  # for that; then the robot is halted
 STOP_S = 60.0  # longer than any deadline of a device
 FINISH_S = 5.0
+BEGIN_S = 30.0  # from an order to go on until a run does: the robot's name is looked up, its lock and the record taken
 SERVICE_ENDS = "The service was ended."
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 
@@ -113,12 +114,13 @@ class Book:
     def document(self, name: str, *, at_once: bool = False) -> dict[str, Any]:
         """The contract's document of a run. Raises Problem 404.
 
-        at_once: without waiting for a run that is just ending, for the answer to a stop.
+        at_once: without waiting for a run that is just beginning or ending, for the answer to a stop.
         """
         self._known(name)
         if (known := self._damaged.document(name)) is not None:
             return known
         if not at_once:
+            self._let_begin(name)
             self._let_finish(name)
         with self._mutex:
             run, error = self._runs.get(name), self._errors.get(name)
@@ -129,6 +131,12 @@ class Book:
         except StorageError as damage:  # since the service was started
             return self._damaged.set_aside(name, damage)
         return run_document(name, status, error=error)
+
+    def _let_begin(self, name: str) -> None:
+        """A run that was let go on is shown once it does: for what it rested before is not why it rests."""
+        execution = self._execution
+        if execution is not None and execution.run_id == name and not execution.loop_id:
+            execution.begun.wait(BEGIN_S)
 
     def _let_finish(self, name: str) -> None:
         """A run that has just ended its execution is shown once robot and record are free again."""

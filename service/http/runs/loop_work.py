@@ -24,7 +24,7 @@ from calib.diagnose import Diagnosis
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.book import SERVICE_ENDS, Book
+from service.http.runs.book import BEGIN_S, SERVICE_ENDS, Book
 from service.http.runs.loop_status import LoopStatus
 from service.http.wire import problems
 from service.http.wire.problems import Problem
@@ -194,7 +194,7 @@ class LoopWork:
             self._book.pause_all(by, reason)
 
     def resume(self, lease: Lease, accepted: Acceptance | None = None) -> None:
-        """Go on, by leave of whoever has the lease. Raises Problem 409 where the loop is not paused.
+        """Go on, by leave of whoever has the lease; back when the loop does. Raises Problem 409 where it is not paused.
 
         accepted: another robot or instrument than that of the loop's first campaign.
         """
@@ -208,6 +208,11 @@ class LoopWork:
                 )
             self._lease, self._accepted, self._pausing = lease, accepted, ""
             self._changed.notify_all()
+            self._changed.wait_for(self._goes_on, BEGIN_S)
+
+    def _goes_on(self) -> bool:
+        """Whether an order to go on has been obeyed, or another one came behind it."""
+        return self._status.state is not State.PAUSED or bool(self._pausing or self._ending)
 
     def stop(self, by: str) -> list[AcquisitionError]:
         """Halt the robot now and end the loop. Returns what could not be stopped."""

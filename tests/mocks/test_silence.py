@@ -1,0 +1,37 @@
+"""The watchdog of a simulated controller barks at a client that is silent, and not because the machine is busy."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from mocks.shared.silence import PIECES, silence
+
+
+def test_whoever_is_kept_from_its_turn_does_not_take_it_for_silence() -> None:
+    async def scene() -> bool:
+        guard = asyncio.create_task(silence(0.1, lambda: 0))
+        move = asyncio.create_task(asyncio.sleep(0.05))
+        await asyncio.sleep(0)
+        time.sleep(0.3)  # the machine does other things
+        await move
+        barked = guard.done()
+        await guard
+        return barked
+
+    assert asyncio.run(scene()) is False
+
+
+def test_silence_is_counted_from_the_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    naps: list[float] = []
+
+    async def nap(seconds: float) -> None:
+        naps.append(seconds)
+
+    monkeypatch.setattr(asyncio, "sleep", nap)
+    words = [2 * PIECES // 3, 3 * PIECES // 2]  # the naps in which the client speaks
+    asyncio.run(silence(2.0, lambda: sum(len(naps) >= word for word in words)))
+    assert len(naps) == words[-1] + PIECES
+    assert sum(naps[words[-1] :]) == pytest.approx(2.0)

@@ -1,0 +1,62 @@
+"""What was let go on is never shown as it rested: who waits for its next pause would take the old one for it."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import Future
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from acquisition import Cell, Devices, Lease, checked_plan
+from acquisition.run import Forecast
+from service.http.runs.book import Book
+from service.http.work.workers import Workers
+from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
+from tests.drivers.waiting import PATIENCE_S, until
+
+
+def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = a_cell(simulation={"time_scale": 1000.0})
+    bench, lease, asked = Bench(cell), Lease("anna", 3600.0), threading.Event()
+
+    def open_devices(_: Cell) -> Devices:
+        return devices_of(bench)
+
+    def slowly(_: Path) -> Future[Forecast]:
+        """As long as nobody has asked how the run is, it does not begin."""
+        asked.wait(PATIENCE_S)
+        return Future()
+
+    with (
+        closing(Workers(1, waiting=0)) as workers,
+        closing(Book(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
+    ):
+        campaign = a_campaign(settle_s=0.0)
+        bench.faults[10] = lambda: book.pause(str(book.busy_with), by="anna")
+        asked.set()
+        name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", lease)
+        until(lambda: book.busy_with is None)
+        rested = book.document(name)
+        assert (rested["state"], rested["reason"]) == ("paused", "Paused on request.")
+        asked.clear()
+        monkeypatch.setattr(book, "foresee", slowly)
+        book.resume(name, cell, lease)
+        begun = book._execution.begun if book._execution is not None else threading.Event()
+        in_time = begun.wait
+
+        def wait(seconds: float) -> bool:
+            asked.set()
+            return in_time(PATIENCE_S)
+
+        monkeypatch.setattr(begun, "wait", wait)
+        try:
+            shown = book.document(name)
+        finally:
+            asked.set()
+        assert shown["state"] in ("running", "succeeded")
+        until(lambda: book.busy_with is None)
+        assert book.document(name)["state"] == "succeeded"
