@@ -15,6 +15,8 @@ import { scenePicture } from "./scene.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
+// Reasons of the service that are met every day, in the words of the page.
+const FREQUENT = { "Paused on request.": "pausedOnRequest", "The service was ended.": "serviceEnded" };
 const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000, LIST_MS = 5000;
 
 // A point where it would be at the joints planned: a robot driven by hand stands beside them. Old records do not say.
@@ -99,7 +101,8 @@ export function open(root, id) {
     const active = ["running", "waiting_for_operator"].includes(run.state), looking = looksOn(), { silent } = connection;
     says.textContent = `${sign(run.state)} ${state(run.state)}${run.dry_run ? ` (${t("dryRunShort")})` : ""}`;
     says.dataset.state = run.state;
-    why.textContent = run.prompt ? "" : run.reason; why.lang = "en";
+    const mine = t(FREQUENT[run.reason] || "");
+    why.textContent = run.prompt ? "" : mine || run.reason; why.lang = mine ? document.documentElement.lang : "en";
     step.textContent = desk.loop && run.id.startsWith(desk.loop.id) ? `${t("loop")}: ${desk.loop.step}` : "";
     bar.max = Math.max(run.total, 1); bar.value = run.done;
     done.textContent = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : "");

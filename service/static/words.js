@@ -128,6 +128,7 @@ const WORDS = {
   readingsDone: ["Readings done", "Gemachte Messungen"],
   doneOf: ["{done} of {total} readings", "{done} von {total} Messungen"],
   skippedOf: ["{n} skipped", "{n} ausgelassen"],
+  pausedOnRequest: ["Paused on request.", "Auf Wunsch pausiert."], serviceEnded: ["The service was ended.", "Der Dienst wurde beendet."],
   pause: ["Pause", "Pausieren"], resume: ["Resume", "Fortsetzen"],
   restation: ["The instrument is moved", "Das Messgerät wird versetzt"],
   accept: ["Go on with the other one", "Mit dem anderen fortfahren"],

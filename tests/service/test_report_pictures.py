@@ -6,7 +6,9 @@ that is drawn, and structure drawn in the wrong place.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +30,7 @@ from calib.model.regressors import Side
 from calib.scan import Candidate, Harmonics, Shapes
 from calib.scan.space import Space
 from calib.units import DEG
-from service.report.figures import structure
+from service.report.figures import drawing, structure
 from service.report.figures.drawing import FITTED
 from service.report.figures.panels import Panel, of_effect, of_joint
 from service.report.figures.quantities import quantity_of
@@ -282,3 +284,20 @@ def test_residual_vectors_are_measured_less_predicted(tmp_path: Path) -> None:
     expected = dataset.points[rows] - final.predict(dataset.conditions.take(rows))
     np.testing.assert_allclose(left[: len(rows)], expected)
     assert len(left) == len(rows) + int(dataset.validation_rows.sum())
+
+
+def test_dots_lie_where_they_are_and_are_round_in_a_report() -> None:
+    drawn, (axes,) = drawing.figure(4.0, 2.0)
+    drawing.dots(axes, np.array([0.0, 5.0, 10.0, 99.0]), np.array([0.0, 1.0, 2.0, 1.0]), size=2.0, alpha=0.5)
+    axes.set_xlim(0.0, 10.0)
+    axes.set_ylim(0.0, 2.0)
+    svg = drawing.as_svg(drawn, "n", "dots")
+    places = np.array(re.findall(r'<path d="M(\S+) (\S+)h.01"/>', svg), float)
+    box = axes.get_position()
+    width, height = 4.0 * 72.0, 2.0 * 72.0
+    across = width * (box.x0 + box.width * np.array([0.0, 0.5, 1.0]))
+    down = height * (1.0 - box.y0 - box.height * np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(places, np.column_stack([across, down]), atol=0.051)  # the fourth is outside
+    css = (files("service") / "templates" / "report.css").read_text("utf-8")
+    assert css.index("figure svg .dots * { stroke-linecap: round; }") > css.index("figure svg * { ")
+    assert '<g class="dots"' in svg
