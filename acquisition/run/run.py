@@ -14,7 +14,7 @@ import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from acquisition.campaign.campaign import Campaign, campaign_of_record
@@ -30,6 +30,7 @@ from acquisition.record.individuals import Acceptance, Individual, Individuals
 from acquisition.record.states import State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock, ScaledClock
+from acquisition.run.execution import Execution
 from acquisition.run.foresight import Foresee, at_once
 from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.run.orders.lease import Lease
@@ -57,17 +58,6 @@ def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
     return visits
 
 
-@dataclass
-class _Execution:
-    """The parts of a run that live only while devices are in use."""
-
-    control: Control
-    rig: Rig
-    desk: Desk
-    pace: Pace
-    noting: Noting
-
-
 class Run:
     """A record and, while it executes, its devices."""
 
@@ -76,7 +66,7 @@ class Run:
         self.cell = cell
         self.campaign = campaign
         self._mutex = threading.Lock()  # who executes; taken for moments only
-        self._execution: _Execution | None = None
+        self._execution: Execution | None = None
         self._resumed = False
         self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
         self._mover: Mover | None = None
@@ -204,7 +194,7 @@ class Run:
                 error = self._end(ending, reason) or error
         return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 
-    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> _Execution:
+    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> Execution:
         forecast = foresee(self.folder)  # before the mutex, which a stop needs: it may take its time
         with self._mutex:
             state = self._store.state
@@ -222,7 +212,7 @@ class Run:
                 Attempts(self._store), devices.operator, control, self.folder / PROMPT, devices.person
             )
             done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
-            self._execution = _Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
+            self._execution = Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
             return self._execution
 
     def _end(self, ending: State, reason: str) -> StorageError | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,12 @@ from acquisition import (
     read_status,
 )
 from acquisition.campaign import Visit
-from acquisition.errors import RecordError, RecordInUse, StorageError
+from acquisition.errors import RecordError, StorageError
 from acquisition.record import Acceptance
 from acquisition.run import ON_REQUEST
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, refused
-from service.http.runs.damage import Damaged, holds_a_record, look_through, unreadable
+from service.http.runs.damage import Damaged, look_through
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import Execution
 from service.http.runs.forecasts import Forecasts
@@ -80,19 +80,12 @@ class Book:
 
     def _recover(self, name: str) -> None:
         folder = self._folder / name
-        try:
+        with self._damaged.met(name):
             if self._dry_runs.document(name) is not None:
                 return
             look_through(folder)
             if State(self._look(name).state).active:
                 self._runs[name] = Run.open(folder)
-        except RecordInUse:
-            return  # the command line runs it; it can be looked at
-        except AcquisitionError as error:
-            if holds_a_record(folder):
-                self._damaged.set_aside(name, error)
-        except OSError as error:
-            self._damaged.set_aside(name, unreadable(folder, error))
 
     def _look(self, name: str) -> RunStatus:
         return read_status(self._folder / name)
@@ -105,10 +98,8 @@ class Book:
         """Every run, newest first; folders that hold none are left out."""
         out = []
         for name in self.ids():
-            try:
+            with suppress(RecordError):
                 out.append(self.document(name))
-            except RecordError:
-                continue
         return out
 
     def document(self, name: str, *, at_once: bool = False) -> dict[str, Any]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from acquisition import RunStatus, State
-from acquisition.errors import DamagedRecord, StorageError
+from acquisition.errors import DamagedRecord, RecordInUse, StorageError
 from acquisition.record import FILE, Salvage, Store, salvage
 from drivers.errors import AcquisitionError
 from service.http.runs.run_document import run_document
@@ -48,6 +50,23 @@ class Damaged:
         if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
             self._documents[name] = document  # else it may be another thing the next time
         return document
+
+    @contextmanager
+    def met(self, name: str) -> Iterator[None]:
+        """A run is looked at for the first time within this block: what is damaged is set aside, no errors come out.
+
+        One that another program runs is not damaged: it can be looked at.
+        """
+        folder = self._folder / name
+        try:
+            yield
+        except RecordInUse:
+            pass
+        except AcquisitionError as error:
+            if holds_a_record(folder):
+                self.set_aside(name, error)
+        except OSError as error:
+            self.set_aside(name, unreadable(folder, error))
 
     def document(self, name: str) -> dict[str, Any] | None:
         """The document of a run that was set aside; None of any other."""
