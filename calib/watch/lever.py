@@ -27,7 +27,7 @@ def lever_needed(ways: Ways, visits: Visits, rounds: Rounds, label: str, lever_m
     x, y, z = targets[name]
     if others or not np.isclose(np.hypot(x, y), lever_mm, rtol=0.01):
         return None
-    factor = 1.0
+    factor, short = 1.0, np.inf
     for _ in range(_STEPS):
         if factor * lever_mm > _FARTHEST_MM:
             return None

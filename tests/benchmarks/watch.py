@@ -2,10 +2,10 @@
 
 Arms, effects, repeatability and tracker are those of `mocks.world`. Each arm is calibrated with 60 poses of three
 targets and 20 to judge by, diagnosed, and watched with 10 poses of one target, as often as the plan finds that all of
-these are seen, and once more with one reading each: nothing changed, a tool bumped by 0.1
-mm, a zero lost by 0.01 deg, a base moved by 0.1 mm, play of 0.01 deg, 0.5 kg more on the flange. Frame and station are
-the same throughout. Verdicts are those of the linear odds, many watches at once; the first of each kind goes through `judge` as well, its
-model is updated, and the arm is calibrated anew as it was at first (with its tool freed where that moved).
+these are seen, and once more with one reading each: nothing changed, a tool bumped by 0.1 mm, a zero lost by 0.01 deg,
+a base moved by 0.1 mm, play of 0.01 deg, 0.5 kg more on the flange. Frame and station are the same throughout. Verdicts
+are those of the linear odds, many watches at once; the first of each kind goes through `judge` as well, its model is
+updated, and the arm is calibrated anew as it was at first (with its tool freed where that moved).
 """
 
 from __future__ import annotations
@@ -140,7 +140,8 @@ def _counted(
     often: int | None,
     kinds: Sequence[str] = KINDS,
 ) -> tuple[Counted, Errors, int]:
-    """What watches show of each kind, by the plan of `planned_for`; errors of updated and new models; how often `judge` and the odds disagree."""
+    """What watches show of each kind, by the plan of `planned_for`; errors of updated and new models; how often `judge`
+    and the odds disagree."""
     counts: Counted = {kind: [] for kind in kinds}
     errors: Errors = {kind: [] for kind in kinds[1:]}
     check = None
