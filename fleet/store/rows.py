@@ -166,6 +166,7 @@ def _effect(rank: int, entry: Mapping[str, Any]) -> dict[str, Any]:
 def _text(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{value!r} is no text")
+    value.encode()  # JSON may hold half a letter, which no database takes
     return value.replace("\0", " ")[:_TEXT]
 
 

@@ -127,8 +127,13 @@ def test_what_cannot_be_meant_is_refused_by_key(client: TestClient, other: dict[
     assert answer.json()["what_to_do"]
 
 
+HALF_A_LETTER = documents.model({"d1": 1.0}).content.replace(b'"d1"', rb'"d1\ud800"')
+
+
 @pytest.mark.parametrize(
-    "content", [b"{", b"[]", b'{"format": "truepose-model/9"}', b"\xff\xfe", b"", b"[" * 100_000]
+    "content",
+    [b"{", b"[]", b'{"format": "truepose-model/9"}', b"\xff\xfe", b"", b"[" * 100_000, HALF_A_LETTER],
+    ids=["brace", "list", "newer", "no text", "empty", "nested", "half a letter"],
 )
 def test_what_is_no_document_is_refused(client: TestClient, lite: Store, content: bytes) -> None:
     path = f"/api/v1/documents/{hashlib.sha256(content).hexdigest()}"
