@@ -153,7 +153,7 @@ def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) 
     for i in range(questions):
         if not spoiling:
             rig.start_again()
-            rig.hurry()
+            rig.hurry(requests=True)
             rig.proxy.spoil(fault, times=None, rate=rate)
             spoiling = True
         try:

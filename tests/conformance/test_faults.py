@@ -67,7 +67,7 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, pytestconfig: pytest.
     name, rig = named_rig
     if (name, fault) in UNDETECTABLE:
         return
-    for after in places(name, fault, whole=pytestconfig.getoption("whole")):
+    for after in places(name, fault, whole=bool(pytestconfig.getoption("whole"))):
         one_fault(rig, fault, after, quiet=(name, fault) in QUIET)
 
 
