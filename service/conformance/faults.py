@@ -98,15 +98,17 @@ def explained(error: AcquisitionError, rig: Rig) -> None:
     hold(bool(error.what_to_do), f"{name} does not say what to do")
 
 
-def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.03) -> tuple[int, int]:
-    """Put 120 questions, messages spoiled by any of the faults. How many were answered, and failed. Raises Broken."""
+def many_questions(
+    rig: Rig, faults: Sequence[str], *, questions: int = MANY, rate: float = 0.03
+) -> tuple[int, int]:
+    """Put questions, messages spoiled by any of the faults. How many were answered, and failed. Raises Broken."""
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
     rig.hurry()
     rig.proxy.spoil(*faults, times=None, rate=rate)
     good = bad = 0
-    for i in range(MANY):
+    for i in range(questions):
         try:
             right(rig, i)
             good += 1
@@ -117,8 +119,8 @@ def many_questions(rig: Rig, faults: Sequence[str], *, rate: float = 0.03) -> tu
             rig.restart()
             rig.hurry()
             rig.proxy.spoil(*faults, times=None, rate=rate)
-    hold(good > MANY // 6, f"only {good} of {MANY} questions were answered")
-    hold(bad > 2, f"only {bad} of {MANY} questions met a fault")
+    hold(good > questions // 6, f"only {good} of {questions} questions were answered")
+    hold(bad > 2, f"only {bad} of {questions} questions met a fault")
     return good, bad
 
 
@@ -153,7 +155,7 @@ def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) 
     for i in range(questions):
         if not spoiling:
             rig.start_again()
-            rig.hurry()
+            rig.hurry(requests=True)
             rig.proxy.spoil(fault, times=None, rate=rate)
             spoiling = True
         try:

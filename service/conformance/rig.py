@@ -23,6 +23,7 @@ class Rig:
 
     `do`: an order to the simulator by its name (`restart`, `clock_step` with `by_s`). `patient` and `hasty`: values of
     the driver's `deadlines`, the second so short that a lost answer costs little time; None where it has none.
+    `hasty_requests`: the same where requests are lost; None: as `hasty`.
     `elsewhere`: where the arm was sent though nobody asked for it (deg, model angles).
     """
 
@@ -35,6 +36,7 @@ class Rig:
     patient: object
     hasty: object
     elsewhere: Callable[[], list[tuple[float, ...]]] = list
+    hasty_requests: object = None
 
     def start_again(self) -> None:
         """No more faults; somebody has looked at the robot, and its program runs again."""
@@ -57,9 +59,10 @@ class Rig:
             else:
                 return
 
-    def hurry(self) -> None:
-        if self.hasty is not None:
-            self.driver.deadlines = self.hasty
+    def hurry(self, *, requests: bool = False) -> None:
+        hasty = self.hasty_requests if requests and self.hasty_requests is not None else self.hasty
+        if hasty is not None:
+            self.driver.deadlines = hasty
 
     def be_patient(self) -> None:
         if self.patient is not None:

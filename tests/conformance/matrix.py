@@ -71,7 +71,7 @@ def _restart(rig: Rig, name: str, fault: str, rate: float) -> None:
     """Work again, then spoil again."""
     rig.start_again()
     if _hasty(name, fault):
-        rig.hurry()
+        rig.hurry(requests=fault in REQUEST_FAULTS)
     rig.proxy.spoil(fault, times=None, rate=rate)
 
 

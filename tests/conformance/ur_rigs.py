@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 
 from drivers import UrArm, UrDeadlines
@@ -16,7 +17,11 @@ from tests.conformance.truth import SCALE, sent_elsewhere
 PATIENT_UR = UrDeadlines(
     connect_s=30.0, send_s=30.0, reply_s=30.0, start_s=30.0, settle_s=30.0, stop_s=30.0, move_margin_s=30.0
 )
-HASTY_UR = UrDeadlines(reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3)
+# A program that was lost does not begin; one whose answers are spoiled does, however busy the machine.
+HASTY_REQUESTS = UrDeadlines(
+    reply_s=0.3, start_s=0.3, stop_s=0.3, settle_s=0.3, move_factor=0.0, move_margin_s=0.3
+)
+HASTY_UR = replace(HASTY_REQUESTS, start_s=3.0)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 
 
@@ -49,7 +54,9 @@ def ur_rig(stack: ExitStack, proxied: str, feed: str) -> Rig:
 
     longest_s = 2 * HASTY_UR.reply_s + 2 * HASTY_UR.stop_s + HASTY_UR.start_s + HASTY_UR.move_margin_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
-    return Rig(arm, proxy, cell.do, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere)
+    return Rig(
+        arm, proxy, cell.do, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere, HASTY_REQUESTS
+    )
 
 
 UR_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
