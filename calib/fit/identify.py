@@ -42,7 +42,7 @@ from calib.fit.of_type import (
 )
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
-from calib.fit.readings import Readings, readings_of
+from calib.fit.readings import Readings, begun, readings_of
 from calib.model.base_model import named_in
 from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
@@ -77,8 +77,8 @@ def identify(
     if prior is None:
         refuse_too_few(dataset, model)
         start = np.zeros(len(model.parameters))
-        readings = readings_of(dataset, dataset.fit_rows, model, start)
-        found = fit(dataset, model, readings, start, progress=progress)
+        readings, at = begun(dataset, dataset.fit_rows, model, start)
+        found = fit(dataset, model, readings, start, at=at, progress=progress)
     else:
         found = _beside_type(dataset, model, prior, progress)
     refuse_misfit(dataset, found)
@@ -141,15 +141,17 @@ def fit(
     start: Array,
     *,
     settled: tuple[Dropped, ...] | None = None,
+    at: Linearisation | None = None,
     progress: Progress = silent,
 ) -> Identification:
     """Fit any model to readings from a start: plain where all readings belong, robust first where some may not.
 
-    settled: what an earlier fit dropped of the base model, which is then kept.
+    settled: what an earlier fit dropped of the base model, which is then kept; at: the readings as the model sees them
+    at the start, where they were looked at already.
     """
     progress("fitting")
     observed = readings.observed
-    at_start = Linearisation(Design(model, readings.conditions), observed, start)
+    at_start = at or Linearisation(Design(model, readings.conditions), observed, start)
     active, dropped = find_dependent(at_start, settled)
     near = solve(at_start, active, dropped, max_iterations=2)
     scale = robust.noise_scale(near.residual, observed.freedom)
@@ -377,9 +379,15 @@ def last_joint_unseen(dataset: Dataset) -> bool:
     rows = dataset.fit_rows
     if (rows & dataset.turned).any():
         return False
-    conditions = dataset.conditions.take(rows)
+    conditions = dataset.conditions
+    names = conditions.target_names
+    seen = np.flatnonzero(
+        np.bincount(conditions.series[rows] * len(names) + conditions.target[rows])
+    ).tolist()
     off_axis = [
-        np.hypot(*dataset.header.targets_of(conditions.series_names[s])[conditions.target_names[t]][:2])
-        for s, t in np.unique(np.column_stack([conditions.series, conditions.target]), axis=0)
+        np.hypot(
+            *dataset.header.targets_of(conditions.series_names[i // len(names)])[names[i % len(names)]][:2]
+        )
+        for i in seen
     ]
     return bool(max(off_axis) < 1.0)

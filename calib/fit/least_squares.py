@@ -54,12 +54,17 @@ class Dropped:
 class Linearisation:
     """Readings as a model sees them at an estimate (m,): chain, residual and derivative, each worked out once."""
 
-    def __init__(self, design: Design, observed: Observations, estimate: Array) -> None:
-        self.design, self.observed, self.estimate = design, observed, estimate
+    def __init__(
+        self, design: Design, observed: Observations, estimate: Array, passed: Frames | None = None
+    ) -> None:
+        """passed: the chain at the estimate, with the axes of the design's slots, where it is known already."""
+        self.design, self.observed, self.estimate, self._passed = design, observed, estimate, passed
 
     @cached_property
     def frames(self) -> Frames:
         """The chain, with the axes of every slot on which a parameter acts."""
+        if self._passed is not None:
+            return self._passed
         return self.design.frames(self.estimate, self.design.slots)
 
     @cached_property

@@ -13,7 +13,7 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.noise import whitener
-from calib.fit.least_squares import jacobian
+from calib.fit.least_squares import Linearisation, jacobian
 from calib.model.model import Design, RobotModel
 from calib.model.observations import Observations
 from calib.model.shared import Shared
@@ -60,7 +60,15 @@ def _whole_visits(visit: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 
 
 def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Readings:
-    """Whitened readings of some rows (mask over the data set).
+    """Whitened readings of some rows: see `begun`."""
+    return begun(dataset, rows, model, estimate)[0]
+
+
+def begun(
+    dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array
+) -> tuple[Readings, Linearisation | None]:
+    """Whitened readings of some rows (mask over the data set), and these as the model sees them at the estimate (m,)
+    where whitening had to look: the chain of a first step, which need not be passed again.
 
     The instrument's covariance is taken where the point was measured; the repeatability of the joints enters through
     the joint Jacobian of `model` at `estimate`, and ties point, orientation and distance of a reading together, and
@@ -73,7 +81,7 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
     points = rotations = lengths = None
     n = len(conditions)
     if pointed.any():
-        points = np.nan_to_num(dataset.points[rows]).T
+        points = np.where(pointed[:, None], dataset.points[rows], 0.0).T
         measured += [pointed] * 3
         blocks.append(noise.of_points(points.T, dataset.u_point[rows]))
     if turned.any():
@@ -83,7 +91,7 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
         variance = _given(dataset.u_rotation[rows], noise.rotation) ** 2
         blocks.append(variance[:, None, None] * np.eye(3))
     if spanned.any():
-        lengths = np.nan_to_num(dataset.lengths[rows])
+        lengths = np.where(spanned, dataset.lengths[rows], 0.0)
         measured.append(spanned)
         blocks.append(_given(dataset.u_length[rows], noise.length_mm)[:, None, None] ** 2)
     covariance = _block_diagonal(blocks, n)
@@ -92,11 +100,12 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
     raw = Observations(
         points, rotations, lengths, np.eye(k)[:, :, None] * np.ones(n), mask.sum(axis=1).astype(np.int64)
     )
-    shared = None
+    shared, design, frames = None, None, None
     scatter = noise.of_each_joint(model.robot.kinds)
     if scatter.any():
         joints = model.robot.joint_slots
-        frames = Design(model, conditions).frames(estimate, joints)
+        design = Design(model, conditions)
+        frames = design.frames(estimate, (*design.slots, *joints))
         # The robot scatters about where it is, not about what was measured: the rotation vector there is zero.
         there = raw if rotations is None else replace(raw, rotations=frames.rotation.transpose(1, 2, 0))
         by_joint, several = there.columns(frames, joints), _several(conditions.visit)
@@ -106,13 +115,13 @@ def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, es
     observed = Observations(points, rotations, lengths, whitener(covariance, mask), raw.freedom)
     if shared is not None:
         observed = replace(observed, shared=Shared(conditions.visit, observed.by_reading(shared)))
-    return Readings(conditions, observed, np.flatnonzero(rows))
+    at = None if design is None else Linearisation(design, observed, estimate, frames)
+    return Readings(conditions, observed, np.flatnonzero(rows)), at
 
 
 def _several(visit: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(n,) readings that have others of their visit beside them."""
-    _, place, count = np.unique(visit, return_inverse=True, return_counts=True)
-    return count[place.reshape(-1)] > 1
+    return np.bincount(visit)[visit] > 1
 
 
 def _given(of_row: Array, declared: float) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 from calib.arm.robot import Robot
 from calib.model.effect import Effect, effect
@@ -17,6 +18,7 @@ from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Reg
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 
 
+@cache
 def base(series: str, several: bool) -> Effect:
     """Pose of the base in the world: x, y, z, then turns about x, y, z. One per series."""
     in_series: Regressor = InSeries(series) if several else Constant()
@@ -52,10 +54,12 @@ def tool(
 
 def geometry(robot: Robot) -> Effect:
     """DH numbers of the links that the base pose cannot absorb."""
-    acts = {
-        f"{kind}{link}": (*_GEOMETRY[kind], [(f"{kind}{link}", Constant())])
-        for kind, link in robot.geometric_links
-    }
+    return _geometry(robot.geometric_links)
+
+
+@cache
+def _geometry(links: tuple[tuple[str, int], ...]) -> Effect:
+    acts = {f"{kind}{link}": (*_GEOMETRY[kind], [(f"{kind}{link}", Constant())]) for kind, link in links}
     return effect("geometry", "base model", "robot", "Links are longer, offset or twisted.", acts)
 
 
@@ -67,7 +71,11 @@ def parallel_twist(robot: Robot) -> Effect:
 
 def compliance(robot: Robot) -> Effect:
     """Gear compliance of every joint that turns and that gravity loads: joints 2..N turn by c x torque."""
-    turning = [k for k in range(2, robot.joints + 1) if k not in robot.slides]
+    return _compliance(tuple(k for k in range(2, robot.joints + 1) if k not in robot.slides))
+
+
+@cache
+def _compliance(turning: tuple[int, ...]) -> Effect:
     acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in turning}
     return effect("compliance", "base model", "robot", "Gears yield to gravity.", acts)
 

@@ -138,8 +138,8 @@ class Observations:
     @cached_property
     def _mixed(self) -> list[tuple[int, int]]:
         """Rows and columns below the diagonal that some reading has in its whitening."""
-        mixed = np.tril(np.any(self.whiten != 0.0, axis=2), -1)
-        return [(int(i), int(j)) for i, j in np.argwhere(mixed)]
+        k = len(self.whiten)
+        return [(i, j) for i in range(k) for j in range(i) if self.whiten[i, j].any()]
 
 
 def _direction(frames: Frames) -> Array:

@@ -94,7 +94,9 @@ def test_a_base_that_leans_by_days_has_a_place(hundred: Dataset) -> None:
     day = (hundred.conditions.order * 6 // len(hundred)).astype(int)
     lean = np.random.default_rng(2).normal(size=(6, 3)) * 2e-4
     centre = hundred.points.mean(axis=0)  # about which the mean of the points stays where it is
-    found = left_over(Space.of(identify(moved(hundred, np.cross(lean[day], hundred.points - centre)))))
+    found = left_over(
+        Space.of(identify(moved(hundred, np.cross(lean[day], hundred.points - centre).astype(np.float64))))
+    )
     assert (found[0].where, found[0].acts_on) == (TIME, BASE)
 
 
