@@ -105,11 +105,19 @@ def test_drift_reaches_what_is_permitted_when_its_uncertainty_does() -> None:
     assert days(Drift(90.0, permitted=5.0), checks([0.0, 6.0, 6.0])) == pytest.approx(7.0)
 
 
+def test_what_values_scatter_about_their_line_counts() -> None:
+    """By hand: the line is 0, scatter^2 = 4 / 2, and 2 sqrt(2 (1/4 + (t + 150)^2 / 50000) + 1.99) = 6 at t = 253.4."""
+    scattered = checks([1.0, -1.0, -1.0, 1.0], u=0.2)
+    assert days(Drift(90.0, permitted=6.0), scattered) == pytest.approx(253.4, abs=0.1)
+
+
 def test_hours_of_use_become_days_by_the_counter() -> None:
     by = Staircase(1000.0, permitted=0.2, longest=5000.0)
     assert days(InUse(by), checks([0.05], used=0.0, u=0.02) and [Check(START, 0.05, 0.02, 40.0)]) == 62.5
     assert days(InUse(by), checks([0.05, 0.17], used=500.0)) == pytest.approx(200.0)  # five hours a day
     assert days(InUse(by), checks([0.05, 0.17], used=1.0)) == pytest.approx(730.0)  # it hardly runs
+    within_the_hour = [Check(START + timedelta(minutes=30 * k), 0.05, 0.02, 40.0 + 0.5 * k) for k in (0, 1)]
+    assert days(InUse(by), within_the_hour) == 62.5  # which says nothing of the use of a day
     with pytest.raises(DataError, match="counter"):
         days(InUse(by), checks([0.05, 0.17]))
     with pytest.raises(DataError, match="backwards"):

@@ -243,11 +243,15 @@ def test_a_history_is_appended_once_and_keeps_baselines_apart(
         seen = Seen.of(saved, data)
         before, _ = read_history(file).before(seen, data, baseline)
         append(file, seen, data, baseline, judge(seen, before))
+        if first == 0:
+            file.write_text(file.read_text("utf-8").rstrip("\n"), "utf-8")  # as a cut or an editor leaves it
     history = read_history(file)
     data = measure(first=100)
     assert history.holds(data)
     before, left_out = history.before(Seen.of(saved, data), data, baseline)
     assert (len(before), left_out) == (1, 0)  # itself is not among those before it
+    oldest = measure(first=0)
+    assert history.before(Seen.of(saved, oldest), oldest, baseline) == ([], 0)  # nor those behind it
     new = measure(first=300)
     assert history.before(Seen.of(saved, new), new, "another model") == ([], 2)
     file.write_text(file.read_text("utf-8") + "{}\n", "utf-8")
@@ -256,7 +260,7 @@ def test_a_history_is_appended_once_and_keeps_baselines_apart(
 
 
 def test_the_frame_on_nests_is_as_uncertain_as_its_fit() -> None:
-    nests = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
+    nests = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 250.0)}
     places, rng, off = np.array(list(nests.values())), np.random.default_rng(3), []
     point = np.array([400.0, 300.0, 500.0])
     for _ in range(4000):

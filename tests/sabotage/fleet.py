@@ -5,10 +5,12 @@ from __future__ import annotations
 from tests.sabotage.change import Change
 
 _BATCH = ("tests/fleet/diagnose/test_batch.py",)
+_STATEMENT = ("tests/fleet/diagnose/test_statement.py",)
 _CHANGES = ("tests/fleet/diagnose/test_changes.py",)
 _SOURCE = ("tests/fleet/diagnose/test_source.py",)
 _TALLY = ("tests/fleet/diagnose/test_tally.py",)
 _PLANT = ("tests/fleet/test_plant.py",)
+_CROWD = ("tests/fleet/test_plant_crowd.py",)
 _LINK = ("tests/fleet/test_link.py",)
 _FOLDER = ("tests/fleet/test_folder.py",)
 
@@ -32,7 +34,7 @@ CHANGES = (
         "float(value) if math.isfinite(value) else None",
         "float(value)",
         "fleet diagnose: a size that is no number stops the call",
-        _BATCH,
+        _STATEMENT,
     ),
     Change(
         "fleet/diagnose/changes.py",
@@ -81,14 +83,14 @@ CHANGES = (
         "            async with asyncio.timeout(PIECE_S):",
         "            async with asyncio.timeout(None):",
         "fleet server: a cell that falls silent in an upload holds its place for ever",
-        _PLANT,
+        _CROWD,
     ),
     Change(
         "service/plant/routes.py",
         "    if limiter.borrowed_tokens >= limiter.total_tokens:",
         "    if not limiter:",
         "fleet server: as many uploads wait as come",
-        _PLANT,
+        _CROWD,
     ),
     Change(
         "service/plant/app.py",
