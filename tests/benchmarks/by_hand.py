@@ -2,8 +2,8 @@
 
 No names, no priors, no slots: modified DH, six numbers of the base, alpha, a, theta, d of links 2 to 6, the twist of
 axis 3 and the compliance of joints 2 to 6, in that order. Whitened as ours is, by the tracker's noise and the
-repeatability of the joints, solved by normal equations with a ridge that nobody sees. It takes for granted that every reading
-belongs, that these parameters are determined, and that its start is near.
+repeatability of the joints, solved by normal equations with a ridge that nobody sees. It takes for granted that every
+reading belongs, that these parameters are determined, and that its start is near.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import pytest
 
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, Structure
+from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, TOGETHER, Structure
 from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
 from calib.diagnose.without import errors_without
@@ -223,6 +223,22 @@ def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Sa
     assert 'id="left1-' in picture
     assert PLACES[where] in picture
     assert where in structure_caption(Structure(where, 1e-9, 0.5)) or where == "region of the workspace"
+
+
+def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Dataset, Sample]) -> None:
+    """An arm on a track: joint 1 is its second axis, and what acts on the track is no error of an angle."""
+    dataset, drawn = sample
+    named = {"axis_names": ("e1", "j1", "j2", "j3", "j4", "j5"), "unit_names": ("mm", *["deg"] * 5)}
+    parts = tuple(replace(part, conditions=replace(part.conditions, **named)) for part in drawn.parts)
+    on_track = replace(drawn, parts=parts)
+    track = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint e1"), 1, dataset, on_track)
+    arm = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint 1"), 1, dataset, on_track)
+    second = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint 2"), 1, dataset, drawn)
+    assert track is not None
+    assert arm is not None
+    assert second is not None
+    assert "mdeg" not in track
+    assert arm == second.replace("joint 2, mdeg", "joint 1, mdeg")
 
 
 def test_a_place_without_a_name_we_know_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
