@@ -65,8 +65,7 @@ class Book:
     ) -> None:
         self._folder, self._open_devices, self._simulated = folder, open_devices, simulated
         self._workers, self.foresee = workers, Forecasts(workers)
-        self._opening = threading.Lock()
-        self._mutex = threading.RLock()
+        self._opening, self._mutex = threading.Lock(), threading.RLock()
         self._closed = False
         self._runs: dict[str, Run] = {}
         self._errors: dict[str, AcquisitionError] = {}
