@@ -34,6 +34,7 @@ function go(again = false) {
   const root = h("div", { className: "views" });
   $("desk").replaceChildren(root);
   view = VIEWS[name].open(root, id);
+  if (desk.cell) view.show();  // what is known already, who holds the lease for one, waits for no answer
   for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", false);
   const link = document.querySelector(`nav a[href="#/${["robot", "watch"].includes(name) ? "robots" : name}"]`);
   if (link) link.setAttribute("aria-current", "page");

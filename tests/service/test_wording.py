@@ -127,10 +127,10 @@ def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:
     sentence = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
     assert (
         sentence
-        == "The readings left out lie together: overturning moment explains 40.0% of which they are (p 1e-06)."
+        == "The readings left out lie together: overturning moment explains 40.0 % of which they are (p 1e-06)."
     )
     assert structure_in_words(Structure("time", 1e-6, 0.4)) == (
-        "Structure is left: time explains 40.0% of what is left (p 1e-06)."
+        "Structure is left: time explains 40.0 % of what is left (p 1e-06)."
     )
 
 
