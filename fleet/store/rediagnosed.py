@@ -30,10 +30,11 @@ def rediagnosed(
     """The points of one parameter, or of all (None) with the error on held-out readings; and when the data sets were
     measured that have such a model.
 
-    Not of data sets that do not say when they were measured: their time is that of a file.
+    Not of data sets that do not say when they were measured, whose time is that of a file; nor of those without
+    held-out readings: they are of watches, and too few for a model that one would compare.
     """
     rows = _contents(connection, _last(connection, robot))
-    found = [(row, table) for row, table in rows if table.get("parameters")]
+    found = [(row, table) for row, table in rows if table.get("parameters") and table.get("error_after_mm")]
     points = [point for row, table in found for point in _points(row, table, parameter)]
     return points, {row.measured_at for row, _ in found}
 
@@ -77,8 +78,8 @@ def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[P
         for each in table["parameters"]
         if parameter in (None, each["name"]) and each["value"] is not None
     ]
-    missed = table.get("error_after_mm")
-    if parameter in (None, ERROR) and missed and missed["rms"] is not None:
+    missed = table["error_after_mm"]
+    if parameter in (None, ERROR) and missed["rms"] is not None:
         u = K * missed["rms"] / math.sqrt(6.0 * missed["n"])
         points.append(
             Point(row.measured_at, ERROR, missed["rms"], u, "mm", row.hash, row.program, rediagnosed=True)

@@ -81,8 +81,9 @@ def test_one_measurement_is_one_point_by_the_version_that_was_last(store: Store)
 
 
 def test_what_makes_no_model_replaces_none(store: Store) -> None:
-    """Refusals, searches cut short, data without a time, another robot, and results of older versions."""
+    """Refusals, searches cut short, data without a time, another robot, data of watches, results of older versions."""
     store.add_all([model({"d1": 1.0}, day=day) for day in (1, 2, 3, 4)])
+    diagnosed(store, dataset(store, 6), NEW, rms=None, d1=9.0)
     diagnosed(store, dataset(store, 1), NEW, rms=None)
     diagnosed(store, dataset(store, 2), NEW, task="diagnose most=1", d1=9.0)
     diagnosed(store, dataset(store, 3, timeless=True), NEW, d1=9.0)

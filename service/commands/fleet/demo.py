@@ -51,7 +51,10 @@ def demo_command(
     cells: Annotated[int, typer.Option(min=1, max=20, help="Simulated cells.")] = 3,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that diagnose.")] = 2,
     every: Annotated[
-        float, typer.Option(metavar="S", min=1.0, help="Between two rounds of watches.")
+        float,
+        typer.Option(
+            metavar="S", min=60.0, help="Between two rounds of watches, which are told apart by the minute."
+        ),
     ] = 120.0,
     once: Annotated[bool, typer.Option("--once", help="End after the first round.")] = False,
 ) -> None:
