@@ -16,7 +16,7 @@ import numpy as np
 from mocks.world import Effect, World
 from mocks.world.arm import Arm, Sight
 from mocks.world.draw import torque_range
-from mocks.world.effect import Values
+from mocks.world.effect import Stage, Values
 from mocks.world.gravity import moments, torques
 from mocks.world.kinematics import frames
 
@@ -52,7 +52,7 @@ def turning(name: str, joint: int, angle: Callable[[Arm], float]) -> Effect:
     return Effect(f"foreign:{name}", "arm", act, {"a": 0.01}, {"a": "deg"}, shape="foreign")
 
 
-def moving(name: str, stage: str, by: Callable[[Sight], Any]) -> Effect:
+def moving(name: str, stage: Stage, by: Callable[[Sight], Any]) -> Effect:
     """A law that moves the point by a x by(sight) (3,), mm."""
 
     def act(sight: Sight, p: Values) -> None:

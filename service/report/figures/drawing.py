@@ -117,7 +117,7 @@ def dots(
     points = np.column_stack([x, y]).astype(float)
     axes.add_line(_Dots(points, size, alpha, colour, label))
     axes.update_datalim(points)
-    axes.autoscale(enable=None)
+    axes.autoscale_view()
 
 
 def plain_ratio_axis(axes: Axes) -> None:
