@@ -233,12 +233,10 @@ def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Da
     on_track = replace(drawn, parts=parts)
     track = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint e1"), 1, dataset, on_track)
     arm = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint 1"), 1, dataset, on_track)
-    second = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint 2"), 1, dataset, drawn)
     assert track is not None
     assert arm is not None
-    assert second is not None
     assert "mdeg" not in track
-    assert arm == second.replace("joint 2, mdeg", "joint 1, mdeg")
+    assert "joint 1, mdeg" in arm
 
 
 def test_a_place_without_a_name_we_know_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
