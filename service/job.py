@@ -9,9 +9,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
-STEP, ARROWS, PROGRESS = "step.json", "arrows.json", "progress.json"
-ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
+from service.job_folder import (
+    ARROWS,
+    JOB,
+    MODEL,
+    PICTURE,
+    POSES,
+    PROBLEM,
+    PROGRESS,
+    REPORT,
+    RESULT,
+    ROBOT,
+    TRACKER,
+    tell,
+)
 
 
 def do(folder: Path) -> None:
@@ -44,14 +55,6 @@ def do(folder: Path) -> None:
     except DataError as error:
         problem = {"text": refusals.cause(error), "do": error.do, **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
-
-
-def tell(folder: Path, step: str) -> None:
-    """Say what the job does now, for whoever looks at it."""
-    from calib.text import replace_file
-    from service.files import as_json
-
-    replace_file(folder / STEP, as_json({"step": step}))
 
 
 def diagnosis(

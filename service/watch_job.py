@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from service.job import JOB, MODEL, RESULT, tell
+from service.job_folder import JOB, MODEL, RESULT, tell
 
 MEANS = "watch-means"
 """The folder of the record with the lines of earlier watches, a file a baseline."""

@@ -11,7 +11,6 @@ from service import wording
 from service.printed import tables
 from service.results.upkept import Upkeep
 from service.results.watch_plan import Planned
-from service.results.watch_words import in_words
 from service.results.watched import Watched
 
 _PROPOSALS = 4
@@ -54,7 +53,7 @@ def plan_tables(found: Planned) -> list[RenderableType]:
         )
     if found.proposals:
         lines += _proposals(found.proposals)
-    lines.append(in_words(found))
+    lines.append(found.in_words)
     return lines
 
 

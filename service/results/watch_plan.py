@@ -121,6 +121,11 @@ class Planned:
         return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals)
 
     @property
+    def in_words(self) -> str:
+        """What the check poses show, and what would show the rest; empty where nothing was stated."""
+        return in_words(self.plan, self.proposals, self.targets, self.asked.poses)
+
+    @property
     def driven(self) -> bool:
         """Whether `truepose watch run` can drive the plan; a touched artefact is touched by a person."""
         return not self.asked.touch
@@ -182,7 +187,7 @@ class Planned:
                 "nests": None
                 if self.nests is None
                 else {"limit_mm": self.nests.limit_mm, "seen_from_mm": self.nests.seen_mm},
-                "in_words": in_words(self),
+                "in_words": self.in_words,
                 "enough_poses": self.plan.enough,
                 "enough_lever_mm": None if self.plan.lever is None else self.plan.lever[1],
                 "proposals": [

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from calib.watch import REPEATS, SEEN, TIMES, Smallest
-
-if TYPE_CHECKING:
-    from service.results.watch_plan import Planned
+from calib.watch import REPEATS, SEEN, TIMES, Plan, Proposal, Smallest
 
 _NAMES = {
     "joint_step": "a lost zero of joint {}",
@@ -21,9 +18,12 @@ _HIDDEN = (
 )
 
 
-def in_words(found: Planned) -> str:
-    """What the check poses show of the sizes that should be seen; where that is not all, what would show it."""
-    stated = [each for each in found.plan.shown.causes if each.wanted is not None]
+def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> str:
+    """What the check poses show of the sizes that should be seen; where that is not all, what would show it.
+
+    targets: names of those that are read; poses: number of check poses that was asked for.
+    """
+    stated = [each for each in plan.shown.causes if each.wanted is not None]
     short = sorted((c for c in stated if (c.share or 0.0) < SEEN), key=lambda c: c.share or 0.0)
     if not short:
         return (
@@ -31,17 +31,17 @@ def in_words(found: Planned) -> str:
             if stated
             else ""
         )
-    beyond = [each for each in short if each.label in found.plan.beyond]
-    others = [each for each in short if each.label not in found.plan.beyond]
+    beyond = [each for each in short if each.label in plan.beyond]
+    others = [each for each in short if each.label not in plan.beyond]
     said = []
     if others:
-        ways = _ways(found)
+        ways = _ways(plan, proposals, targets, poses)
         mended = f" What would show them: {'; or '.join(ways)}." if ways else ""
         said.append(f"Seen too seldom: {', '.join(map(_named, others))}.{mended}")
     if beyond:
         said.append(
             f"Not even {TIMES[-1]} visits with {REPEATS[-1]} readings each would show here "
-            f"{', '.join(map(_named, beyond))}.{_elsewhere(found)} {_HIDDEN}"
+            f"{', '.join(map(_named, beyond))}.{_elsewhere(plan, proposals)} {_HIDDEN}"
         )
     return " ".join(said)
 
@@ -51,20 +51,20 @@ def _named(cause: Smallest) -> str:
     return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {cause.share:.0%} of watches)"
 
 
-def _ways(found: Planned) -> list[str]:
+def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> list[str]:
     """What would do it: more readings at these poses, other targets, more poses, a target farther off the axis."""
-    least = len(found.plan.beyond)
+    least = len(plan.beyond)
     ways = []
     for same in (True, False):
-        good = [p for p in found.proposals if (p.targets == found.targets) == same and len(p.beyond) <= least]
+        good = [p for p in proposals if (p.targets == targets) == same and len(p.beyond) <= least]
         if good:
-            targets = "" if same else f"--targets {','.join(good[0].targets)} "
-            ways.append(f"{targets}--visits {good[0].rounds} --readings {good[0].repeats}")
-    if found.plan.enough is not None:
-        ways.append(f"{found.plan.enough} poses instead of {found.asked.poses}")
-    if found.plan.lever is not None:
-        label, lever = found.plan.lever
-        now = next(c.lever_mm for c in found.plan.shown.causes if c.label == label)
+            others = "" if same else f"--targets {','.join(good[0].targets)} "
+            ways.append(f"{others}--visits {good[0].rounds} --readings {good[0].repeats}")
+    if plan.enough is not None:
+        ways.append(f"{plan.enough} poses instead of {poses}")
+    if plan.lever is not None:
+        label, lever = plan.lever
+        now = next(c.lever_mm for c in plan.shown.causes if c.label == label)
         joint = label.partition(":j")[2]
         ways.append(
             f"with as many readings as here a target {lever:.0f} mm from the axis of joint {joint} instead of {now:.0f}"
@@ -72,10 +72,10 @@ def _ways(found: Planned) -> list[str]:
     return ways
 
 
-def _elsewhere(found: Planned) -> str:
+def _elsewhere(plan: Plan, proposals: Sequence[Proposal]) -> str:
     """Other targets that show more of the causes."""
-    first = next(iter(found.proposals), None)
-    if first is None or len(first.beyond) >= len(found.plan.beyond):
+    first = next(iter(proposals), None)
+    if first is None or len(first.beyond) >= len(plan.beyond):
         return ""
     targets = f"--targets {','.join(first.targets)} --visits {first.rounds} --readings {first.repeats}"
     hidden = ", ".join(label for label, _ in first.beyond)

@@ -199,7 +199,7 @@ const WORDS = {
   gave: ["What the run gave", "Was der Lauf ergab"],
   makeData: ["Make the data set", "Datensatz anlegen"],
   identify: ["Identify", "Identifizieren"], diagnose: ["Diagnose", "Diagnostizieren"],
-  record: ["record", "Aufzeichnung"], dataSet: ["Data set", "Datensatz"], dataSetOf: ["data set {name}, {n} readings", "Datensatz {name}, {n} Messungen"], dataSets: ["Data sets and what was found in them", "Datensätze und was darin gefunden wurde"],
+  record: ["record", "Aufzeichnung"], dataSetOf: ["data set {name}, {n} readings", "Datensatz {name}, {n} Messungen"], dataSets: ["Data sets and what was found in them", "Datensätze und was darin gefunden wurde"],
   loops: ["Closed loops", "Geschlossene Schleifen"], noLoops: ["No loop yet.", "Noch keine Schleife."], noDataSets: ["No data set yet.", "Noch kein Datensatz."],
   ownData: ["Your own measurements", "Eigene Messungen"], upload: ["Upload", "Hochladen"],
   otherProgram: ["Of another program", "Aus einem anderen Programm"],

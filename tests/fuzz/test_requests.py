@@ -27,7 +27,7 @@ from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
 from service.http.wire.problems import MEDIA_TYPE
-from service.job import JOB, MODEL, RESULT
+from service.job_folder import JOB, MODEL, RESULT
 from tests.calib.campaigns import write_files
 from tests.fuzz.formats import EXAMPLES
 from tests.fuzz.requests import draw

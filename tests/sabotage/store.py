@@ -53,9 +53,9 @@ CHANGES = (
         (*_STORE, *_GONE, *_SCHEMA),
     ),
     Change(
-        "fleet/store/engine.py",
-        "            pool_pre_ping=True,",
-        "            pool_pre_ping=False,",
+        "fleet/store/postgres.py",
+        "        pool_pre_ping=True,",
+        "        pool_pre_ping=False,",
         "a server that was away stays away",
         _GONE,
     ),

@@ -18,7 +18,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from acquisition import read_cell
-from service import job
+from service import job_folder
 from service.cli import main
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
@@ -79,7 +79,7 @@ def test_a_program_is_corrected_as_by_the_command_to_the_byte(here: Here, tmp_pa
     told = answer.json()
     assert (told["name"], told["corrected"]) == ("WELD.mod", 2)
     (tmp_path / "in.mod").write_bytes(MODULE)
-    model = here.record / "identifications" / here.model / job.MODEL
+    model = here.record / "identifications" / here.model / job_folder.MODEL
     assert main(["compensate", str(model), str(tmp_path / "in.mod"), str(tmp_path / "out.mod")]) == 0
     corrected = base64.b64decode(told["program_base64"])
     assert corrected == (tmp_path / "out.mod").read_bytes()
@@ -115,11 +115,11 @@ def test_a_target_out_of_reach_is_refused_unless_it_is_kept(here: Here) -> None:
 @pytest.mark.parametrize("kind", ["urdf", "dh-csv", "dh-md", "mastering"])
 def test_a_model_is_exported_as_by_the_command(here: Here, tmp_path: Path, kind: str) -> None:
     told = here.client.get(f"/models/{here.model}/exports/{kind}").json()
-    model = here.record / "identifications" / here.model / job.MODEL
+    model = here.record / "identifications" / here.model / job_folder.MODEL
     out = tmp_path / "out"
     assert main(["export", str(model), str(out), "--as", kind, "--json", str(tmp_path / "out.json")]) == 0
     by_command = json.loads((tmp_path / "out.json").read_text("utf-8"))
-    assert told["text"].replace(here.model, job.MODEL) == out.read_text("utf-8")
+    assert told["text"].replace(here.model, job_folder.MODEL) == out.read_text("utf-8")
     assert told["loss_mm"] == by_command["loss_mm"]
     assert told["as"] == kind
 

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 from acquisition import campaign_from, checked_plan, read_cell
-from service.job import JOB, RESULT, do
+from service.job import do
+from service.job_folder import JOB, RESULT
 from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import write_narrow_data
 

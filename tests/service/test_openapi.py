@@ -20,7 +20,7 @@ from acquisition import State
 from acquisition.campaign.blocks import KINDS, SHARED
 from acquisition.campaign.campaign import _KEYS
 from calib.diagnose.diagnosis import Verdict
-from service import job
+from service import job, job_folder
 from service.exports import FORMATS
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
@@ -189,11 +189,11 @@ def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
             job.regression(data, folder, order)
         else:
             getattr(job, kind)(data, folder, limits=limits)
-        result = read_json(folder / job.RESULT)
+        result = read_json(folder / job_folder.RESULT)
         assert unnamed(model.model_validate(result)) == set()
         if kind == "diagnosis":
             assert result["acceptance"]["criteria"][0]["limit_mm"] == 0.05
-            ModelShown.model_validate(read_json(folder / job.MODEL))
+            ModelShown.model_validate(read_json(folder / job_folder.MODEL))
 
 
 def unnamed(model: Any, where: str = "") -> set[str]:

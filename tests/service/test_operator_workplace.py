@@ -212,7 +212,7 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
 
 
 def test_every_word_is_in_the_table_in_both_languages() -> None:
-    table = (FOLDER / "words.js").read_text("utf-8")
+    table = "".join((FOLDER / name).read_text("utf-8") for name in ("words.js", "robot_words.js"))
     words = dict(re.findall(r'(?m)[ {](\w+): \[("(?:[^"\\]|\\.)*",\s*"(?:[^"\\]|\\.)*")\]', table))
     assert len(words) > 200
     assert table.count("\n") + table.count("], ") > len(words)

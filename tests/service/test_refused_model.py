@@ -18,7 +18,7 @@ from calib.fit.identify import identify as fitted_by
 from calib.fit.identify import silent
 from calib.fit.left_out import left_out
 from mocks.campaign import make_campaign, write_campaign
-from service import job
+from service import job, job_folder
 from service.cli import main
 from service.commands.models import diagnose
 from service.results.models import identified
@@ -124,7 +124,7 @@ def test_a_job_of_the_service_keeps_what_it_found_without_a_model(
     for kind in ("diagnosis", "identification"):
         folder = tmp_path / kind
         folder.mkdir()
-        (folder / job.JOB).write_text(json.dumps({"kind": kind, "data": str(plain)}), encoding="utf-8")
+        (folder / job_folder.JOB).write_text(json.dumps({"kind": kind, "data": str(plain)}), encoding="utf-8")
         job.do(folder)
-        kept = {path.name for path in folder.iterdir()} - {job.STEP, job.ARROWS}
-        assert kept == {job.JOB, job.RESULT, job.REPORT}
+        kept = {path.name for path in folder.iterdir()} - {job_folder.STEP, job_folder.ARROWS}
+        assert kept == {job_folder.JOB, job_folder.RESULT, job_folder.REPORT}

@@ -28,7 +28,7 @@ from service.http.wire.problems import Problem, not_found
 from service.http.work.datasets import Datasets
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import Workers
-from service.job import RESULT
+from service.job_folder import RESULT
 from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.results.cell import loop_results

@@ -11,7 +11,7 @@ from typing import Any
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import read_json
-from service.job import JOB, MODEL, RESULT
+from service.job_folder import JOB, MODEL, RESULT
 
 
 def certificate_of(folder: Path, about: dict[str, str]) -> str:

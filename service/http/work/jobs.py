@@ -31,7 +31,19 @@ from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import Deletions, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
-from service.job import ARROWS, JOB, MODEL, PICTURE, PROBLEM, PROGRESS, REPORT, RESULT, ROBOT, STEP, TRACKER
+from service.job_folder import (
+    ARROWS,
+    JOB,
+    MODEL,
+    PICTURE,
+    PROBLEM,
+    PROGRESS,
+    REPORT,
+    RESULT,
+    ROBOT,
+    STEP,
+    TRACKER,
+)
 from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.results.cell import placements

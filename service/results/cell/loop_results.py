@@ -12,7 +12,7 @@ from acquisition.loop import LoopResult, targets_csv
 from calib.saved import save_model
 from calib.text import replace_file
 from service.files import as_json
-from service.job import ARROWS, MODEL, REPORT, RESULT
+from service.job_folder import ARROWS, MODEL, REPORT, RESULT
 from service.results.cell.arrows import arrows_of
 from service.results.models import documents
 

@@ -184,6 +184,9 @@ class WatchPlanResult(Answered):
     readings: Annotated[int, told("Number of readings.", 10)]
     in_words: Annotated[str, told("What the poses show, in words; empty where nothing is said.", "")] = ""
     enough_poses: Annotated[int | None, told("Number of poses that would show every cause.", None)] = None
+    enough_lever_mm: Annotated[
+        float | None, told("Distance of a target from the axis at which every cause would be seen, mm.", None)
+    ] = None
     false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
     seen_in: Annotated[float, told("Share of watches in which `seen_from` is seen, no unit.", 0.95)]
     alone_in: Annotated[float, told("Share of watches in which `alone_from` is named alone, no unit.", 0.8)]

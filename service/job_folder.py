@@ -1,0 +1,17 @@
+"""The folder of a job: the names of its files, and what the job does now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
+STEP, ARROWS, PROGRESS = "step.json", "arrows.json", "progress.json"
+ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
+
+
+def tell(folder: Path, step: str) -> None:
+    """Say what the job does now, for whoever looks at it."""
+    from calib.text import replace_file
+    from service.files import as_json
+
+    replace_file(folder / STEP, as_json({"step": step}))
