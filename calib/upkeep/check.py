@@ -47,7 +47,7 @@ class Step:
 
 
 class Unit(NamedTuple):
-    """What intervals are counted in: one of it, and many."""
+    """The unit in which intervals are counted: one of it, and many."""
 
     one: str
     many: str

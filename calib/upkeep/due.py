@@ -17,14 +17,14 @@ Method = Staircase | Drift | InUse
 
 @dataclass(frozen=True)
 class Due:
-    """When the next check is due, in the past where it is overdue; because: a sentence."""
+    """The date of the next check, in the past where it is overdue; because: a sentence."""
 
     date: datetime
     because: str
 
 
 def next_due(method: Method, history: Sequence[Check], now: datetime) -> Due:
-    """When to check next. history: in any order; one that is empty makes the check due now.
+    """The date to check next. history: in any order; one that is empty makes the check due now.
 
     Raises DataError for `now` without a zone, a check after `now`, and as the method does.
 

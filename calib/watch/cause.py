@@ -20,7 +20,7 @@ _NEAR = 0.01  # standard errors that a last step may move
 
 @dataclass(frozen=True)
 class Size:
-    """How large a change is: value and expanded uncertainty U (k = 2) in `unit`."""
+    """The size of a change: value and expanded uncertainty U (k = 2) in `unit`."""
 
     value: float
     u: float
@@ -56,7 +56,7 @@ class Cause:
 
     @property
     def remedy(self) -> str:
-        """What to do about it, with the size alone: nobody turns a joint by an uncertainty."""
+        """The remedy for the cause, with the size alone: nobody turns a joint by an uncertainty."""
         digits = str(self.size).partition(" (")[0]
         return kind_of(self.label).remedy_of(self.label, digits)
 

@@ -88,7 +88,7 @@ def _stated(seen: Seen) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Short:
-    """What is short of being seen: shared (V, k, s) columns of unit variance, stated (V, k, w) of the causes at the
+    """The causes short of being seen: shared (V, k, s) columns of unit variance, stated (V, k, w) of the causes at the
     sizes that should be seen, of widths that add up to w."""
 
     shared: Array

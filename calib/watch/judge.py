@@ -60,7 +60,7 @@ class Verdict:
 
     @property
     def in_words(self) -> str:
-        """What has happened, a sentence."""
+        """The verdict in a sentence."""
         if self.kind == "unchanged":
             return f"Nothing has changed that {self.questions[0].rows} values could show."
         if self.kind == "unexplained":

@@ -1,4 +1,4 @@
-"""What a baseline lacks, by the errors that it left on readings it had not seen: additional scatter of the joints.
+"""The lack of a baseline, by the errors that it left on readings it had not seen: additional scatter of the joints.
 
     held-out error^2 = noise + repeatability + what its parameters are uncertain by + lack
 
@@ -21,8 +21,9 @@ from calib.watch.baseline import in_series, without_drifts
 
 
 def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
-    """By how much, rad, the joints would have to scatter more than declared for the errors that the calibration found
-    on readings it had not seen; without such readings, for those of its fit. Nothing where these are as declared."""
+    """The angle, rad, by which the joints would have to scatter more than declared for the errors that the calibration
+    found on readings it had not seen; without such readings, for those of its fit. Nothing where these are as
+    declared."""
     model, estimate = saved.model, saved.estimate
     dataset = in_series(model, dataset)
     estimate, covariance = without_drifts(saved)

@@ -1,4 +1,4 @@
-"""How far off the last axis a target would have to be for the wrist to show what should be seen."""
+"""The distance off the last axis that a target needs for the wrist to show what should be seen."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _FARTHEST_MM = 1000.0
 
 
 def lever_needed(ways: Ways, visits: Visits, rounds: Rounds, label: str, lever_mm: float) -> float | None:
-    """How far from its axis the one target of some visits would have to be, mm, for them to show a cause of the last
-    joint from the size that it should be seen at; lever_mm: how far it is.
+    """The distance, mm, from its axis at which the one target of some visits would have to be for them to show a cause
+    of the last joint from the size that it should be seen at; lever_mm: how far it is.
 
     The noise of the arm grows with the lever, so the size falls more slowly than the lever rises. None for several
     targets, where the last axis is not that of the flange, or where no lever that a tool has is long enough.

@@ -29,7 +29,8 @@ class NestLimit:
 def nest_limit(
     nests: Mapping[str, tuple[float, float, float]], noise: Noise, rate: float, chance: float = 0.95
 ) -> NestLimit:
-    """For nests, mm, that an instrument of some noise measures twice. Raises DataError without nests, or noise."""
+    """The limit for nests, mm, that an instrument of some noise measures twice. Raises DataError without nests, or
+    noise."""
     if not nests:
         raise DataError("are none.", do="Name the places of the nests.", key="nests")
     places = np.array(list(nests.values()))

@@ -135,7 +135,7 @@ class Odds:
 
     @classmethod
     def of(cls, effects: Sequence[Effect], columns: Sequence[Array]) -> Odds:
-        """From effects and their whitened columns (q, p each); those that no reading shows are left out."""
+        """The odds of effects by their whitened columns (q, p each); those that no reading shows are left out."""
         every = [Columns.of(e, c) for e, c in zip(effects, columns, strict=True)]
         return cls(tuple(c for c in every if c.freedom), columns[0].shape[0])
 

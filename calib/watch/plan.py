@@ -91,7 +91,7 @@ def plan(
     found = judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
 
     def enough(goal: Mapping[str, float]) -> int | None:
-        """How many poses reach a goal by the same rounds; None where these do, or none that are tried."""
+        """The number of poses that reach a goal by the same rounds; None where these do, or none that are tried."""
         poses, tried, most = count, replace(best, goal=goal), min(len(candidates), _MOST)
         for _ in range(_TRIES):
             if not 1.0 < tried.short < np.inf:
@@ -130,6 +130,6 @@ def judged(
     frame_known: bool = True,
     lack: float | None = None,
 ) -> Shown:
-    """What some visits will show. lack: as `Seen.of`."""
+    """The causes that some visits will show. lack: as `Seen.of`."""
     seen = Seen.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)
     return shown(seen, rate)

@@ -1,4 +1,4 @@
-"""What it would take to see more: other targets at the same poses, more readings in a visit, more visits.
+"""Proposals to see more: other targets at the same poses, more readings in a visit, more visits.
 
 The readings of a wrist are short of lever, not of choice: of joint 6 every pose shows the same, by how much its targets
 are off the axis. With the lever r, n readings and their noise s a zero is seen from about 5 s / (r sqrt(n)), play from
@@ -43,9 +43,9 @@ def proposals(
     *,
     frame_known: bool = True,
 ) -> tuple[Proposal, ...]:
-    """Of each choice of targets the cheapest rounds of the visits that show every cause from the size that it should
-    be seen at, and a cause that no readings show from there about as well as any do; first what shows most causes,
-    then what costs least. limit: p-value of an alarm."""
+    """The proposals: of each choice of targets the cheapest rounds of the visits that show every cause from the size
+    that it should be seen at, and a cause that no readings show from there about as well as any do; first what shows
+    most causes, then what costs least. limit: p-value of an alarm."""
     ways, found = Ways(saved, header, limit, frame_known), []
     for targets in choices:
         those = Visits.of_points(visits.joints, visits.sides, visits.reach, targets)

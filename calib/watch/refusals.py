@@ -1,4 +1,4 @@
-"""What makes readings no watch of a baseline: refused by name before anything is judged."""
+"""Refusals by name, before anything is judged, of readings that are no watch of a baseline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""How often to visit each check pose, and how often to read there: as seldom as shows every cause that should be seen.
+"""The rounds of a watch, visits to each check pose and readings there: as seldom as shows every cause that should be
+seen.
 
 Reading again while the robot stands averages the instrument's noise and costs a second or two; coming again, from the
 opposite sides, averages the robot's repeatability too, shows play by itself, and costs a move. Neither helps against
@@ -39,13 +40,14 @@ class Rounds:
         return visits.read_again(self.repeats).again(self.times)
 
     def cost(self, visits: Visits) -> float:
-        """What they cost, in readings."""
+        """The cost of the rounds, in readings."""
         return self.times * (_MOVE * len(visits) + self.repeats * visits.readings)
 
 
 @dataclass(frozen=True)
 class Ways:
-    """How some readings could be taken again and again. limit: p-value of an alarm; lack: as `Seen.of`."""
+    """The ways in which some readings could be taken again and again. limit: p-value of an alarm; lack: as
+    `Seen.of`."""
 
     saved: SavedModel
     header: Header
@@ -54,13 +56,14 @@ class Ways:
     lack: float | None = None
 
     def sizes(self, visits: Visits, rounds: Rounds) -> dict[str, float]:
-        """From which size every cause is seen that has one at which it should be; infinite where nothing shows it."""
+        """The size from which every cause is seen that has one at which it should be; infinite where nothing shows
+        it."""
         would = planned(self.saved, self.header, rounds.of(visits))
         seen = Seen.of(self.saved, would, frame_known=self.frame_known, lack=self.lack)
         return seen_from(seen, self.limit)
 
     def goal(self, visits: Visits) -> dict[str, float]:
-        """From which size every cause should be seen, where any number of readings at these poses can show it."""
+        """The size from which every cause should be seen, where any number of readings at these poses can show it."""
         best = self.sizes(visits, Rounds(_times(visits)[-1], REPEATS[-1]))
         return {
             label: wanted(label) if size <= wanted(label) else _NEAR * size for label, size in best.items()
@@ -69,7 +72,7 @@ class Ways:
 
 @dataclass(frozen=True)
 class Tried:
-    """What some rounds show: from which size every cause is seen, and from which it should be."""
+    """The sizes that some rounds show: from which size every cause is seen, and from which it should be."""
 
     rounds: Rounds
     sizes: Mapping[str, float]
@@ -87,7 +90,7 @@ class Tried:
 
     @property
     def short(self) -> float:
-        """By how many times the size is too large, of the cause that is furthest from its goal; none above 1."""
+        """The factor by which the size is too large, of the cause that is furthest from its goal; none above 1."""
         return max(
             self.sizes.get(each, np.inf) / goal for each, goal in self.goal.items() if np.isfinite(goal)
         )
@@ -117,7 +120,7 @@ def fewest(
 
 
 def _times(visits: Visits) -> tuple[int, ...]:
-    """How often poses may be visited: once where every joint always comes from one side, since the next visit would
+    """The numbers of visits to try: once where every joint always comes from one side, since the next visit would
     come from the other."""
     return TIMES[:1] if np.all(visits.sides == visits.sides[:1]) else TIMES
 

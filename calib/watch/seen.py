@@ -1,4 +1,4 @@
-"""What a calibrated model sees in readings that were taken later: residuals, and why they may differ from nothing.
+"""The view of a calibrated model on readings taken later: residuals, and why they may differ from nothing.
 
     r = measured - predicted = A x + J e + T w + F f + noise
 
@@ -122,7 +122,7 @@ class Seen:
         return np.tile(visit, len(self.measured) // len(visit))[self.measured]
 
     def lever_mm(self, joint: int) -> float | None:
-        """How far the axis of a joint is from the targets, root mean square over the readings; None of a slide."""
+        """The distance of the axis of a joint from the targets, root mean square over the readings; None of a slide."""
         robot = self.model.robot
         if joint in robot.slides:
             return None
@@ -152,7 +152,7 @@ _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be
 def _causes(
     model: RobotModel, estimate: Array, saved: SavedModel, dataset: Dataset, readings: Readings
 ) -> tuple[Effect, ...]:
-    """What may have set in. Where the model has an effect already, its bounds hold for both together."""
+    """The causes that may have set in. Where the model has an effect already, its bounds hold for both together."""
     survey = Survey(
         robot=model.robot,
         conditions=readings.conditions,

@@ -1,4 +1,5 @@
-"""What some check poses will show: of each cause the smallest size that is seen, and from which size it is named alone.
+"""The sizes that some check poses will show: of each cause the smallest size that is seen, and from which size it is
+named alone.
 
 Seen: the alarm is raised in 95 of 100 watches, by the cause's own chi-squared at the limit that all questions share.
 Named alone: in 80 of 100, counted in draws. Of several parameters of one unit, such as the three directions of a tool,
@@ -26,8 +27,8 @@ _NOTHING = 1e-12  # non-centrality of one unit
 
 @dataclass(frozen=True)
 class Smallest:
-    """What is seen of one cause: smallest size and its unit; from which size it is named alone, None where that takes
-    more than ten times as much; always: labels of causes that no size tells from it.
+    """The sizes of one cause that are seen: smallest size and its unit; from which size it is named alone, None where
+    that takes more than ten times as much; always: labels of causes that no size tells from it.
 
     wanted: the size that should be seen, None where none is stated; share: of watches in which that is seen;
     lever_mm: of a joint's cause how far its axis is from the targets, root mean square, else None.
@@ -46,8 +47,8 @@ class Smallest:
 
 @dataclass(frozen=True)
 class Shown:
-    """What some visits show: every cause; labels of those that they do not show at all; limit: the p-value of an alarm;
-    readings: how many there are."""
+    """The yield of some visits: every cause; labels of those that they do not show at all; limit: the p-value of an
+    alarm; readings: how many there are."""
 
     causes: tuple[Smallest, ...]
     unseen: tuple[str, ...]
@@ -111,7 +112,7 @@ def seen_from(seen: Seen, limit: float) -> dict[str, float]:
 
 
 def _worst(seen: Seen, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
-    """Of a cause in the direction that is seen worst, of the parameters of its first unit: the non-centrality of the
+    """The worst of a cause: in the direction that is seen worst, of the parameters of its first unit: the non-centrality of the
     square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
     one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])
     values, vectors = np.linalg.eigh(one.T @ one)

@@ -34,7 +34,7 @@ _WARMTH = "arm_growth"
 
 @dataclass(frozen=True)
 class Upkept:
-    """What some readings say of the warmth of the arm.
+    """The warmth of the arm by some readings.
 
     rest: the verdict on what is left beside it, `unchanged` where that is chance; parameters, before (p,), change (p,)
     and covariance (p, p) of the changed ones, internal units; model: the updated one, None where the rest is no chance.
@@ -98,7 +98,8 @@ def warms_up(model: RobotModel) -> bool:
 
 
 def _beside(seen: Seen, columns: Array) -> Seen:
-    """What is seen where the changes of some columns (q, p) of unit variance are no change, and warmth is no cause."""
+    """The readings as seen where the changes of some columns (q, p) of unit variance are no change, and warmth is no
+    cause."""
     kept = [i for i, cause in enumerate(seen.causes) if cause.label != _WARMTH]
     return replace(
         seen,

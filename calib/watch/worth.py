@@ -1,4 +1,4 @@
-"""What an updated model is worth: how uncertain its predictions are beside those of its baseline.
+"""The worth of an updated model: how uncertain its predictions are beside those of its baseline.
 
 A recalibration by the campaign of the baseline would be about as uncertain as that is. An update keeps what the
 baseline did not know and adds what few readings leave open of the change; at the check poses it is as sure as they

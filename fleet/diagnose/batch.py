@@ -29,8 +29,8 @@ LEASE_S = 20.0
 
 @dataclass(frozen=True)
 class Order:
-    """What to do with data sets. store: address for the results; owner: name of this run of the command; most: effects
-    that may be added; expected: the program that shall compute."""
+    """An order for workers: data sets and what to do with them. store: address for the results; owner: name of this run
+    of the command; most: effects that may be added; expected: the program that shall compute."""
 
     store: str = field(repr=False)  # may hold a password
     owner: str
@@ -50,7 +50,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a batch, in data sets. found: had a result already; twice: computed, though a result of somebody
+    """The outcome of a batch, in data sets. found: had a result already; twice: computed, though a result of somebody
     else was there when it came; seconds: processor time of the diagnoses; held: somebody else works on them; unseen:
     their files are others here, with the reason."""
 
@@ -103,7 +103,7 @@ def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagno
 
 
 def _statement(source: Source, store: Store, most: int, find: Callable[..., Diagnosis]) -> dict[str, Any]:
-    """What is kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
+    """The statement kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
     try:
         with opened(source, store) as dataset:
             return statement.of_diagnosis(source.name, find(dataset, most=most))

@@ -1,4 +1,4 @@
-"""What another version of the program says of the same data sets: verdict, named effects, held-out error.
+"""Differences between versions of the program over the same data sets: verdict, named effects, held-out error.
 
 The readings are the same, so nothing here is chance: whatever differs comes from the program.
 """
@@ -21,7 +21,8 @@ WORTH = 0.01
 
 @dataclass(frozen=True)
 class Side:
-    """What one version says. effects: label -> (size, standard error, unit); rms: held out, mm, None without one."""
+    """The statement of one version. effects: label -> (size, standard error, unit); rms: held out, mm, None without
+    one."""
 
     verdict: str
     effects: Mapping[str, tuple[float, float, str]]
@@ -79,7 +80,8 @@ class Changes:
 
 
 def changes_between(before: Iterable[Result], now: Sequence[Result], program: str) -> Changes:
-    """What has changed. before: results of other versions, oldest first, of which the newest of a data set counts."""
+    """The changes between two versions. before: results of other versions, oldest first, of which the newest of a data
+    set counts."""
     last = {result.job.data: result for result in before}
     both = [_change(last[each.job.data], each) for each in now if each.job.data in last]
     ratios = [each.ratio for each in both if each.ratio is not None]

@@ -24,14 +24,14 @@ def resource(of: str) -> str:
 
 @dataclass(frozen=True)
 class Told:
-    """What a worker says of itself. threads: of its linear algebra, "" where nothing limits them."""
+    """A worker's word on itself. threads: of its linear algebra, "" where nothing limits them."""
 
     program: str
     threads: str
 
 
 async def _enrol(expected: str, dask_worker: Worker) -> Told:
-    """Runs on the worker."""
+    """Enrol a worker; this runs on the worker."""
     told = Told(this_program(), os.environ.get(BLAS, ""))
     if told.program == expected:
         await dask_worker.set_resources(**{resource(expected): 1.0})
@@ -73,7 +73,7 @@ class Crew:
         return said
 
     def _why_not(self, told: object) -> str:
-        """Why a worker may not compute, from its answer; "" where it may."""
+        """The reason for which a worker may not compute, from its answer; "" where it may."""
         if not isinstance(told, Told):
             return f"it cannot say which TruePose it runs ({type(told).__name__}: {told}); install {self._expected}"
         if told.program != self._expected:

@@ -1,4 +1,4 @@
-"""Where data sets are diagnosed: processes of this computer, or the workers of a scheduler (Dask).
+"""The engine that diagnoses data sets: processes of this computer, or the workers of a scheduler (Dask).
 
 Whoever reaches a Dask scheduler has programs run on its workers, and what they send is unpickled here. So the
 processes of this computer speak TLS with a key that lives as long as the command, on 127.0.0.1, without pages; and an
@@ -36,7 +36,7 @@ _PLAIN = {
 
 
 def processors() -> int:
-    """How many processes this one may have at work at once."""
+    """The number of processes this one may have at work at once."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -44,7 +44,7 @@ def processors() -> int:
 
 @contextmanager
 def local(workers: int) -> Iterator[Client]:
-    """So many processes of this computer, one thread each, for the time of the block."""
+    """An engine of so many processes of this computer, one thread each, for the time of the block."""
     with config.set(_PLAIN):
         cluster = LocalCluster(
             n_workers=workers,

@@ -1,4 +1,4 @@
-"""How long a call waits for a store that is away: it asks again, with one data set at a time, and then gives up.
+"""The patience of a call with a store that is away: it asks again, with one data set at a time, and then gives up.
 
 A database that is restarted or out of reach for an hour shall not end the work of a night.
 """

@@ -1,4 +1,4 @@
-"""Which program computes: its version and a fingerprint of the rooms that decide a diagnosis.
+"""The identity of the program that computes: its version and a fingerprint of the rooms that decide a diagnosis.
 
 Two builds may bear one version, and a worker of the other one gives other results under the same key. Nothing here
 needs numpy: a worker is asked before it loads any.

@@ -88,7 +88,7 @@ class Run:
 
     @property
     def in_hand(self) -> list[Source]:
-        """What was given out and has not come back."""
+        """The data sets given out that have not come back."""
         return [source for batch in self._out.values() for source in batch]
 
     def _look(self) -> None:

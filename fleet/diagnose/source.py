@@ -1,4 +1,4 @@
-"""Where a data set is: in files, or in the store; either way its hash is that of the store's document of it.
+"""The source of a data set: in files, or in the store; either way its hash is that of the store's document of it.
 
 A job carries this reference, never the readings: a scheduler that passes on a hundred thousand data sets holds names.
 """

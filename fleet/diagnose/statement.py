@@ -1,4 +1,5 @@
-"""What is kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 5 kB, or the refusal of data that cannot be used.
+"""The statement kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 5 kB, or the refusal of data that cannot be
+used.
 
 Values are in the units of files and screens; null stands for what there is not.
 """
@@ -41,7 +42,7 @@ def of_diagnosis(name: str, found: Diagnosis) -> dict[str, Any]:
 
 
 def of_refusal(name: str, error: DataError) -> dict[str, Any]:
-    """What is wrong with a data set of this name and what to do; line and key where there are some. No path: the file
+    """The fault of a data set of this name and what to do; line and key where there are some. No path: the file
     may have lain in a folder of its own for the time of the reading."""
     return {
         "format": FORMAT,
@@ -65,7 +66,7 @@ def _parameters(found: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _short(value: float) -> float | None:
-    """To nine digits: a hundred thousand of these tables are kept."""
+    """Numbers to nine digits: a hundred thousand of these tables are kept."""
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""How far a call is and what it has cost."""
+"""The progress of a call, and its cost."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Tally:
-    """How far a call is, in data sets.
+    """The progress of a call, in data sets.
 
     known: had a result before; done: by this call, refused among them; found: had a result when a worker came to them,
     from a worker that was lost since or from another call; twice: computed, though another result came first; failed:

@@ -1,4 +1,4 @@
-"""What lies in a folder as documents: models, verdicts of watches, diagnoses and data sets, each known by its format.
+"""The documents of a folder: models, verdicts of watches, diagnoses and data sets, each known by its format.
 
 The files are those that the commands and the service of a cell write; nothing has to be told of them. Each is looked at
 once: again only when its size or time has changed. What cannot be sent is told with the reason, and never stops the
@@ -91,7 +91,8 @@ def _files(folder: Path, read_record: Reader) -> Iterator[tuple[Path, Reader]]:
 
 
 def _stamp(path: Path, cell: Cell) -> str:
-    """What changes when a file, its header or its journal changes, or what is sent of it; empty where it has gone."""
+    """A stamp that changes when a file, its header or its journal changes, or what is sent of it; empty where it has
+    gone."""
     stamps = [cell.name, cell.serial, str(cell.simulated)]
     for each in (path, path.with_suffix(".toml"), path.with_name(f"{path.name}-wal")):
         try:
@@ -160,7 +161,7 @@ def read_data(path: Path, cell: Cell) -> list[Document]:
 
 
 def _identity(kind: Kind, table: Mapping[str, Any], hash: str) -> str:
-    """Which thing a result is a statement of. Many models may be made of one data set, and none contradicts another;
+    """The thing that a result is a statement of. Many models may be made of one data set, and none contradicts another;
     one watch has one verdict at one rate of false alarms."""
     if kind == "watch":
         model = str(table.get("model", ""))[: _NAME // 2]
@@ -201,7 +202,7 @@ def _refuse_simulated(simulated: bool, cell: Cell, path: Path) -> None:
 
 
 def _moment(text: str, path: Path) -> datetime:
-    """When the readings began; the time of the file where it does not say."""
+    """The time at which the readings began; the time of the file where it does not say."""
     for form in ("%Y-%m-%d %H:%M UTC", "%Y-%m-%d %H:%M:%S UTC"):
         try:
             return datetime.strptime(text, form).replace(tzinfo=UTC)

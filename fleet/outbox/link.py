@@ -34,7 +34,7 @@ _BARRED = (401, 403, 404, 405, 406, 411, 421, 426, 451)
 
 @dataclass(frozen=True)
 class Answer:
-    """What became of an upload. said: in words, for the person at the cell; after_s: when to ask again, None where
+    """The answer to an upload. said: in words, for the person at the cell; after_s: when to ask again, None where
     the server does not say."""
 
     kind: Literal["kept", "refused", "damaged", "failed", "away", "barred"]
@@ -43,7 +43,7 @@ class Answer:
 
 
 class _Nobody(Exception):
-    """There is no connection: another document would not fare better."""
+    """The server cannot be reached: another document would not fare better."""
 
 
 class Link:
@@ -95,7 +95,8 @@ class Link:
         return self._meaning(answer, data, document.hash)
 
     def _exchange(self, document: Document) -> tuple[http.client.HTTPResponse, bytes]:
-        """Raises _Nobody without a connection, OSError and HTTPException where there was one."""
+        """Send a request and read its answer. Raises _Nobody without a connection, OSError and HTTPException where
+        there was one."""
         if self._connection.sock is not None:
             with suppress(ConnectionError):  # it was kept open, and may have ended meanwhile
                 return self._send(document)

@@ -28,7 +28,7 @@ DAMAGED = 20  # times that a document may arrive damaged, before it is set aside
 
 
 class Upload(Protocol):
-    """What a sender needs of a link."""
+    """The part of a link that a sender needs."""
 
     def put(self, document: Document) -> Answer:
         """Upload a document."""
@@ -37,8 +37,8 @@ class Upload(Protocol):
 
 @dataclass(frozen=True)
 class Round:
-    """What one round did. trouble: why it ended before its end, empty where it did not; barred: whether a person must
-    change something; wait_s: until something can be tried again, None where nothing waits."""
+    """The outcome of one round. trouble: why it ended before its end, empty where it did not; barred: whether a person
+    must change something; wait_s: until something can be tried again, None where nothing waits."""
 
     kept: int = 0
     refused: int = 0

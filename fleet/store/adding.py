@@ -1,4 +1,5 @@
-"""How documents get into the tables: what is there already is looked for, the rest is inserted in a few statements."""
+"""The way of documents into the tables: what is there already is looked for, the rest is inserted in a few
+statements."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ class Overtaken(Exception):
 
 
 def already(connection: sa.Connection, hashes: Sequence[str]) -> dict[str, tuple[int, str, int]]:
-    """Of those hashes that are there: number of the document, kind, robot."""
+    """The documents of these hashes that are there: number, kind, robot."""
     d = tables.document.c
     found: dict[str, tuple[int, str, int]] = {}
     for begin in range(0, len(hashes), _MANY):

@@ -1,4 +1,4 @@
-"""What a store keeps: the statements of a cell about one robot, byte for byte, with what they say of it."""
+"""The documents of a store: the statements of a cell about one robot, byte for byte, with what they say of it."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class Document:
 
 @dataclass(frozen=True)
 class Added:
-    """What became of a document. state: "new"; "known", where the store had this content; "conflict", where it has
-    another content for the same identity: both are kept. other_hashes: those contents, oldest first."""
+    """The outcome of adding a document. state: "new"; "known", where the store had this content; "conflict", where it
+    has another content for the same identity: both are kept. other_hashes: those contents, oldest first."""
 
     hash: str
     state: State
@@ -127,7 +127,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Said:
-    """What a watch or a diagnosis said of a robot."""
+    """The verdict of a watch or of a diagnosis on a robot."""
 
     robot: RobotKey
     measured_at: datetime

@@ -125,7 +125,7 @@ def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
 
 
 def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
-    """By the words of the database: SQLite has no classes for its errors."""
+    """The refusal that the words of the database mean: SQLite has no classes for its errors."""
     words = str(error.orig)
     first = _first_line(error.orig)
     if any(mark in words for mark in _FULL):

@@ -32,7 +32,8 @@ class _Limited(psycopg.Connection[Any]):
     answer_s: float | None = None
 
     def wait(self, gen: PQGen[RV], interval: float = 0.1, timeout: float | None = None) -> RV:
-        """As of any connection. Raises OperationalError, and closes the connection, where no answer has come."""
+        """Wait for an answer, as any connection does. Raises OperationalError, and closes the connection, where no
+        answer has come."""
         try:
             return super().wait(gen, interval, self.answer_s if timeout is None else timeout)
         except errors.OperationalError:

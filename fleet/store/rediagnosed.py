@@ -1,4 +1,4 @@
-"""What a re-diagnosis of a robot's data sets says of its parameters, as points of a trend.
+"""The parameters of a robot by a re-diagnosis of its data sets, as points of a trend.
 
 It says of the same readings what the cell's own model said, by another version: so it stands in the place of that model
 (`Store.trend`), and no measurement is shown twice. Of several versions the result that was finished last counts.

@@ -1,4 +1,4 @@
-"""Who may do what in a PostgreSQL: roles without a login, which its administrator gives to users.
+"""The rights of users of a PostgreSQL: roles without a login, which its administrator gives to users.
 
     truepose_reader   reads everything
     truepose_writer   reads, puts documents and results in, claims jobs; changes and deletes no document

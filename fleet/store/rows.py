@@ -1,4 +1,4 @@
-"""What a document says, as rows: parameters of a model, verdict and causes of a watch or a diagnosis.
+"""The statements of a document as rows: parameters of a model, verdict and causes of a watch or a diagnosis.
 
 Only what is named here is read; the document itself is kept whole. Of a data set nothing is read: it is data.
 """

@@ -202,7 +202,7 @@ class Store:
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
     ) -> list[Said]:
-        """What watches and diagnoses said, of a robot or of all, oldest first."""
+        """The verdicts of watches and diagnoses, of a robot or of all, oldest first."""
         v, d, r, c = tables.verdict.c, tables.document.c, tables.robot.c, tables.cause.c
         question = (
             sa.select(d.id, r.serial, r.model, d.measured_at, d.kind, d.hash, v.verdict, v.in_words, v.advice)

@@ -36,8 +36,8 @@ _OPEN = (path_of("health"), "/openapi.json")
 
 @dataclass(frozen=True)
 class Settings:
-    """What the server was started with. names: by which cells call it, besides its address; upload_bytes: of the
-    largest document."""
+    """The settings that the server was started with. names: by which cells call it, besides its address; upload_bytes:
+    of the largest document."""
 
     tokens: Senders
     host: str = "127.0.0.1"

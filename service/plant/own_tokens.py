@@ -91,7 +91,7 @@ def revoke(file: Path, name: str) -> None:
 
 
 class Senders:
-    """Who may do what at a plant's server: the tokens of its start, and those of a file where there is one.
+    """The senders known to a plant's server: the tokens of its start, and those of a file where there is one.
 
     With a file the token that all cells share puts nothing in any more: whoever had it could send under any name.
     """
@@ -133,7 +133,7 @@ class Senders:
             return {}
 
     def _stamped(self) -> tuple[int, ...]:
-        """What changes with the file."""
+        """A stamp that changes with the file."""
         if self._file is None:
             return ()
         try:

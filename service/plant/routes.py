@@ -1,4 +1,4 @@
-"""What is asked of a fleet's server."""
+"""The routes of a fleet's server."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class FleetProgress:
 
 
 def line(tally: Tally) -> str:
-    """How far it is, in one line: data sets, price of one, time left."""
+    """The progress in one line: data sets, price of one, time left."""
     parts = [f"{tally.total - tally.left:,} of {tally.total:,} data sets"]
     if tally.seconds_each is not None:
         parts.append(f"{tally.seconds_each:.2f} s of processor time each")
@@ -64,7 +64,7 @@ def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
 
 
 def changed(found: Changes) -> Iterable[RenderableType]:
-    """What another version said."""
+    """The statements of another version."""
     same = found.compared - len(found.changed)
     versions = ", ".join(found.since) or "no other version"
     ratio = "" if found.ratio is None else f"; held-out errors now over before: median {found.ratio:.3f}"

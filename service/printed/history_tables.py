@@ -17,7 +17,7 @@ _STATES = {"new": "kept", "known": "known already", "conflict": "kept; contradic
 
 
 def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[Added]) -> Table:
-    """What became of documents."""
+    """The outcome of adding documents."""
     shown = grid(f"In {place}", "file", "kind", "robot", "measured", "document", "", left=6)
     for (file, document), its in zip(read, found, strict=True):
         others = "".join(f" {other[:SHORT]}" for other in its.other_hashes)
@@ -80,7 +80,7 @@ def values(trend: Trend) -> Table:
 
 
 def due(found: Sequence[Next], permitted: float) -> Table:
-    """When each robot is to be checked next."""
+    """The date at which each robot is to be checked next."""
     title = f"{wording.counted(len(found), 'robot')}, {permitted:g} mm permitted"
     shown = grid(
         title, "serial number", "type", "last verdict", "error, mm", "U", "next check", "because", left=3

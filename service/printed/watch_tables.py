@@ -17,7 +17,7 @@ _PROPOSALS = 4
 
 
 def plan_tables(found: Planned) -> list[RenderableType]:
-    """What the check poses show, and what it would take to see more."""
+    """The causes that the check poses show, and what it would take to see more."""
     causes = found.plan.shown.causes
     poses = wording.counted(found.asked.poses, "pose")
     rounds = "" if found.plan.rounds == 1 else f" visited {found.plan.rounds} times each"
@@ -111,7 +111,7 @@ def verdict_tables(found: Watched) -> list[RenderableType]:
 
 
 def upkeep_tables(found: Upkeep) -> list[RenderableType]:
-    """What is thermal, and whether the rest is chance."""
+    """The thermal part of the change, and whether the rest is chance."""
     rest = found.found.rest.questions[0]
     table = tables.grid("Thermal parameters", "parameter", "before", "now", "U (k = 2)", "", left=1)
     for name, before, now, u, unit in found.rows:

@@ -49,7 +49,8 @@ _NOT_TEXT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass(frozen=True)
 class About:
-    """What a data set does not know of a certificate. country: two letters (ISO 3166-1); `ZZ` where it is not told."""
+    """The entries of a certificate that no data set knows. country: two letters (ISO 3166-1); `ZZ` where it is not
+    told."""
 
     laboratory: str = "not stated"
     city: str = "not stated"
@@ -69,8 +70,8 @@ class About:
 
 @dataclass(frozen=True)
 class Certified:
-    """What is certified: a result (`identify --json` or `diagnose --json`), the parameters of its model with value,
-    std and unit, and the hash of that model; None where the fit did not converge."""
+    """The content of a certificate: a result (`identify --json` or `diagnose --json`), the parameters of its model with
+    value, std and unit, and the hash of that model; None where the fit did not converge."""
 
     dataset: Dataset
     document: Mapping[str, Any]

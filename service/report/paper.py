@@ -1,4 +1,4 @@
-"""What makes a report a paper that can be filed and signed: its number, who measured and when, program and hashes."""
+"""The marks of a report that can be filed and signed: its number, who measured and when, program and hashes."""
 
 from __future__ import annotations
 

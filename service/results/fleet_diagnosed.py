@@ -36,9 +36,9 @@ FORMAT = "truepose-fleet-run/1"
 
 @dataclass(frozen=True)
 class Question:
-    """What to diagnose and where. data: files and folders, nothing for the data sets of the store; workers: processes
-    of this computer, None for one a processor; scheduler: address of one, "" for this computer; since: the version to
-    compare with, "" for none."""
+    """The question: what to diagnose and where. data: files and folders, nothing for the data sets of the store;
+    workers: processes of this computer, None for one a processor; scheduler: address of one, "" for this computer;
+    since: the version to compare with, "" for none."""
 
     data: tuple[Path, ...]
     store: str
@@ -50,7 +50,7 @@ class Question:
 
 @dataclass(frozen=True)
 class FleetDiagnosed:
-    """What has come out. tables: the results of the data sets asked for, in their order."""
+    """The outcome. tables: the results of the data sets asked for, in their order."""
 
     place: str
     program: str

@@ -48,7 +48,7 @@ class Line:
 
     @property
     def in_words(self) -> str:
-        """What it says, in a line."""
+        """The statement in a line."""
         words = []
         if self.said is not None:
             words.append(self.said.verdict)
@@ -150,8 +150,8 @@ class Next:
 
 
 def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
-    """When each robot is to be checked next, those first that are due first. hours: of use, for a method that goes by
-    them."""
+    """The date at which each robot is to be checked next, those first that are due first. hours: of use, for a method
+    that goes by them."""
     said = {each.robot: each for each in store.verdicts(kind="watch")}  # the last of each stays
     out = []
     for known in store.robots():
@@ -180,7 +180,7 @@ def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str =
 
 
 def added_document(added: Sequence[tuple[Document, Added]]) -> dict[str, Any]:
-    """What became of documents, as JSON has it."""
+    """The outcome of adding documents, as JSON has it."""
     told = [
         {
             "kind": document.kind,
@@ -256,7 +256,7 @@ def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
 
 
 def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
-    """When each robot is due, as JSON has it."""
+    """The dates at which robots are due, as JSON has them."""
     return {
         "format": FORMAT,
         "now": text_of(now),

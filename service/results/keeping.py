@@ -1,4 +1,4 @@
-"""What a service has measured and found, brought into its history: runs that succeeded, diagnoses, watches, upkeeps.
+"""The findings of a service, brought into its history: runs that succeeded, diagnoses, watches, upkeeps.
 
 The files of the record are the truth and nothing else is needed: what has not been kept is looked for again, and the
 store keeps the same content once.
@@ -32,7 +32,7 @@ Reader = Callable[[Path, Cell], Sequence[Document]]
 
 @dataclass(frozen=True)
 class Kept:
-    """What became of a file, by its path below the record. documents: hashes; robot_id: of the robot; because: why it
+    """The outcome for a file, by its path below the record. documents: hashes; robot_id: of the robot; because: why it
     was refused, or what it contradicts; empty otherwise."""
 
     path: str
@@ -65,7 +65,7 @@ def _results(record: Path) -> Iterator[tuple[Path, Reader]]:
 
 
 def _keep(store: Store, path: Path, name: str, reader: Reader, cell: Cell) -> Kept | None:
-    """What became of one file; None for what is not finished."""
+    """The outcome for one file; None for what is not finished."""
     try:
         found = reader(path, cell)
         if not found:

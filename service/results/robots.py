@@ -31,8 +31,8 @@ ERRORS = 24
 
 @dataclass(frozen=True)
 class DueQuestion:
-    """How dates are reckoned. permitted_mm: largest position error, RMS, None where nobody has said; first_days,
-    shortest_days, longest_days: intervals."""
+    """The question of dates and how they are reckoned. permitted_mm: largest position error, RMS, None where nobody has
+    said; first_days, shortest_days, longest_days: intervals."""
 
     permitted_mm: float | None = None
     method: Way = "staircase"
@@ -156,7 +156,7 @@ def _found(store: Store, name: str) -> Known | None:
 
 
 def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict[str, Any]:
-    """What a list says of a robot."""
+    """The line of a robot in a list."""
     robot = known.robot
     said = store.verdicts(robot)
     watched = next((each for each in reversed(said) if each.kind == "watch"), None)
@@ -195,7 +195,7 @@ def _baseline(models: Sequence[Entry], said: Sequence[Said]) -> Entry | None:
 
 
 def _state(watched: Said | None, model: Entry | None) -> str:
-    """What is known of a robot by now: the last watch, unless a model is newer than it."""
+    """The state of a robot by now: the last watch, unless a model is newer than it."""
     if watched is None:
         return "not_watched"
     if model is not None and model.measured_at > watched.measured_at:
@@ -219,7 +219,7 @@ def _said(said: Said) -> dict[str, Any]:
 
 
 def _due(errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
-    """When the next check is due; without a date, why."""
+    """The date of the next check; without a date, why."""
     if way is None:
         return {"date": None, "overdue": False, "because": "Nobody has said which error is permitted."}
     try:
@@ -230,7 +230,7 @@ def _due(errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str
 
 
 def _urgency(line: dict[str, Any]) -> tuple[int, str, str]:
-    """What has changed comes first, then what is overdue, then by date."""
+    """The rank of a robot in a list: what has changed comes first, then what is overdue, then by date."""
     due = line["due"]
     changed = line["state"] in ("changed", "ambiguous", "unexplained")
     return (0 if changed else 1 if due["overdue"] else 2, due["date"] or "", line["serial"])

@@ -25,8 +25,9 @@ FORMAT = "truepose-upkeep/1"
 
 @dataclass(frozen=True)
 class UpkeepQuestion:
-    """How to update. update: file, None for none; rate: of false alarms; running_s: how long the robot had run, from
-    cold, when the readings began, None where nobody said; missing_allowed: whether readings may be missing."""
+    """The question: how to update. update: file, None for none; rate: of false alarms; running_s: how long the robot
+    had run, from cold, when the readings began, None where nobody said; missing_allowed: whether readings may be
+    missing."""
 
     update: Path | None = None
     rate: float = watch.RATE
@@ -117,7 +118,7 @@ class Upkeep:
 
     @property
     def rows(self) -> list[tuple[str, float, float, float, str]]:
-        """Of every thermal parameter name, value before, value now, its U (k = 2), and the unit."""
+        """The thermal parameters: of each name, value before, value now, its U (k = 2), and the unit."""
         found = self.found
         return [
             (p.name, _shown(b, p.unit), _shown(b + c, p.unit), _shown(2.0 * s, p.unit), p.unit)

@@ -141,7 +141,7 @@ class Planned:
         return watch.nest_limit(three, self.noise, self.asked.rate)
 
     def files(self, out: Path) -> dict[Path, str]:
-        """What is written, by path: the campaign, or the data set to be filled in with its header."""
+        """The files that are written, by path: the campaign, or the data set to be filled in with its header."""
         if self.driven:
             limit = None if self.nests is None else self.nests.limit_mm
             visits = self.plan.visits

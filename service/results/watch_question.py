@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PlanQuestion:
-    """What to plan. targets: names, None for all of the cell; offset_deg: from how far every joint arrives; both: from
-    sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose is visited; touch:
-    balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats; frame_known: whether
-    instrument or artefact will stand where they stood; repeats: how often each target is read in a visit. rounds,
-    repeats None: as few as show every cause, where an instrument measures points."""
+    """The question: what to plan. targets: names, None for all of the cell; offset_deg: from how far every joint
+    arrives; both: from sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose
+    is visited; touch: balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats;
+    frame_known: whether instrument or artefact will stand where they stood; repeats: how often each target is read in a
+    visit. rounds, repeats None: as few as show every cause, where an instrument measures points."""
 
     poses: int
     candidates: int

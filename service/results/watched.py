@@ -30,9 +30,9 @@ CODES = {
 
 @dataclass(frozen=True)
 class JudgeQuestion:
-    """How to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether robot and
-    instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how long the
-    robot had run, from cold, when the readings began, None where nobody said."""
+    """The question: how to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether
+    robot and instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how
+    long the robot had run, from cold, when the readings began, None where nobody said."""
 
     history: Path | None = None
     update: Path | None = None

@@ -1,1 +1,1 @@
-"""How the tables of a store came to be: one file a step in `versions`, which never changes once a store has seen it."""
+"""The history of the tables of a store: one file a step in `versions`, which never changes once a store has seen it."""

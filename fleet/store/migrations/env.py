@@ -1,4 +1,5 @@
-"""What Alembic runs: the steps on the connection that `fleet.store.schema` hands over, in its transaction."""
+"""The environment that Alembic runs: the steps on the connection that `fleet.store.schema` hands over, in its
+transaction."""
 
 from __future__ import annotations
 

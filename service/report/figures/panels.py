@@ -83,7 +83,8 @@ def of_effect(sample: Sample, effect: Effect) -> Panel:
 
 
 def _by_displacement(sample: Sample, effect: Effect) -> Panel:
-    """Over the displacement that the law causes; in order of time where it is the same for all that it moves."""
+    """The panel over the displacement that the law causes; in order of time where it is the same for all that it
+    moves."""
     seen = sample.of_share(effect)
     moved = np.linalg.norm(sample.moved(effect), axis=1)
     touched = moved > _UNTOUCHED * np.max(moved)
@@ -180,7 +181,8 @@ def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
 
 
 def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
-    """What all that drives an effect is drawn over; None where that is several quantities, or one without an axis."""
+    """The axis over which all that drives an effect is drawn; None where that is several quantities, or one without an
+    axis."""
     axes = [_axis(sample, term.regressor) for term in effect.terms]
     labels = {None if axis is None else axis.label for axis in axes}
     return axes[0] if len(labels) == 1 else None
@@ -254,7 +256,7 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
 
 
 def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
-    """How much of the laws the side of approach makes, rad."""
+    """The share of the laws that the side of approach makes, rad."""
     model, estimate = sample.fitted.model, sample.fitted.estimate
     return sum(
         abs(float(term.weight * estimate[model.index[term.parameter]]))

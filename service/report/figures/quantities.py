@@ -30,7 +30,7 @@ class Quantity:
 
 
 def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity | None:
-    """What a place of structure is drawn over; None where it has no name we know."""
+    """The quantity over which a place of structure is drawn; None where it has no name we know."""
     if where == TOGETHER:
         moving = [k for k in range(conditions.joints.shape[1]) if np.ptp(conditions.joints[:, k]) > 0.0]
         return _over(moving, conditions)
@@ -59,7 +59,7 @@ def _links(where: str, robot: Robot) -> list[int]:
 
 
 def _over(joints: list[int], conditions: Conditions) -> Quantity:
-    """Where some joints are, deg or mm."""
+    """The places of some joints, deg or mm."""
     axes = [Axis.angle(k + 1, conditions) for k in joints]
     return Quantity(np.column_stack([axis.values for axis in axes]), tuple(axis.label for axis in axes))
 

@@ -69,7 +69,7 @@ def by_group(group: NDArray[np.int64], names: Sequence[str], left: Array, name: 
 
 
 def left_out(quantity: Quantity, error: Array, out: NDArray[np.bool_], name: str, where: str) -> str:
-    """Which readings were left out, `out` (n,): by their error (n,), mm, over one quantity, or in the plane of two."""
+    """The readings left out, `out` (n,): by their error (n,), mm, over one quantity, or in the plane of two."""
     drawn, (axes,) = drawing.figure(5.0, 2.9)
     x = quantity.values[:, 0]
     y = error if quantity.values.shape[1] == 1 else quantity.values[:, 1]

@@ -39,7 +39,8 @@ class Seen:
 
 @dataclass(frozen=True)
 class Shown:
-    """How a joint is shown: its name, its slot, one unit of its place and of its error, and what to write on axes."""
+    """The way a joint is shown: its name, its slot, one unit of its place and of its error, and what to write on
+    axes."""
 
     name: str
     slot: str
@@ -85,7 +86,7 @@ class Sample:
         return tuple(Design(self.fitted.model, part.conditions) for part in self.parts)
 
     def shown(self, joint: int) -> Shown:
-        """How a joint is shown."""
+        """The way a joint is shown."""
         return Shown.of(self.fitted.model.robot, joint)
 
     def angle(self, joint: int) -> Array:
@@ -101,7 +102,7 @@ class Sample:
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
     def axis(self, regressor: Drawn) -> Axis:
-        """Over what a regressor is drawn, for the readings of all parts."""
+        """The axis over which a regressor is drawn, for the readings of all parts."""
         axes = [regressor.drawn_over(part.conditions) for part in self.parts]
         return replace(axes[0], values=np.concatenate([axis.values for axis in axes]))
 

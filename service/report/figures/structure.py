@@ -155,7 +155,7 @@ def _by_pose(sample: Sample, rest: Array, pointed: NDArray[np.bool_], name: str)
 
 
 def _of_left_out(where: str, name: str, dataset: Dataset, sample: Sample) -> str | None:
-    """How far every calibration reading lies from the model, those that were left out among the others."""
+    """The distance of every calibration reading from the model, those that were left out among the others."""
     readings, out = all_readings(dataset, sample.fitted)
     predicted = Design(sample.fitted.model, readings.conditions).predict(sample.fitted.estimate)
     error = np.linalg.norm(dataset.points[readings.rows] - predicted, axis=1)

@@ -13,7 +13,7 @@ Weights = Sequence[tuple[str, float]]
 
 
 def section_of(follow_up: FollowUp | None) -> Mapping[str, Any] | None:
-    """What the template needs of the poses to be measured next; None where nothing is ambiguous."""
+    """The section on the poses to be measured next; None where nothing is ambiguous."""
     if follow_up is None:
         return None
     return {
@@ -33,7 +33,7 @@ def pairs_of(follow_up: FollowUp) -> list[tuple[str, str, str, bool]]:
 
 
 def middle_step_of(step: FollowedUp | None, after: Diagnosis) -> Mapping[str, Any] | None:
-    """What the template needs of the middle step; None where there was none."""
+    """The section on the middle step; None where there was none."""
     if step is None:
         return None
     return {

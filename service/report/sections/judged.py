@@ -1,4 +1,4 @@
-"""What the models were judged by, shown: errors as arrows in the workspace, over time, and target by target.
+"""Pictures of what the models were judged by: errors as arrows in the workspace, over time, and target by target.
 
 Arrows are measured less predicted points in the world, many times their size, each model with an enlargement of its
 own: what is left after a calibration would else be dots beside what was there before it.

@@ -19,7 +19,7 @@ _WIDE = 1000.0  # ratio of the ends of an axis, from which on 2 and 5 between th
 
 
 def section_of(comparison: Comparison, findings: list[str]) -> dict[str, Any]:
-    """What the template shows: rows of (name, kind, figures), the picture, and the findings."""
+    """The panel as the template shows it: rows of (name, kind, figures), the picture, and the findings."""
     return {
         "columns": COLUMNS,
         "rows": list(rows(comparison)),

@@ -26,7 +26,7 @@ def rows_of(diagnosis: Diagnosis, verification: Verification) -> dict[str, Error
 
 
 def floor_in_words(verification: Verification) -> str:
-    """How the verified error compares with what noise and repeatability allow."""
+    """The verified error compared with what noise and repeatability allow."""
     return (
         f"A perfect correction would show {verification.floor_mm:.3f} mm RMS here, from the instrument's noise and "
         f"the robot's repeatability; the robot shows {verification.ratio:.2f} times that."
@@ -63,7 +63,7 @@ def document_of(verification: Verification) -> dict[str, Any]:
 
 
 def section_of(verification: Verification | None) -> Mapping[str, Any] | None:
-    """What the template needs; None where nothing was driven. What models predict is in the ladder alone."""
+    """The section of the template; None where nothing was driven. What models predict is in the ladder alone."""
     if verification is None:
         return None
     driven = {"Driven uncorrected": verification.uncorrected, "Driven corrected": verification.verified}

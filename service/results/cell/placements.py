@@ -41,7 +41,7 @@ class Order:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> Order:
-        """From what JSON has made of one."""
+        """An order from what JSON has made of one."""
         plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
         return cls(**plain)
 

@@ -110,7 +110,7 @@ def _noise(cell: Cell, posed: Sequence[Visit]) -> float | None:
 
 
 def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[float]]]:
-    """Where the nominal robot has every target of every visit, to a micrometre: residuals are taken from it."""
+    """The place of every target in every visit by the nominal robot, to a micrometre: residuals are taken from it."""
     if not posed:
         return {}
     places = np.round(targets_at(cell, np.array([visit.joints_deg for visit in posed])), 3).tolist()

@@ -31,8 +31,9 @@ FORMAT = "truepose-selection/1"
 
 @dataclass(frozen=True)
 class Question:
-    """What to choose. groups: what the model will free; targets: names, None for all of the cell; offset_deg: from
-    where joints arrive; share: most of the poses that may fill the joints' ranges; wanted_u: mm, None for no wish."""
+    """The question of a choice of poses. groups: what the model will free; targets: names, None for all of the cell;
+    offset_deg: from where joints arrive; share: most of the poses that may fill the joints' ranges; wanted_u: mm, None
+    for no wish."""
 
     count: int
     candidates: int

@@ -1,4 +1,4 @@
-"""What is asked of an alignment of two streams: the service keeps and checks it, and aligns in a worker."""
+"""The order for an alignment of two streams: the service keeps and checks it, and aligns in a worker."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ SLOW_MM_S = 2.0
 
 @dataclass(frozen=True)
 class Order:
-    """What is known of two streams, and what becomes of them. tool: mm, in the flange frame; robot_in_header: the robot
-    as the data set shall name it, where that is not as it is named here."""
+    """The order: what is known of two streams, and what becomes of them. tool: mm, in the flange frame;
+    robot_in_header: the robot as the data set shall name it, where that is not as it is named here."""
 
     tool: tuple[float, float, float]
     robot: str

@@ -37,7 +37,7 @@ def mapped_document(
 
 
 def told_of(found: Converted) -> dict[str, Any]:
-    """How the nominal robot fits files that were read by a map, and what was made of them."""
+    """The fit of the nominal robot to files that were read by a map, and what was made of them."""
     fit = found.fit
     return {
         "fit": None if fit is None else {"robot": fit.robot, "miss_mm": fit.miss, "extent_mm": fit.extent},

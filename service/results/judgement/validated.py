@@ -42,8 +42,8 @@ class Read(NamedTuple):
 
 @dataclass(frozen=True)
 class Question:
-    """How to judge. placed: base and tool fitted to the calibration rows; everything: on all measured rows; point: of
-    the world, mm, from which errors are shown by distance; limits: that the error is held to."""
+    """The question: how to judge. placed: base and tool fitted to the calibration rows; everything: on all measured
+    rows; point: of the world, mm, from which errors are shown by distance; limits: that the error is held to."""
 
     placed: bool = False
     everything: bool = False
