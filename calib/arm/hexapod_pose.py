@@ -54,43 +54,18 @@ class HexapodPoses:
     @property
     def frames(self) -> Array:
         """(n, m, 4, 4) frame of the tool triangle: origin T1, x to T2, z normal to the three balls, mm."""
-        x, y, z, *_ = self._axes()
+        second, third = (self.tool[..., k, :] - self.tool[..., 0, :] for k in (1, 2))
+        x = second / np.linalg.norm(second, axis=-1)[..., None]
+        rest = third - np.sum(x * third, axis=-1)[..., None] * x
+        y = rest / np.linalg.norm(rest, axis=-1)[..., None]
         frames = np.zeros((*self.tool.shape[:2], 4, 4))
-        frames[..., :3, :3] = np.stack([x, y, z], axis=-1)
+        frames[..., :3, :3] = np.stack([x, y, np.cross(x, y)], axis=-1)
         frames[..., :3, 3], frames[..., 3, 3] = self.tool[..., 0, :], 1.0
         return frames
 
     def ball_covariance(self, u_mm: ArrayLike) -> Array:
         """(n, m, 9, 9) mm2: covariance of T1, T2, T3; u_mm: standard uncertainty of lengths, (n, 12), (12,) or one."""
         return self._propagated(self._derivative(), u_mm)
-
-    def pose_covariance(self, u_mm: ArrayLike) -> Array:
-        """(n, m, 6, 6): covariance of the frame's origin, mm, and of small turns of it, rad, about the base's axes."""
-        x, y, z, along, across, length = self._axes()
-        moves = self._derivative().reshape(*self.tool.shape[:2], 3, 3, 12)  # ball, axis, length
-        second, third = (moves[..., k, :, :] - moves[..., 0, :, :] for k in (1, 2))
-
-        def part(axis: Array, move: Array) -> Array:
-            return np.einsum("nmi,nmik->nmk", axis, move)
-
-        about_x = (part(z, third) - (along / length)[..., None] * part(z, second)) / across[..., None]
-        about_y, about_z = -part(z, second) / length[..., None], part(y, second) / length[..., None]
-        turns = sum(
-            axis[..., :, None] * about[..., None, :]
-            for axis, about in ((x, about_x), (y, about_y), (z, about_z))
-        )
-        return self._propagated(np.concatenate([moves[..., 0, :, :], turns], axis=-2), u_mm)
-
-    def _axes(self) -> tuple[Array, ...]:
-        """x, y, z (n, m, 3) of the tool triangle; T3 along x and y, and T2 along x, (n, m) mm."""
-        second, third = (self.tool[..., k, :] - self.tool[..., 0, :] for k in (1, 2))
-        length = np.linalg.norm(second, axis=-1)
-        x = second / length[..., None]
-        along = np.sum(x * third, axis=-1)
-        rest = third - along[..., None] * x
-        across = np.linalg.norm(rest, axis=-1)
-        y = rest / across[..., None]
-        return x, y, np.cross(x, y), along, across, length
 
     def _derivative(self) -> Array:
         """(n, m, 9, 12) derivative of the tool balls' coordinates by the lengths; NaN where there is no pose."""

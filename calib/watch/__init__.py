@@ -14,7 +14,7 @@ from calib.watch.seen import Seen
 from calib.watch.sizes import Shown, Smallest
 from calib.watch.stroke import within_stroke
 from calib.watch.thermal import Upkept, keep_up, later, warms_up
-from calib.watch.update import as_updated, cause_to_update, updated
+from calib.watch.update import cause_to_update, updated
 from calib.watch.visits import Visits
 from calib.watch.wanted import ALONE, SEEN, WANTED
 from calib.watch.worth import DOUBTFUL, times_as_uncertain
@@ -38,7 +38,6 @@ __all__ = [
     "Verdict",
     "Visits",
     "append",
-    "as_updated",
     "baseline_hash",
     "cause_to_update",
     "in_display",

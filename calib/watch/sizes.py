@@ -112,8 +112,8 @@ def seen_from(seen: Seen, limit: float) -> dict[str, float]:
 
 
 def _worst(seen: Seen, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
-    """The worst of a cause: in the direction that is seen worst, of the parameters of its first unit: the non-centrality of the
-    square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
+    """The worst of a cause: in the direction that is seen worst, of the parameters of its first unit: the
+    non-centrality of the square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
     one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])
     values, vectors = np.linalg.eigh(one.T @ one)
     return None if values[0] < _NOTHING else (float(values[0]), one @ vectors[:, 0])

@@ -11,7 +11,7 @@ and predictions at the poses of the watch are as sure as its readings, whatever 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -98,9 +98,3 @@ def cause_to_update(verdict: Verdict) -> Cause:
             file="--update",
         )
     return verdict.causes[0][0]
-
-
-def as_updated(saved: SavedModel, seen: Seen, cause: Cause) -> SavedModel:
-    """The updated model without a file."""
-    model, estimate, covariance = updated(saved, seen, cause)
-    return replace(saved, model=model, estimate=estimate, covariance=covariance)

@@ -24,7 +24,7 @@ from calib.errors import DataError
 from calib.model.model import Design
 from calib.saved import SavedModel, as_saved
 from calib.units import DEG
-from calib.watch import Seen, Visits, as_updated, cause_to_update, judge, plan
+from calib.watch import Seen, Visits, cause_to_update, judge, plan
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
@@ -34,6 +34,7 @@ from mocks.world.effect import Effect
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.clock import line
 from tests.benchmarks.diagnosis_sets import visits
+from tests.calib.updates import as_updated
 
 TARGETS = ("T2",)
 POSES, CANDIDATES, WATCHES = 10, 400, 20

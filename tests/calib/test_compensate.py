@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.arm.kinematics import gravity_torques
 from calib.arm.robot import Robot, load_robot
 from calib.array import Array
@@ -30,6 +30,7 @@ from tests.calib.errant import (
     real_robot,
     wanted_poses,
 )
+from tests.calib.singular import least_singular_value
 
 
 def miss_of(model: RobotModel, estimate: Array, wanted: Array, done: Correction) -> Array:

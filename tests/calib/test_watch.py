@@ -22,7 +22,6 @@ from calib.watch import (
     Seen,
     Visits,
     append,
-    as_updated,
     baseline_hash,
     cause_to_update,
     judge,
@@ -39,6 +38,7 @@ from calib.watch.planned import planned
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.coverage import KINDS, Kind, simulate
+from tests.calib.updates import as_updated
 from tests.service.campaigns import write_data
 
 SEED, POSES = 4, 10

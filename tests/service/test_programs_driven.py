@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from calib.arm.inverse_kinematics import BRANCHES
-from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.arm.kinematics import forward
 from calib.arm.robot import load_robot
 from calib.array import Array
@@ -25,6 +25,7 @@ from mocks.campaign import Campaign, make_campaign, write_campaign
 from mocks.world.arm import ArmState
 from service.cli import main
 from service.programs.frames import quaternion
+from tests.calib.singular import least_singular_value
 from tests.service.robot_programs import EXT, write
 
 TARGETS = 40

@@ -5,7 +5,7 @@ axes with shoulder and wrist in a point. By a search over one joint: wrists that
 """
 
 from calib.arm.inverse_kinematics.arm import Arm
-from calib.arm.inverse_kinematics.near import least_singular_value, nominal_inverse
+from calib.arm.inverse_kinematics.near import nominal_inverse
 from calib.arm.inverse_kinematics.solutions import BRANCHES, SINGULAR_SINE, Reached, Solutions, branch_index
 from calib.arm.inverse_kinematics.solve import arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.turns import nearest_branch, nearest_turns, within_limits
@@ -19,7 +19,6 @@ __all__ = [
     "arm_of",
     "branch_index",
     "inverse_kinematics",
-    "least_singular_value",
     "nearest_branch",
     "nearest_turns",
     "nominal_inverse",

@@ -20,12 +20,6 @@ ITERATIONS = 12
 _REACHED = 1e-13  # rad: the step that no longer changes anything
 
 
-def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
-    """(n,) smallest over largest singular value of the scaled Jacobian: how close a pose is to a singular one."""
-    values = np.linalg.svd(nominal_jacobian(robot, joints, tool)[1], compute_uv=False)
-    return values[:, -1] / values[:, 0]
-
-
 def nominal_inverse(
     robot: Robot, poses: Array, seed: Array, tool: Array, freedoms: Freedoms | None = None
 ) -> Array:

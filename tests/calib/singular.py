@@ -1,0 +1,15 @@
+"""The distance of poses from singular ones, for tests that keep away from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.arm.jacobian import nominal_jacobian
+from calib.arm.robot import Robot
+from calib.array import Array
+
+
+def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
+    """(n,) smallest over largest singular value of the scaled Jacobian, 0 at a singular pose."""
+    values = np.linalg.svd(nominal_jacobian(robot, joints, tool)[1], compute_uv=False)
+    return values[:, -1] / values[:, 0]
