@@ -30,9 +30,10 @@ from calib.diagnose.surprise import Surprise, surprise_of
 from calib.diagnose.type_sizes import in_type
 from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
+from calib.fit.again import fit_again
 from calib.fit.held_out import errors_on
 from calib.fit.identification import Identification
-from calib.fit.identify import Progress, fit, fit_plain, identify, silent
+from calib.fit.identify import Progress, fit, identify, silent
 from calib.fit.least_squares import Dropped
 from calib.fit.left_out import all_readings
 from calib.fit.of_type import TypePrior
@@ -214,18 +215,7 @@ def _judged(
 
 def _arrived(dataset: Dataset, fitted: Identification) -> Identification:
     """A fit taken to its end: between choices it takes a few steps only, too few where what was found is large."""
-    if fitted.converged:
-        return fitted
-    return fit_plain(
-        dataset,
-        fitted.model,
-        fitted.readings,
-        fitted.estimate,
-        np.diag(fitted.covariance) > 0.0,
-        fitted.dropped,
-        fitted.faulty_rows,
-        fitted.relabelled_rows,
-    )
+    return fitted if fitted.converged else fit_again(dataset, fitted, fitted.model)
 
 
 def _screen(dataset: Dataset, dropped: tuple[Dropped, ...], selection: Selection) -> Identification:

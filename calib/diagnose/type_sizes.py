@@ -14,8 +14,9 @@ import numpy as np
 
 from calib.data.dataset import Dataset
 from calib.diagnose.named import Found
+from calib.fit.again import fit_again
 from calib.fit.identification import Identification
-from calib.fit.identify import fit_plain, within_type
+from calib.fit.identify import within_type
 from calib.fit.of_type import Beside, centred
 from calib.fit.placing import base_model_of
 from calib.model.base_model import named_in
@@ -36,16 +37,7 @@ def in_type(
     usual = {p.name: p for e in (*base.effects, *(f.effect for f in found)) for p in e.parameters}
 
     def again(model: RobotModel) -> Identification:
-        return fit_plain(
-            dataset,
-            model,
-            fitted.readings,
-            fitted.estimate,
-            np.diag(fitted.covariance) > 0.0,
-            fitted.dropped,
-            fitted.faulty_rows,
-            fitted.relabelled_rows,
-        )
+        return fit_again(dataset, fitted, model)
 
     spoken_for = named_in(base.effects, dataset.header.priors)
     wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for

@@ -15,8 +15,9 @@ from service.http.access.lanes import Lanes
 from service.http.access.settings import Settings
 from service.http.routes import (
     campaign_file_routes,
+    campaign_routes,
     cell_routes,
-    data_routes,
+    dataset_routes,
     deletion_routes,
     history_routes,
 )
@@ -66,7 +67,8 @@ def create_app(settings: Settings) -> FastAPI:
         prompt_routes,
         loop_routes,
         campaign_file_routes,
-        data_routes,
+        campaign_routes,
+        dataset_routes,
         plan_routes,
         alignment_routes,
         job_routes,

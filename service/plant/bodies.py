@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from fleet.store import Entry, Known, Point
+from fleet.store import Entry, Known
 
 
 class AddedShown(BaseModel):
@@ -86,6 +86,8 @@ class RobotsShown(BaseModel):
 class PointShown(BaseModel):
     """One value of a parameter."""
 
+    model_config = ConfigDict(from_attributes=True)
+
     measured_at: datetime
     parameter: str
     value: float
@@ -94,20 +96,6 @@ class PointShown(BaseModel):
     hash: str = Field(description="The document that has it; of a re-diagnosis the data set.")
     program: str = Field(description="Version that says it.")
     rediagnosed: bool = Field(description="Whether a re-diagnosis says it, in place of the cell's own model.")
-
-    @classmethod
-    def of(cls, point: Point) -> PointShown:
-        """The document of a point."""
-        return cls(
-            measured_at=point.measured_at,
-            parameter=point.parameter,
-            value=point.value,
-            u=point.u,
-            unit=point.unit,
-            hash=point.hash,
-            program=point.program,
-            rediagnosed=point.rediagnosed,
-        )
 
 
 class TrendShown(BaseModel):

@@ -149,7 +149,7 @@ def get_trend(
 ) -> TrendShown:
     """The values of a robot's parameters over time, with U."""
     robot = _robot(store, serial, model)
-    points = [PointShown.of(point) for point in store.trend(robot, parameter)]
+    points = [PointShown.model_validate(point) for point in store.trend(robot, parameter)]
     return TrendShown(serial=robot.serial, model=robot.model, points=points)
 
 

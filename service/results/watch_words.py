@@ -19,7 +19,7 @@ _HIDDEN = (
 
 
 def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> str:
-    """What the check poses show of the sizes that should be seen; where that is not all, what would show it.
+    """The plan in words: what its check poses show of the sizes that should be seen, and what would show the rest.
 
     targets: names of those that are read; poses: number of check poses that was asked for.
     """
@@ -52,7 +52,7 @@ def _named(cause: Smallest) -> str:
 
 
 def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> list[str]:
-    """What would do it: more readings at these poses, other targets, more poses, a target farther off the axis."""
+    """The remedies: more readings at these poses, other targets, more poses, a target farther off the axis."""
     least = len(plan.beyond)
     ways = []
     for same in (True, False):

@@ -9,7 +9,7 @@ from fastapi import APIRouter, File, Form, UploadFile
 from fastapi.responses import JSONResponse
 
 from calib.text import decoded, parse_toml
-from service.http.routes.data_routes import CAMPAIGNS
+from service.http.routes.campaign_routes import CAMPAIGNS
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import CampaignShown

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, File, Form, Path, Query, UploadFile
+from fastapi import APIRouter, Depends, File, Form, Path, Query, UploadFile
 from fastapi.responses import JSONResponse, Response
 
 from service import history_calls
 from service.http.routes.json_route import JsonRoute
-from service.http.state import Here, Service
+from service.http.state import Here
 from service.http.wire.bodies.robots import Added, Robots, RobotShown, Trends
 from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
@@ -61,32 +61,36 @@ Shortest = Annotated[float, _days("Shortest interval", 7.0)]
 Longest = Annotated[float, _days("Longest interval", 1825.0)]
 
 
-def _due(
-    here: Service, permitted: float, method: str, first: float, shortest: float, longest: float
-) -> dict[str, Any]:
-    return {
-        "permitted_mm": permitted or here.history.permitted_mm,
-        "method": method,
-        "first_days": first,
-        "shortest_days": shortest,
-        "longest_days": longest,
-    }
-
-
-@router.get("/robots", operation_id="listRobots", response_model=Robots)
-def list_robots(
+async def _due(
     here: Here,
     permitted_mm: Permitted = 0.0,
     method: Way = "staircase",
     first_days: First = 180.0,
     shortest_days: Shortest = 7.0,
     longest_days: Longest = 1825.0,
+) -> dict[str, Any]:
+    """How dates of checks are reckoned, as the query has it."""
+    return {
+        "permitted_mm": permitted_mm or here.history.permitted_mm,
+        "method": method,
+        "first_days": first_days,
+        "shortest_days": shortest_days,
+        "longest_days": longest_days,
+    }
+
+
+Due = Annotated[dict[str, Any], Depends(_due)]
+
+
+@router.get("/robots", operation_id="listRobots", response_model=Robots)
+def list_robots(
+    here: Here,
+    due: Due,
 ) -> JSONResponse:
     """Every robot of the history, at most 1,000: state, last verdict and cause, errors, and when it is to be checked.
 
     What this service has measured and found up to now is in it, or in `not_kept` with the reason.
     """
-    due = _due(here, permitted_mm, method, first_days, shortest_days, longest_days)
     here.history.bring()
     found = here.history.ask(history_calls.robots, due)
     more = {"permitted_mm": due["permitted_mm"], "not_kept": here.history.refused()}
@@ -97,17 +101,12 @@ def list_robots(
 def get_robot(
     here: Here,
     robot_id: RobotName,
-    permitted_mm: Permitted = 0.0,
-    method: Way = "staircase",
-    first_days: First = 180.0,
-    shortest_days: Shortest = 7.0,
-    longest_days: Longest = 1825.0,
+    due: Due,
     limit: Annotated[
         int, Query(ge=1, le=2000, description="Number of documents, newest first.", examples=[200])
     ] = 200,
 ) -> JSONResponse:
     """One robot: what the list says of it, and its documents with what they said."""
-    due = _due(here, permitted_mm, method, first_days, shortest_days, longest_days)
     here.history.bring()
     found = here.history.ask(history_calls.robot, robot_id, due, limit)
     if found is None:

@@ -1,4 +1,4 @@
-"""Campaigns and data sets: kept, listed, given back."""
+"""Data sets: uploaded, listed, given back."""
 
 from __future__ import annotations
 
@@ -11,60 +11,20 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import (
-    Campaigns,
-    CampaignShown,
     DatasetMapped,
     Datasets,
     DatasetShown,
-    NewCampaign,
 )
-from service.http.wire.headers import CampaignId, DatasetId, IdempotencyKey
+from service.http.wire.headers import DatasetId, IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
 from service.kept_dataset import CSV, TOML
 
-router = APIRouter(route_class=JsonRoute)
-CAMPAIGNS, DATASETS = path_of("campaigns"), path_of("datasets")
+router = APIRouter(route_class=JsonRoute, tags=["datasets"])
+DATASETS = path_of("datasets")
 
 
-@router.post(
-    "/campaigns",
-    operation_id="createCampaign",
-    status_code=201,
-    response_model=CampaignShown,
-    tags=["campaigns"],
-)
-def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """Keep a campaign, to be run by its id."""
-
-    def work() -> JSONResponse:
-        kept = here.shelf.put(body.campaign, body.name)
-        return reply(201, kept, location=f"{CAMPAIGNS}/{kept['id']}")
-
-    return here.keys.once(idempotency_key, (CAMPAIGNS, body), work)
-
-
-@router.get("/campaigns", operation_id="listCampaigns", response_model=Campaigns, tags=["campaigns"])
-async def list_campaigns(here: Here) -> Response:
-    """Every campaign, newest first."""
-    return await here.listed("campaigns", here.shelf.all)
-
-
-@router.get(
-    "/campaigns/{campaign_id}", operation_id="getCampaign", response_model=CampaignShown, tags=["campaigns"]
-)
-def get_campaign(here: Here, campaign_id: CampaignId) -> dict[str, Any]:
-    """A campaign that was kept."""
-    return here.shelf.get(campaign_id)
-
-
-@router.post(
-    "/datasets",
-    operation_id="uploadDataset",
-    status_code=201,
-    response_model=DatasetShown,
-    tags=["datasets"],
-)
+@router.post("/datasets", operation_id="uploadDataset", status_code=201, response_model=DatasetShown)
 def upload_dataset(
     here: Here,
     csv: Annotated[UploadFile, File(description="DATA.csv: the readings.")],
@@ -85,11 +45,7 @@ def upload_dataset(
 
 
 @router.post(
-    "/datasets/mapped",
-    operation_id="uploadMappedDataset",
-    status_code=201,
-    response_model=DatasetMapped,
-    tags=["datasets"],
+    "/datasets/mapped", operation_id="uploadMappedDataset", status_code=201, response_model=DatasetMapped
 )
 def upload_mapped(
     here: Here,
@@ -125,36 +81,26 @@ def upload_mapped(
     return here.keys.once(idempotency_key, (DATASETS, "mapped", name, *hashes), work)
 
 
-@router.get("/datasets", operation_id="listDatasets", response_model=Datasets, tags=["datasets"])
+@router.get("/datasets", operation_id="listDatasets", response_model=Datasets)
 async def list_datasets(here: Here) -> Response:
     """Every data set, newest first."""
     return await here.listed("datasets", here.datasets.all)
 
 
-@router.get(
-    "/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown, tags=["datasets"]
-)
+@router.get("/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown)
 def get_dataset(here: Here, dataset_id: DatasetId) -> dict[str, Any]:
     """A data set: what it holds. Its files are below it."""
     return here.datasets.get(dataset_id)
 
 
-@router.get(
-    "/datasets/{dataset_id}/data.csv",
-    operation_id="downloadDatasetCsv",
-    response_class=FileResponse,
-    tags=["datasets"],
-)
+@router.get("/datasets/{dataset_id}/data.csv", operation_id="downloadDatasetCsv", response_class=FileResponse)
 def download_csv(here: Here, dataset_id: DatasetId) -> FileResponse:
     """The readings."""
     return FileResponse(here.datasets.path(dataset_id) / CSV, media_type="text/csv; charset=utf-8")
 
 
 @router.get(
-    "/datasets/{dataset_id}/data.toml",
-    operation_id="downloadDatasetToml",
-    response_class=FileResponse,
-    tags=["datasets"],
+    "/datasets/{dataset_id}/data.toml", operation_id="downloadDatasetToml", response_class=FileResponse
 )
 def download_toml(here: Here, dataset_id: DatasetId) -> FileResponse:
     """The header of the readings."""

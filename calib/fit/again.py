@@ -1,0 +1,25 @@
+"""A fit taken up again: its readings, its estimate, and what took no part in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.data.dataset import Dataset
+from calib.fit.identification import Identification
+from calib.fit.identify import fit_plain
+from calib.model.model import RobotModel
+
+
+def fit_again(dataset: Dataset, fitted: Identification, model: RobotModel) -> Identification:
+    """Another model with the parameters of a fit, fitted to its readings from its estimate; what took no part still
+    takes none."""
+    return fit_plain(
+        dataset,
+        model,
+        fitted.readings,
+        fitted.estimate,
+        np.diag(fitted.covariance) > 0.0,
+        fitted.dropped,
+        fitted.faulty_rows,
+        fitted.relabelled_rows,
+    )
