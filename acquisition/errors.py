@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Unpack
 
 from calib.errors import DataError
-from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, Unmeasurable
+from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, Unmeasurable, Where
 
 
 @contextmanager
@@ -48,10 +49,8 @@ class OtherIndividual(ConfigError):
         "its serial number and with a reason (--accept-other SERIAL --reason TEXT)."
     )
 
-    def __init__(
-        self, message: str, *, serial: str = "", device: str = "", command: str = "", raw: bytes = b""
-    ) -> None:
-        super().__init__(message, device=device, command=command, raw=raw)
+    def __init__(self, message: str, *, serial: str = "", **where: Unpack[Where]) -> None:
+        super().__init__(message, **where)
         self.serial = serial
 
     def as_dict(self) -> dict[str, object]:

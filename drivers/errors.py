@@ -15,7 +15,15 @@ in one sentence what to do.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, TypedDict, Unpack
+
+
+class Where(TypedDict, total=False):
+    """Where an error came up: the device, the command that was under way, the raw reply."""
+
+    device: str
+    command: str
+    raw: bytes
 
 
 class AcquisitionError(Exception):
@@ -210,11 +218,9 @@ class LeftOut(Refused):
     code = 3010
     advice = "The reading is left out; it can be measured again later."
 
-    def __init__(
-        self, message: str, *, again: bool = False, device: str = "", command: str = "", raw: bytes = b""
-    ) -> None:
+    def __init__(self, message: str, *, again: bool = False, **where: Unpack[Where]) -> None:
         """`again`: it is not left out, something else is measured before it."""
-        super().__init__(message, device=device, command=command, raw=raw)
+        super().__init__(message, **where)
         self.again = again
 
 

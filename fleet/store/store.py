@@ -162,12 +162,7 @@ class Store:
             .order_by(d.measured_at.desc(), d.id.desc())
             .limit(limit)
         )
-        if robot is not None:
-            question = question.where(r.serial == robot.serial, r.model == robot.model)
-        if kind is not None:
-            question = question.where(d.kind == kind)
-        if since is not None:
-            question = question.where(d.measured_at >= since)
+        question = question.where(*_of(robot, kind, since))
         if identity is not None:
             question = question.where(d.identity == identity)
         with reading(self._engine) as connection:
@@ -210,12 +205,7 @@ class Store:
             .join(tables.robot)
             .order_by(d.measured_at, d.id)
         )
-        if robot is not None:
-            question = question.where(r.serial == robot.serial, r.model == robot.model)
-        if kind is not None:
-            question = question.where(d.kind == kind)
-        if since is not None:
-            question = question.where(d.measured_at >= since)
+        question = question.where(*_of(robot, kind, since))
         named = sa.select(c.document, c.label, c.in_words, c.weight, c.value, c.u, c.unit).order_by(
             c.document, c.rank
         )
@@ -248,3 +238,16 @@ def _prepare(engine: sa.Engine) -> None:
         do="Have its owner run: truepose fleet migrate URL",
         file=shown(engine.url),
     )
+
+
+def _of(robot: RobotKey | None, kind: Kind | None, since: datetime | None) -> list[sa.ColumnElement[bool]]:
+    """The conditions for documents of a robot, of a kind, measured then or later; None for any."""
+    d, r = tables.document.c, tables.robot.c
+    conditions: list[sa.ColumnElement[bool]] = []
+    if robot is not None:
+        conditions += [r.serial == robot.serial, r.model == robot.model]
+    if kind is not None:
+        conditions.append(d.kind == kind)
+    if since is not None:
+        conditions.append(d.measured_at >= since)
+    return conditions

@@ -28,6 +28,21 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "irb120_faro"
 
 
+def truepose(
+    *arguments: str, stdin: int = subprocess.DEVNULL, cwd: Path = ROOT
+) -> subprocess.CompletedProcess[str]:
+    """`truepose` in a process of its own, as a shell starts it."""
+    return subprocess.run(
+        [sys.executable, "-m", "service.cli", *arguments],
+        stdin=stdin,
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
 class SimulatedCell:
     """Where the devices of the other process listen."""
 

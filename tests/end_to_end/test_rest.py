@@ -7,8 +7,6 @@ import io
 import json
 import os
 import pty
-import subprocess
-import sys
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,7 +16,7 @@ import httpx2
 
 from calib.data.read import read_dataset
 from tests.drivers.waiting import PATIENCE_S, until
-from tests.end_to_end.simulated import ROOT, campaign_file, cell_file
+from tests.end_to_end.simulated import campaign_file, cell_file, truepose
 from tests.processes import descendants_of
 from tests.service.test_http_support import Served, problem, served
 
@@ -133,7 +131,7 @@ def by_command_line(folder: Path, cell: Path, campaign: Path) -> str:
     master, slave = pty.openpty()
     os.write(master, b"confirm\n" * len(NESTS_AND_TARGETS))
     record = folder / "by_hand"
-    done = cli(
+    done = truepose(
         "campaign", "run", str(cell), str(campaign), "--record", str(record), "--simulate", "--json", "-",
         stdin=slave,
     )  # fmt: skip
@@ -144,22 +142,9 @@ def by_command_line(folder: Path, cell: Path, campaign: Path) -> str:
     assert (document["state"], document["done"], document["error"]) == ("succeeded", READINGS, None)
     assert "Seat the SMR in T3 and press confirm." in done.stderr
     out = folder / "by_hand.csv"
-    assert cli("campaign", "export", str(record), str(out)).returncode == 0
+    assert truepose("campaign", "export", str(record), str(out)).returncode == 0
     assert len(read_dataset(out)) == READINGS
     return out.read_text("utf-8")
-
-
-def cli(*arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.CompletedProcess[str]:
-    """`truepose` in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "service.cli", *arguments],
-        stdin=stdin,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=PATIENCE_S,
-        check=False,
-    )
 
 
 def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) -> None:
@@ -173,7 +158,7 @@ def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) 
         service.process.terminate()
         assert service.process.wait(PATIENCE_S) == 0
         until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in simulators))
-    status = cli("campaign", "status", str(tmp_path / "record" / "runs" / run), "--json", "-")
+    status = truepose("campaign", "status", str(tmp_path / "record" / "runs" / run), "--json", "-")
     assert json.loads(status.stdout)["state"] == "paused"
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,28 @@ def about(document: Document, **other: str) -> dict[str, str]:
 def put(client: TestClient, document: Document, **other: str) -> Response:
     path = f"/api/v1/documents/{other.pop('hash', document.hash)}"
     return client.put(path, content=document.content, params=about(document, **other), headers=CELL)
+
+
+async def uploaded(app: Any, document: Document, receive: Callable[[], Awaitable[Any]]) -> list[Any]:
+    """The messages that answer an upload whose body comes by `receive`."""
+    told: list[Any] = []
+
+    async def send(message: Any) -> None:
+        told.append(message)
+
+    query = "&".join(f"{key}={value}" for key, value in about(document).items()).replace("+", "%2B")
+    scope = {
+        "type": "http",
+        "method": "PUT",
+        "path": f"/api/v1/documents/{document.hash}",
+        "raw_path": b"",
+        "query_string": query.encode(),
+        "headers": [(b"host", b"127.0.0.1"), (b"authorization", CELL["Authorization"].encode())],
+        "http_version": "1.1",
+        "scheme": "http",
+    }
+    await app(scope, receive, send)
+    return told
 
 
 def test_a_document_is_acknowledged_kept_and_read_back(client: TestClient) -> None:
@@ -253,26 +275,11 @@ def test_a_client_that_goes_in_mid_upload_leaves_nothing(lite: Store) -> None:
         {"type": "http.request", "body": sent.content[:20], "more_body": True},
         {"type": "http.disconnect"},
     ]
-    told: list[Any] = []
 
     async def receive() -> Any:
         return messages.pop(0)
 
-    async def send(message: Any) -> None:
-        told.append(message)
-
-    query = "&".join(f"{key}={value}" for key, value in about(sent).items()).replace("+", "%2B")
-    scope = {
-        "type": "http",
-        "method": "PUT",
-        "path": f"/api/v1/documents/{sent.hash}",
-        "raw_path": b"",
-        "query_string": query.encode(),
-        "headers": [(b"host", b"127.0.0.1"), (b"authorization", CELL["Authorization"].encode())],
-        "http_version": "1.1",
-        "scheme": "http",
-    }
-    asyncio.run(app(scope, receive, send))
+    told = asyncio.run(uploaded(app, sent, receive))
     assert messages == []
     assert told[0]["status"] == 400
     assert lite.documents() == []

@@ -15,30 +15,14 @@ from service.plant import Senders, Settings, create_plant, routes
 from service.plant.app import UPLOADS
 from tests.drivers.waiting import PATIENCE_S
 from tests.fleet import documents
-from tests.fleet.test_plant import CELL, TOKENS, about
+from tests.fleet.test_plant import TOKENS, uploaded
 
 SENT = documents.model({"d1": 0.25})
 
 
 async def upload(app: Any, receive: Callable[[], Awaitable[Any]]) -> tuple[int, dict[str, Any]]:
     """Status and document of the answer to an upload whose body comes by `receive`."""
-    told: list[Any] = []
-
-    async def send(message: Any) -> None:
-        told.append(message)
-
-    query = "&".join(f"{key}={value}" for key, value in about(SENT).items()).replace("+", "%2B")
-    scope = {
-        "type": "http",
-        "method": "PUT",
-        "path": f"/api/v1/documents/{SENT.hash}",
-        "raw_path": b"",
-        "query_string": query.encode(),
-        "headers": [(b"host", b"127.0.0.1"), (b"authorization", CELL["Authorization"].encode())],
-        "http_version": "1.1",
-        "scheme": "http",
-    }
-    await app(scope, receive, send)
+    told = await uploaded(app, SENT, receive)
     return told[0]["status"], json.loads(told[1]["body"])
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import socket
-import subprocess
-import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,7 @@ import pytest
 from acquisition import checked_plan, read_campaign, read_cell
 from calib.data.read import read_dataset
 from service.cli import main
-from tests.drivers.waiting import PATIENCE_S
-from tests.end_to_end.simulated import EXAMPLE
+from tests.end_to_end.simulated import EXAMPLE, truepose
 from tests.service.campaigns import edit_rows, read_rows, write_data, write_narrow_data
 
 EFFECT_KEYS = {"label", "meaning", "index", "candidates", "parameters", "evidence"}
@@ -36,18 +33,6 @@ DIAGNOSIS_KEYS = {
     "follow_up",
     "seconds",
 }
-
-
-def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """`truepose` in a process of its own, as a shell starts it."""
-    return subprocess.run(
-        [sys.executable, "-m", "service.cli", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        timeout=PATIENCE_S,
-        check=False,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +63,7 @@ def test_diagnose_writes_the_document_of_the_contract(data: Path, tmp_path: Path
 
 
 def test_json_on_standard_output_stands_alone(data: Path) -> None:
-    done = run("diagnose", str(data), "--json", "-")
+    done = truepose("diagnose", str(data), "--json", "-")
     assert done.returncode == 0
     assert json.loads(done.stdout)["format"] == "truepose-diagnosis/1"
     assert "searching" in done.stderr
@@ -245,7 +230,7 @@ def test_effects_are_carried_over_to_another_data_set(data: Path, tmp_path: Path
 
 
 def test_demo_finds_what_the_simulation_hid_and_says_where_results_are(tmp_path: Path) -> None:
-    done = run("demo", "--in-memory", "--seed", "3", "--out", str(tmp_path / "out"))
+    done = truepose("demo", "--in-memory", "--seed", "3", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
     assert "Now revealed" in done.stdout
     assert "periodic:j1:n101" in done.stdout
