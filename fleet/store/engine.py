@@ -104,33 +104,10 @@ def refusals(engine: sa.Engine) -> Iterator[None]:
 
 
 _LATER = "Look at the database and at the network to it, then ask again; nothing was kept."
-_KNOWN: tuple[tuple[tuple[str, ...], type[StoreError], str, str], ...] = (
-    (
-        ("disk is full", "No space left", "could not extend file", "disk I/O error"),
-        StoreFull,
-        "has no room left",
-        "Make room on its disk, then ask again; nothing was kept.",
-    ),
-    (
-        ("readonly database", "permission denied", "must be owner"),
-        StoreError,
-        "refuses it",
-        "Ask as a user with the right to: the roles are told by 'truepose fleet migrate'.",
-    ),
-    (
-        ("not a database", "malformed"),
-        StoreError,
-        "is no database, or a damaged one",
-        "Give another file, or the backup; documents are in the records of the cells still.",
-    ),
-    (
-        ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied"),
-        StoreError,
-        "lets nobody in by this address",
-        "Check user, password and name of the database.",
-    ),
-)
-"""Words of a database, the refusal that they mean, and what to do; the first that fits counts."""
+_FULL = ("disk is full", "No space left", "could not extend file", "disk I/O error")
+_RIGHTS = ("readonly database", "permission denied", "must be owner")
+_NO_DATABASE = ("not a database", "malformed")
+_NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
 
 
 @contextmanager
@@ -151,9 +128,30 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
     """The refusal that the words of the database mean: SQLite has no classes for its errors."""
     words = str(error.orig)
     first = _first_line(error.orig)
-    for marks, refusal, what, do in _KNOWN:
-        if any(mark in words for mark in marks):
-            return refusal(f"{what} ({first}).", do=do, file=place)
+    if any(mark in words for mark in _FULL):
+        return StoreFull(
+            f"has no room left ({first}).",
+            do="Make room on its disk, then ask again; nothing was kept.",
+            file=place,
+        )
+    if any(mark in words for mark in _RIGHTS):
+        return StoreError(
+            f"refuses it ({first}).",
+            do="Ask as a user with the right to: the roles are told by 'truepose fleet migrate'.",
+            file=place,
+        )
+    if any(mark in words for mark in _NO_DATABASE):
+        return StoreError(
+            f"is no database, or a damaged one ({first}).",
+            do="Give another file, or the backup; documents are in the records of the cells still.",
+            file=place,
+        )
+    if any(mark in words for mark in _NOBODY):
+        return StoreError(
+            f"lets nobody in by this address ({first}).",
+            do="Check user, password and name of the database.",
+            file=place,
+        )
     if isinstance(error, (exc.OperationalError, exc.InterfaceError, exc.InternalError)):
         return StoreGone(f"does not answer ({first}).", do=_LATER, file=place)
     return StoreError(f"refuses it ({first}).", do="Tell whoever keeps this program.", file=place)
