@@ -49,9 +49,16 @@ class OtherIndividual(ConfigError):
     )
 
     def __init__(
-        self, message: str, *, serial: str = "", device: str = "", command: str = "", raw: bytes = b""
+        self,
+        message: str,
+        *,
+        serial: str = "",
+        device: str = "",
+        command: str = "",
+        raw: bytes = b"",
+        what_to_do: str | None = None,
     ) -> None:
-        super().__init__(message, device=device, command=command, raw=raw)
+        super().__init__(message, device=device, command=command, raw=raw, what_to_do=what_to_do)
         self.serial = serial
 
     def as_dict(self) -> dict[str, object]:
