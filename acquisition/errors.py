@@ -49,8 +49,10 @@ class OtherIndividual(ConfigError):
         "its serial number and with a reason (--accept-other SERIAL --reason TEXT)."
     )
 
-    def __init__(self, message: str, *, serial: str = "", **where: Unpack[Where]) -> None:
-        super().__init__(message, **where)
+    def __init__(
+        self, message: str, *, serial: str = "", what_to_do: str | None = None, **where: Unpack[Where]
+    ) -> None:
+        super().__init__(message, what_to_do=what_to_do, **where)
         self.serial = serial
 
     def as_dict(self) -> dict[str, object]:

@@ -68,6 +68,17 @@ class Individual:
         mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
         return any(a and b and a != b for a, b in zip(mine, its, strict=True))
 
+    def refuse_other(self, who: Identity) -> None:
+        """Raise OtherIndividual where another device answers than this one, of which a model is."""
+        if self.is_other_than(who):
+            raise OtherIndividual(
+                f"another {self.role} answers: {_words(who)}; the model is of {self}",
+                serial=who.serial or who.model,
+                device=self.role,
+                command="identify",
+                what_to_do=f"Give the model of this {self.role}, or connect the one of the model.",
+            )
+
     def why(self) -> str:
         """A clause that says why a device was accepted beside another."""
         by = f" by {self.accepted_by}" if self.accepted_by else ""

@@ -69,6 +69,7 @@ class Run:
         self._execution: Execution | None = None
         self._resumed = False
         self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
+        self._needed: dict[str, Individual] = {}
         self._mover: Mover | None = None
         self._trouble: str | None = None  # what the record could not take
 
@@ -117,6 +118,10 @@ class Run:
     def expect(self, individuals: Sequence[Individual]) -> None:
         """The robot and the instrument of another record are to answer in this one, which has not begun yet."""
         Individuals(self._store).expect(individuals)
+
+    def need(self, individual: Individual) -> None:
+        """Move with this robot, or this instrument, alone: what is measured is to be judged by a model of it."""
+        self._needed[individual.role] = individual
 
     def individuals(self) -> list[Individual]:
         """The robot and the instrument that were met last."""
@@ -244,7 +249,7 @@ class Run:
         """Warn before anything moves: a robot that no program can stop needs a hand at its button.
 
         Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
-        record, RobotInUse.
+        record or not the one that is needed, RobotInUse.
         """
         self._store.add_event(
             "connected",
@@ -255,6 +260,8 @@ class Run:
             weakness=met.weakness,
         )
         check_identity(self.cell, met.role, met.who)
+        if met.role in self._needed:
+            self._needed[met.role].refuse_other(met.who)
         Individuals(self._store).met(met.role, met.who, self._accepted)
         if met.role == "robot" and self._mover is not None:
             self._mover.met(met.who)

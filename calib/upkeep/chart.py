@@ -50,7 +50,8 @@ class Signal:
 
 @dataclass(frozen=True)
 class ControlChart:
-    """Values (n,), oldest first; centre; limits (n, 2) of every value; mean (n,) and mean_limits (n, 2); signals.
+    """Values (n,), oldest first; centre; limits (n, 2) of every value, infinite where it alone is the reference;
+    mean (n,) and mean_limits (n, 2); signals.
 
     reference: how many of the first values made centre and sigma; sigma: their scatter, what they are uncertain by
     included; freedom: of the limits' quantile.
@@ -101,9 +102,10 @@ def chart_of(
     variance = between + u**2
     of_centre = float(np.mean(variance[:first])) / first
     k = float(stats.t.isf(rate / 4.0, freedom))
-    # a value of the reference draws the centre after itself; a later one does not
+    # a value of the reference draws the centre after itself, and one that is alone is the centre; a later one does not
     later = np.arange(len(values)) >= first
-    half = k * np.sqrt(np.where(later, variance + of_centre, np.maximum(variance - of_centre, 0.0)))
+    among = variance * (1.0 - 2.0 / first) + of_centre if first > 1 else np.inf
+    half = k * np.sqrt(np.where(later, variance + of_centre, among))
     weights = _weights(len(values), first, weight)
     mean = centre + weights @ (values - centre)
     mean_half = k * np.sqrt(weights**2 @ variance + np.sum(weights, axis=1) ** 2 * of_centre)

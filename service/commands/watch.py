@@ -9,6 +9,7 @@ import typer
 
 import acquisition
 from acquisition import read_campaign, read_cell
+from acquisition.record import individual_of
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import replace_file
@@ -193,6 +194,9 @@ def run_command(
         )
     refuse_plan(the_cell, cell, saved, model, acquisition.checked_plan(the_cell, the_campaign))
     with owner_only(), campaigns.created(record, the_cell, the_campaign, campaign, simulate=simulate) as run:
+        for device in saved.devices:
+            if device.get("role") == "robot" and device.get("serial"):
+                run.need(individual_of(device))
         campaigns.execute(
             run,
             record,

@@ -69,9 +69,7 @@ def values(trend: Trend) -> Table:
     shown = grid(title, "measured", "value", "U", "limits", "", "document")
     signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
     for i, point in enumerate(trend.points):
-        limits = "-"
-        if trend.chart is not None:
-            limits = " to ".join(_figures(float(x), point.u)[0] for x in trend.chart.limits[i])
+        limits = " to ".join(_figures(x, point.u)[0] for x in trend.limits(i) or ()) or "-"
         marks = ["signal"] if i in signals else []
         marks += [f"re-diagnosed by {point.program}"] if point.rediagnosed else []
         value, u = _figures(point.value, point.u)

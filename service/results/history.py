@@ -8,10 +8,13 @@ from datetime import datetime
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from calib.errors import DataError
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
 from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Store
 from service.results.hours import Hours
+from service.results.robot_state import CHANGED, baseline_of, due_now, state_of
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -95,6 +98,12 @@ class Trend:
                 because = str(error)
         return cls(robot, points[0].parameter, units[0], tuple(points), chart, because)
 
+    def limits(self, i: int) -> list[float] | None:
+        """The control limits of a value; None without a chart, and for a value that alone is the reference of it."""
+        if self.chart is None or not np.isfinite(self.chart.limits[i]).all():
+            return None
+        return [float(x) for x in self.chart.limits[i]]
+
     def document(self) -> dict[str, Any]:
         """The trend, as JSON has it."""
         chart = self.chart
@@ -107,7 +116,7 @@ class Trend:
                     "measured": text_of(point.measured_at),
                     "value": point.value,
                     "u": point.u,
-                    "limits": None if chart is None else [float(x) for x in chart.limits[i]],
+                    "limits": self.limits(i),
                     "document": point.hash,
                     "program": point.program,
                     "rediagnosed": point.rediagnosed,
@@ -150,20 +159,30 @@ class Next:
 
 
 def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
-    """The date at which each robot is to be checked next, those first that are due first. hours: of use, for a method
-    that goes by them."""
+    """The date at which each robot is to be checked next, now where it has changed; those first that are due first.
+    hours: of use, for a method that goes by them."""
     said = {each.robot: each for each in store.verdicts(kind="watch")}  # the last of each stays
     out = []
     for known in store.robots():
         points = store.trend(known.robot, ERROR)
         due, because = None, ""
         try:
-            due = next_due(method, checks_of(points, hours, known.robot.serial), now)
+            due = _changed(store, said.get(known.robot)) or next_due(
+                method, checks_of(points, hours, known.robot.serial), now
+            )
             because = due.because
         except DataError as error:
             because = str(error)
         out.append(Next(known, said.get(known.robot), points[-1] if points else None, due, because))
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
+
+
+def _changed(store: Store, watched: Said | None) -> Due | None:
+    """Due now, where the last watch of a robot found a change and no calibration is newer."""
+    if watched is None or watched.verdict not in CHANGED:
+        return None
+    model = baseline_of(store, watched.robot, store.verdicts(watched.robot))
+    return due_now(watched, state_of(watched, model))
 
 
 def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str = "") -> list[Check]:

@@ -15,16 +15,16 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from calib.errors import DataError
-from calib.upkeep import Drift, Method, Staircase, next_due
+from calib.upkeep import Drift, Due, Method, Staircase, next_due
 from fleet.outbox import Cell, read_result
-from fleet.store import ERROR, Entry, Known, Point, RobotKey, Said, Store, utc_now
+from fleet.store import ERROR, Known, Point, RobotKey, Said, Store, utc_now
 from service.plain import finite
 from service.results import history
+from service.results.robot_state import CHANGED, baseline_of, due_now, state_of
 
 Way = Literal["staircase", "drift"]
 MOST = 1000
 """Robots of a list."""
-_MODELS = 50  # among which the newest calibration is looked for
 ERRORS = 24
 """Values of a line's small picture."""
 
@@ -161,7 +161,8 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
     said = store.verdicts(robot)
     watched = next((each for each in reversed(said) if each.kind == "watch"), None)
     errors = store.trend(robot, ERROR)
-    model = _baseline(store.documents(robot, kind="model", limit=_MODELS), said)
+    model = baseline_of(store, robot, said)
+    state = state_of(watched, model)
     return {
         "id": id_of(robot),
         "serial": robot.serial,
@@ -169,7 +170,7 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
         "cells": list(known.cells),
         "documents": dict(known.documents),
         "last_measured": history.text_of(known.last),
-        "state": _state(watched, model),
+        "state": state,
         "watched": None if watched is None else _said(watched),
         "diagnosed": next((_said(each) for each in reversed(said) if each.kind == "diagnosis"), None),
         "baseline": None
@@ -180,31 +181,8 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
             {"measured": history.text_of(each.measured_at), "rms": each.value, "u": each.u}
             for each in errors[-ERRORS:]
         ],
-        "due": _due(errors, way, now),
+        "due": _due(due_now(watched, state), errors, way, now),
     }
-
-
-def _baseline(models: Sequence[Entry], said: Sequence[Said]) -> Entry | None:
-    """The newest calibration, of models newest first; the newest model where there is no calibration.
-
-    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
-    before anybody mended it.
-    """
-    watched = {each.measured_at for each in said if each.kind in ("watch", "thermal")}
-    return next((each for each in models if each.measured_at not in watched), models[0] if models else None)
-
-
-def _state(watched: Said | None, model: Entry | None) -> str:
-    """The state of a robot by now: the last watch, unless a model is newer than it."""
-    if watched is None:
-        return "not_watched"
-    if model is not None and model.measured_at > watched.measured_at:
-        return "recalibrated"
-    return (
-        watched.verdict
-        if watched.verdict in ("unchanged", "changed", "ambiguous", "unexplained")
-        else "not_watched"
-    )
 
 
 def _said(said: Said) -> dict[str, Any]:
@@ -218,19 +196,21 @@ def _said(said: Said) -> dict[str, Any]:
     }
 
 
-def _due(errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
-    """The date of the next check; without a date, why."""
-    if way is None:
-        return {"date": None, "overdue": False, "because": "Nobody has said which error is permitted."}
-    try:
-        due = next_due(way, history.checks_of(errors), now)
-    except DataError as error:
-        return {"date": None, "overdue": False, "because": str(error)}
+def _due(known: Due | None, errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
+    """When the next check is due, which is known for what has changed; without a date, why."""
+    due, because = known, "Nobody has said which error is permitted."
+    if due is None and way is not None:
+        try:
+            due = next_due(way, history.checks_of(errors), now)
+        except DataError as error:
+            because = str(error)
+    if due is None:
+        return {"date": None, "overdue": False, "because": because}
     return {"date": history.text_of(due.date), "overdue": due.date <= now, "because": due.because}
 
 
 def _urgency(line: dict[str, Any]) -> tuple[int, str, str]:
     """The rank of a robot in a list: what has changed comes first, then what is overdue, then by date."""
     due = line["due"]
-    changed = line["state"] in ("changed", "ambiguous", "unexplained")
+    changed = line["state"] in CHANGED
     return (0 if changed else 1 if due["overdue"] else 2, due["date"] or "", line["serial"])

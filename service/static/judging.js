@@ -11,16 +11,16 @@ export const baselineOf = (id) => (id.length === 64 ? { model_document: id } : {
 const field = (props) => h("input", { type: "number", required: true, inputMode: "numeric", ...props });
 
 export function planForm(baseline) {
-  const poses = field({ id: "plan-poses", value: 10, min: 1, max: 200 }), visits = field({ id: "plan-visits", value: 1, min: 1, max: 20 });
+  const poses = field({ id: "plan-poses", value: 10, min: 1, max: 200 }), visits = field({ id: "plan-visits", required: false, min: 1, max: 20 }), readings = field({ id: "plan-readings", required: false, min: 1, max: 100 });
   const targets = h("input", { id: "plan-targets", maxLength: 500, size: 12 }), frame = h("input", { type: "checkbox" });
   return h("form", { className: "form", id: "plan-watch", on: { submit: (event) => {
     event.preventDefault();
     order(async () => {
       const names = targets.value.split(",").map((each) => each.trim()).filter(Boolean);
-      const job = await ask("POST", "/watch-plans", { ...baseline(), poses: Number(poses.value), visits: Number(visits.value), targets: names, new_frame: frame.checked }, key());
+      const job = await ask("POST", "/watch-plans", { ...baseline(), poses: Number(poses.value), visits: Number(visits.value) || null, readings: Number(readings.value) || null, targets: names, new_frame: frame.checked }, key());
       location.hash = `#/watch/${job.id}`;
     });
-  } } }, h("label", {}, t("checkPoses"), poses), h("label", {}, t("visitsEach"), visits), h("label", {}, t("targetsOrAll"), targets), h("label", { className: "check" }, frame, t("newFrame")), h("button", {}, t("planWatch")));
+  } } }, h("label", {}, t("checkPoses"), poses), h("label", {}, t("visitsOrEnough"), visits), h("label", {}, t("readingsOrEnough"), readings), h("label", {}, t("targetsOrAll"), targets), h("label", { className: "check" }, frame, t("newFrame")), h("button", {}, t("planWatch")));
 }
 
 // A form with `look()`, which offers the newest data sets and runs.

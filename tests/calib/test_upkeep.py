@@ -6,11 +6,13 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from calib.errors import DataError
 from calib.upkeep import Check, Drift, InUse, Method, Staircase, chart_of, next_due
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
+LATE = START + timedelta(days=30)
 
 
 def checks(values: list[float], every: float = 100.0, u: float = 0.02, used: float = 0.0) -> list[Check]:
@@ -79,6 +81,23 @@ def test_a_value_less_sure_has_wider_limits() -> None:
     vague = Check(history[-1].at + timedelta(days=1), 0.5, 1.0)
     limits = chart_of([*history, vague]).limits
     assert np.diff(limits)[-1] > 3.0 * np.diff(limits)[-2]
+
+
+def test_a_sure_value_among_vague_ones_is_judged_by_what_the_centre_may_be_off() -> None:
+    """By hand: the centre of 0.1 and 0.3 is uncertain by sqrt(0.01^2 + 0.1^2) / 2, and so are both about it."""
+    history = [Check(START, 0.1, 0.02), Check(START + timedelta(days=9), 0.3, 0.2), Check(LATE, 0.2, 0.2)]
+    chart = chart_of(history)
+    between = chart.sigma**2 - (0.01**2 + 0.1**2) / 2.0
+    half = stats.t.isf(0.0025, chart.freedom) * np.sqrt((0.01**2 + 0.1**2 + 2.0 * between) / 4.0)
+    assert chart.limits[:2] - chart.centre == pytest.approx(np.array([[-half, half]] * 2))
+    assert chart.signals == ()
+
+
+def test_of_two_values_the_first_is_the_centre_and_has_no_limits() -> None:
+    chart = chart_of(checks([0.1, 0.4], u=0.02))
+    assert np.isinf(chart.limits[0]).all()
+    assert chart.centre == pytest.approx(0.1)
+    assert [each.index for each in chart.signals if each.chart == "value"] == [1]
 
 
 def test_the_stair_goes_up_slowly_and_down_fast() -> None:

@@ -14,7 +14,8 @@ from calib.errors import DataError
 from calib.upkeep import Staircase
 from fleet.store import RobotKey, Store
 from service.cli import main
-from service.results.history import due_of, trends_of
+from service.results.history import due_of, text_of, trends_of
+from service.results.robots import DueQuestion, told_robots
 from tests.fleet.documents import BEGAN, ROBOT, model, of
 
 SERIAL = "120-4711"
@@ -141,6 +142,7 @@ def test_a_trend_with_limits_and_its_picture(
         assert picture.read_bytes().startswith(begins)
     (trend,) = document["trends"]
     assert [each["value"] for each in trend["values"]] == [1.5, 1.503, 1.498, 1.501, 1.7]
+    assert None not in [each["limits"] for each in trend["values"]]
     low, high = trend["values"][-1]["limits"]
     assert low < 1.5 < high < 1.7
     assert any("Value 5 is 1.7" in each for each in trend["signals"])
@@ -196,6 +198,29 @@ def test_those_that_are_due_first_come_first(address: str) -> None:
     assert not late.overdue(now)
     assert soon.error is not None
     assert soon.error.value == 0.5
+
+
+def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> None:
+    """Whatever the errors say of the next date, in the list of the command line and in that of the service."""
+    way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=20)
+    asked = DueQuestion(permitted_mm=None)
+    with Store.open(address) as store:
+        store.add(model({"d1": 1.0}))
+        store.add(of("watch", watch_of(0.1, "changed"), day=10.0))
+        (found,) = due_of(store, way, now)
+    assert found.due is not None
+    assert (found.due.date, found.overdue(now)) == (BEGAN + timedelta(days=10), True)
+    assert found.because.startswith("Now: the last watch found it changed.")
+    (line,) = told_robots(address, asked)["robots"]
+    assert line["due"] == {"date": text_of(found.due.date), "overdue": True, "because": found.because}
+    with Store.open(address) as store:
+        store.add(model({"d1": 1.1}, day=15.0))
+        (mended,) = due_of(store, way, now)
+    assert mended.due is not None
+    assert not mended.overdue(now)
+    assert (
+        told_robots(address, asked)["robots"][0]["due"]["date"] is None
+    )  # nobody has said what is permitted
 
 
 def test_a_check_that_is_yet_to_come_is_no_date_for_one_robot_alone(address: str) -> None:

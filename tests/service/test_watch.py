@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import read_campaign, read_cell
+from acquisition import Run, read_campaign, read_cell, read_status
 from acquisition.campaign.check import check_plan
 from acquisition.campaign.plan import make_plan
 from calib.data import read_dataset
@@ -41,6 +41,15 @@ def data(tmp_path: Path) -> Path:
 def moved(rows: Rows) -> None:
     for row in rows:
         row["y_mm"] = str(float(row["y_mm"]) + SHIFT_MM)
+
+
+def signed(model: Path, folder: Path, serial: str) -> Path:
+    """The model as one of the robot with a serial number."""
+    document = json.loads(model.read_text("utf-8"))
+    document["device"] = [{"role": "robot", "serial": serial}]
+    known = folder / "known.json"
+    known.write_text(json.dumps(document | {"content_sha256": content_hash(document)}), "utf-8")
+    return known
 
 
 def judge(model: Path, data: Path, *arguments: str) -> int:
@@ -150,10 +159,7 @@ def test_what_is_no_watch_of_this_robot_is_refused_with_what_to_do(
     says: str,
 ) -> None:
     """Nothing is written: no verdict for a PLC, no line of a history, no model."""
-    document = json.loads(model.read_text("utf-8"))
-    document["device"] = [{"role": "robot", "serial": "12"}]
-    known = tmp_path / "known.json"
-    known.write_text(json.dumps(document | {"content_sha256": content_hash(document)}), "utf-8")
+    known = signed(model, tmp_path, "12")
     files = [tmp_path / name for name in ("v.json", "h.jsonl", "new.json")]
     asked = [str(x) for pair in zip(("--json", "--history", "--update"), files, strict=True) for x in pair]
     edit_rows(data, lambda rows: spoil(data.with_suffix(".toml"), rows))
@@ -197,7 +203,15 @@ def test_the_plan_is_a_campaign_of_the_cell(
     assert main([*asked, "--targets", "T9"]) == 2
 
 
-def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> None:
+def motions(record: Path) -> int:
+    """How often the robot of a record has arrived somewhere, or tried."""
+    with Run.open(record) as run:
+        return sum(each.kind in ("arrived", "attempt_failed") for each in run.events())
+
+
+def test_a_watch_is_driven_exported_and_judged(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """On a simulated cell whose robot is not the one of the model: it must not pass."""
     campaign, record, verdict = tmp_path / "watch.toml", tmp_path / "record", tmp_path / "v.json"
     asked = ["--poses", "4", "--from", "30", "--visits", "1", "--readings", "2"]
@@ -208,7 +222,18 @@ def test_a_watch_is_driven_exported_and_judged(model: Path, tmp_path: Path) -> N
     assert main(["watch", "run", str(model), str(heavier), str(campaign), "--record", str(record)]) == 2
     assert not record.exists()  # nothing has moved
     run = ["watch", "run", str(model), str(CELL), str(campaign), "--record", str(record), "--simulate"]
+    other = tmp_path / "other"
+    assert (
+        main(["watch", "run", str(signed(model, tmp_path, "12")), *run[3:6], str(other), "--simulate"]) == 5
+    )
+    told = capsys.readouterr().err
+    assert "another robot answers" in told
+    assert "serial number 12." in told
+    assert "--accept-other" not in told
+    assert read_status(other).done == 0
+    assert motions(other) == 0
     assert main([*run, "--json", str(verdict)]) in (3, 6)
+    assert motions(record) == 4
     document = json.loads(verdict.read_text("utf-8"))
     assert document["verdict"] != "unchanged"
     assert document["questions"][0]["values"] == 24

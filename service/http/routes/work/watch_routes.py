@@ -92,6 +92,7 @@ def create_watch_plan(here: Here, body: WatchPlanAsked, idempotency_key: Idempot
             "rate": body.false_alarms,
             "seed": body.seed,
             "rounds": body.visits,
+            "repeats": body.readings,
             "frame_known": not body.new_frame,
         }
         asked = {"cell": cell.source, "order": order}

@@ -103,8 +103,17 @@ class WatchPlanAsked(OfBaseline):
     ] = 5.0
     one_side: Annotated[bool, told("Arrive from below on every joint: play is not seen.", False)] = False
     visits: Annotated[
-        int, told("Number of visits to each pose, every other time from the opposite sides.", 1, ge=1, le=20)
-    ] = 1
+        Annotated[int, Field(ge=1, le=20)] | None,
+        told(
+            "Number of visits to each pose, every other time from the opposite sides; null: as few as show every "
+            "cause.",
+            2,
+        ),
+    ] = None
+    readings: Annotated[
+        Annotated[int, Field(ge=1, le=100)] | None,
+        told("Number of readings of each target in a visit; null: as few as show every cause.", 6),
+    ] = None
     new_frame: NewFrame = False
     false_alarms: FalseAlarms = RATE
     seed: Annotated[int, told("Draws the candidates; no unit.", 1, ge=0, le=2**53)] = 1
@@ -185,7 +194,8 @@ class WatchPlanResult(Answered):
     in_words: Annotated[str, told("What the poses show, in words; empty where nothing is said.", "")] = ""
     enough_poses: Annotated[int | None, told("Number of poses that would show every cause.", None)] = None
     enough_lever_mm: Annotated[
-        float | None, told("Distance of a target from the axis at which every cause would be seen, mm.", None)
+        float | None,
+        told("How far off the last axis a target would show what is missed of that joint, mm.", None),
     ] = None
     false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
     seen_in: Annotated[float, told("Share of watches in which `seen_from` is seen, no unit.", 0.95)]
