@@ -136,7 +136,7 @@ def test_a_serial_number_of_two_types_is_asked_for_by_id(service: Served) -> Non
 def test_a_watch_is_planned_judged_and_in_the_history(service: Served, data: Path, tmp_path: Path) -> None:
     assert RATE == watch.RATE
     baseline = put(service, data.with_name("model.json").read_bytes())["added"][0]["document"]
-    asked = {"model_document": baseline, "poses": 4, "candidates": 40, "targets": ["T2"]}
+    asked = {"model_document": baseline, "poses": 4, "candidates": 40, "targets": ["T2"], "visits": None}
     plan = service.client.post("/watch-plans", json=asked).json()
     csv = tmp_path / "data.csv"
     for suffix in (".csv", ".toml"):
@@ -147,7 +147,8 @@ def test_a_watch_is_planned_judged_and_in_the_history(service: Served, data: Pat
     done = service.until(f"/watch-plans/{plan['id']}", "succeeded", "failed")
     assert unnamed(WatchPlanResult.model_validate(done["result"])) == set()
     drive = service.client.post("/runs", json={"campaign": done["result"]["campaign"], "dry_run": True})
-    assert (drive.status_code, drive.json()["total"]) == (202, 4), drive.text
+    assert (drive.status_code, drive.json()["total"]) == (202, done["result"]["readings"]), drive.text
+    assert done["result"]["readings"] == 4 * done["result"]["rounds"] * done["result"]["repeats"] > 4
 
     done = service.until(f"/watches/{job['id']}", "succeeded", "failed")
     assert unnamed(WatchResult.model_validate(done["result"])) == set()
