@@ -104,6 +104,7 @@ def diagnosis(
 
 def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = None) -> None:
     """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
+    from calib.data import read_dataset
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
@@ -112,7 +113,7 @@ def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = 
     from service.results.models.identified import Identified
 
     held_to = Limits.kept(limits)
-    result = Identified.of(data, say=lambda step: tell(folder, step), limits=held_to)
+    result = Identified.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
     if result.found.converged:
         save_model(folder / MODEL, result.found)

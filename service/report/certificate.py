@@ -99,7 +99,7 @@ def certificate_xml(certified: Certified, about: About, today: date | None = Non
 
 def _administrative(parent: ElementTree.Element, certified: Certified, about: About, issued: date) -> None:
     dataset = certified.dataset
-    began, ended = _measured(dataset)
+    began, ended = measured_on(dataset)
     software = _add(_add(parent, "dccSoftware"), "software")
     _text(software, "name", "TruePose")
     _add(software, "release", metadata.version("truepose"))
@@ -279,8 +279,8 @@ def _temperature(result: ElementTree.Element, dataset: Dataset) -> None:
         _quantity(data, name, float(value), "degC", None)
 
 
-def _measured(dataset: Dataset) -> tuple[str, str]:
-    """The days of the first and the last reading, as XML has dates. Raises DataError."""
+def measured_on(dataset: Dataset) -> tuple[str, str]:
+    """The days of the first and the last reading, as XML has dates. Raises DataError where they are not told."""
     occasion = dataset.header.occasion
     days = [] if occasion is None else [occasion.began[:10], occasion.ended[:10]]
     try:

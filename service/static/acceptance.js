@@ -22,6 +22,6 @@ export function acceptance(found) {
   if (!found) return null;
   const says = (verdict) => `${SIGNS[verdict] || "•"} ${t(`accept_${verdict}`)}`;
   return h("div", { id: "acceptance" }, h("p", { className: "big" }, says(found.verdict)),
-    table(t("acceptance"), ["", t("error"), "U", t("limit"), t("verdict")], found.criteria.map((each) => [t(`quantity_${each.quantity}`), numeric(`${number(each.figure_mm)} mm`),
+    table(t("acceptance"), ["", t("error"), "U", t("limit"), t("verdict")], found.criteria.map((each) => [`${each.zone ? `${each.zone}: ` : ""}${t(`quantity_${each.quantity}`)}`, numeric(`${number(each.figure_mm)} mm`),
       numeric(each.expanded_uncertainty_mm === null ? "–" : `${number(each.expanded_uncertainty_mm)} mm`), numeric(`${number(each.limit_mm)} mm`), says(each.verdict)])), h("p", { className: "dim", lang: "en" }, found.rule));
 }

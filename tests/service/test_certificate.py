@@ -97,11 +97,21 @@ def test_every_unit_of_a_parameter_can_be_said_or_is_text() -> None:
     assert all(re.fullmatch(r"(\\[a-z]+(\\tothe\{-1\})?)+", unit) for unit in UNITS.values())
 
 
-def test_without_a_date_there_is_no_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = write_data(tmp_path, n=50)
-    assert main(["identify", str(data), "--dcc", str(tmp_path / "out.xml")]) == 2
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_without_a_date_there_is_no_certificate_and_no_work_in_vain(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    data, result = write_data(tmp_path, n=50), tmp_path / "out.json"
+    assert main([command, str(data), "--dcc", str(tmp_path / "out.xml"), "--json", str(result)]) == 2
     assert "does not say when it was measured" in capsys.readouterr().err
     assert not (tmp_path / "out.xml").exists()
+    assert not result.exists()  # refused before the fit: nothing has been found that could be written
+
+
+def test_whose_it_is_without_a_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "about.toml").write_text(ABOUT, "utf-8")
+    assert main(["identify", "data.csv", "--dcc-about", str(tmp_path / "about.toml")]) == 2
+    assert "'--dcc-about': is stated in a certificate" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from calib.data import Dataset
+from calib.errors import DataError
 from calib.text import TomlTable, read_toml, replace_file
 
 if TYPE_CHECKING:
@@ -28,8 +29,44 @@ DccAbout = Annotated[
 ]
 
 
-def read_about(path: Path | None) -> About:
-    """The file of --dcc-about; without one nothing is stated. Raises DataError naming file and key."""
+@dataclass(frozen=True)
+class Wanted:
+    """The file of --dcc, and what --dcc-about states of it."""
+
+    file: Path
+    about: About
+
+    @staticmethod
+    def of(dcc: Path | None, about: Path | None) -> Wanted | None:
+        """What the options ask for; without --dcc nothing. Raises DataError naming file and key."""
+        if dcc is not None:
+            return Wanted(dcc, _read_about(about))
+        if about is not None:
+            raise DataError("is stated in a certificate.", do="Give --dcc as well.", key="--dcc-about")
+        return None
+
+    def refuse_undated(self, dataset: Dataset) -> None:
+        """Raise DataError for a data set that no certificate can be about: before a long fit, not after it."""
+        from service.report.certificate import measured_on
+
+        measured_on(dataset)
+
+    def write(
+        self,
+        dataset: Dataset,
+        document: Mapping[str, Any],
+        parameters: Sequence[Mapping[str, Any]],
+        model_sha256: str | None,
+    ) -> None:
+        """Write the certificate of a result. Raises DataError."""
+        from service.report.certificate import Certified, certificate_xml
+
+        certified = Certified(dataset, document, parameters, model_sha256)
+        replace_file(self.file, certificate_xml(certified, self.about))
+
+
+def _read_about(path: Path | None) -> About:
+    """The file of --dcc-about; without one nothing is stated."""
     from service.report.certificate import About
 
     if path is None:
@@ -39,18 +76,3 @@ def read_about(path: Path | None) -> About:
     names = [each.name for each in fields(About)]
     table.only(names)
     return About(**{name: table.text(name) for name in names if name in values}).refuse_unusable()
-
-
-def write_certificate(
-    file: Path,
-    about: About,
-    dataset: Dataset,
-    document: Mapping[str, Any],
-    parameters: Sequence[Mapping[str, Any]],
-    model_sha256: str | None,
-) -> None:
-    """Write the certificate of a result. Raises DataError."""
-    from service.report.certificate import Certified, certificate_xml
-
-    certified = Certified(dataset, document, parameters, model_sha256)
-    replace_file(file, certificate_xml(certified, about))

@@ -17,7 +17,7 @@ from calib.saved import model_document, save_model
 from calib.text import replace_file
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
+from service.commands.models.certificate import Dcc, DccAbout, Wanted
 from service.files import STANDARD_OUTPUT
 from service.garbage import left_alone
 from service.printed import tables, type_tables
@@ -79,9 +79,12 @@ def diagnose_command(
         inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones, prior),
     )
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
+    certificate = Wanted.of(dcc, dcc_about)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset, of_type = read_dataset(data), options.read_prior(prior)
+        if certificate is not None:
+            certificate.refuse_undated(dataset)
         other = None if carry_to is None else read_dataset(carry_to)
         the_cell = None if cell is None else read_cell(cell)
         if limits is not None:
@@ -118,12 +121,10 @@ def diagnose_command(
             patched=patched,
             acceptance=acceptance,
         )
-        if dcc is not None:
+        if certificate is not None:
             final = diagnosis.final
             sealed = model_document(final, diagnosis)["content_sha256"] if final.converged else None
-            write_certificate(
-                dcc, read_about(dcc_about), dataset, document, documents.parameters_of(final), sealed
-            )
+            certificate.write(dataset, document, documents.parameters_of(final), sealed)
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from calib.data import read_dataset
 from calib.errors import DataError
 from calib.fit import left_out
 from calib.saved import load_model, model_document, save_model
@@ -14,7 +15,7 @@ from calib.text import replace_file
 from calib.validation import refuse_other_robot
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import Dcc, DccAbout, read_about, write_certificate
+from service.commands.models.certificate import Dcc, DccAbout, Wanted
 from service.files import STANDARD_OUTPUT
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
@@ -57,10 +58,14 @@ def identify_command(
     if preliminary is not None and report is None:
         raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
+    certificate = Wanted.of(dcc, dcc_about)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
-        result = Identified.of(data, level, terminal.say, limits, options.read_prior(prior))
-        dataset, found = result.dataset, result.found
+        dataset = read_dataset(data)
+        if certificate is not None:
+            certificate.refuse_undated(dataset)
+        result = Identified.of(dataset, level, terminal.say, limits, options.read_prior(prior))
+        found = result.found
         stage = None if preliminary is None else load_model(preliminary)
         if preliminary is not None and stage is not None:
             refuse_other_robot(stage, dataset, preliminary)
@@ -70,11 +75,9 @@ def identify_command(
         if report is not None:
             terminal.say("drawing the report")
             replace_file(report, result.report(stage))
-        if dcc is not None:
+        if certificate is not None:
             sealed = model_document(found)["content_sha256"] if found.converged else None
-            write_certificate(
-                dcc, read_about(dcc_about), dataset, result.document(), parameters_of(found), sealed
-            )
+            certificate.write(dataset, result.document(), parameters_of(found), sealed)
         terminal.rest()
         if dataset.header.simulated:
             terminal.note(wording.SIMULATED)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from calib.array import Array
-from calib.data import LEVELS, Dataset, read_dataset
+from calib.data import LEVELS, Dataset
 from calib.fit import (
     ErrorStatistics,
     Identification,
@@ -40,15 +39,14 @@ class Identified:
 
     @staticmethod
     def of(
-        data: Path,
+        dataset: Dataset,
         level: int | None = None,
         say: Callable[[str], None] = silent,
         limits: Limits | None = None,
         prior: TypePrior | None = None,
     ) -> Identified:
-        """Read and identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to; prior: what
+        """Identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to; prior: what
         robots of the type share. Raises DataError."""
-        dataset = read_dataset(data)
         if limits is not None:
             limits.refuse_unjudged(dataset)
         groups = None if level is None else LEVELS[level]
