@@ -75,8 +75,8 @@ CHANGES = (
     ),
     Change(
         "calib/upkeep/chart.py",
-        "variance + of_centre, np.maximum",
-        "variance, np.maximum",
+        "variance + of_centre, among))",
+        "variance, among))",
         "the limits of a chart forget that its centre is uncertain",
         _UPKEEP,
     ),

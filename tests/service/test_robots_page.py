@@ -68,7 +68,7 @@ def test_from_the_list_to_a_robot_and_back(tmp_path: Path) -> None:
         page.value("document.querySelector('#permitted').focus()")
         page.type("0.05")
         page.press("Enter")
-        until(lambda: "0.05 permitted" in page.text("#desk"))
+        until(lambda: "Permitted: 0.050 mm" in page.text("#desk"))
         assert before
 
         enter_on(page, "#plan-watch button")  # by a baseline of three numbers: refused, and said
