@@ -25,7 +25,7 @@ demo: $(VENV)/.installed
 check: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --threads 2
 	$(BIN)/lint-imports
 
 # The site of docs/, offline; a warning is an error. Open docs/build/index.html.
@@ -71,6 +71,7 @@ steady: $(VENV)/.installed
 # What is run before an issue is closed, beside `make test`; half a night.
 long: notebooks conformance sabotage mutants steady
 	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
+	$(BIN)/python -m pytest -m whole --whole
 
 # The peers come last: each is installed in an environment of its own under .bench (2 GB, some minutes).
 bench: $(VENV)/.installed

@@ -59,6 +59,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--whole", action="store_true", help="what `make test` takes a sample of, in full")
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("whole") and not item.config.getoption("whole"):
+        pytest.skip("run by `make long` (--whole)")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Each process has a folder of its own for locks: others' simulated robots may bear the same serial number.
 

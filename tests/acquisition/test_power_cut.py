@@ -121,6 +121,7 @@ def test_no_commit_is_lost_by_a_power_cut(folder: Path) -> None:
     assert lost == 0
 
 
+@pytest.mark.whole
 def test_without_syncs_commits_are_lost(folder: Path) -> None:
     """The disk of this test does forget: with NORMAL instead of FULL, the same cuts lose commits."""
     disk = Disk()

@@ -127,6 +127,7 @@ def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Pa
     assert 0.7 < identify(dataset).noise_scale < 1.25  # the cameras' noise is declared with some reserve
 
 
+@pytest.mark.whole
 def test_the_ballbar_comes_back_for_what_was_out_of_its_stroke(tmp_path: Path) -> None:
     """Nubiola 4.4 over the wires of a Fanuc and a ballbar: two stages, every distance had, judged by others.
 
