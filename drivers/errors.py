@@ -19,7 +19,7 @@ from typing import ClassVar, TypedDict, Unpack
 
 
 class Where(TypedDict, total=False):
-    """Where an error came up: the device, the command that was under way, the raw reply."""
+    """The place of an error: the device, the command that was under way, the raw reply."""
 
     device: str
     command: str

@@ -1,5 +1,5 @@
-"""What the service asks of its history, by plain values: called in worker processes, which alone load the database
-library.
+"""The questions of the service to its history, by plain values: called in worker processes, which alone load the
+database library.
 """
 
 from __future__ import annotations

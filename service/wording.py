@@ -225,7 +225,7 @@ def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
 
 
 def _held_out_against(stretch: float | None, surprise: Surprise | None) -> str:
-    """How a held-out error compares with what was to be expected; empty where there is nothing to be said."""
+    """A sentence on the held-out error beside what was to be expected; empty where there is nothing to be said."""
     if surprise is not None and surprise.real:
         return (
             f"The held-out readings miss by {two_figures(surprise.times)} times what noise and the uncertainty of the "

@@ -1,4 +1,4 @@
-"""What holds of every file: it imports no file that imports it in turn, and nobody has to scroll for long."""
+"""The rules of every file: it imports no file that imports it in turn, and nobody has to scroll for long."""
 
 from __future__ import annotations
 

@@ -52,9 +52,8 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-GIVEN_UP_AT_FIRST = (
-    3  # before any target was seen: the arm may be another than the one by which it keeps clear
-)
+# Before any target was seen: the arm may be another than the one by which it keeps clear.
+GIVEN_UP_AT_FIRST = 3
 
 
 class Sequencer:

@@ -41,7 +41,7 @@ class Surprise:
 
 
 def surprise_of(dataset: Dataset, found: Identification) -> Surprise | None:
-    """What the validation rows say of a model that they took no part in; None where nothing was held out."""
+    """The surprise of the validation rows, which took no part in the model; None where nothing was held out."""
     if not dataset.validation_rows.any():
         return None
     readings = readings_of(dataset, dataset.validation_rows, found.model, found.estimate)

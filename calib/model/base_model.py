@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 
 from calib.arm.robot import Robot
 from calib.model.effect import Effect, effect
 from calib.model.gravity_regressors import Torque
 from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor
 
+_KEPT = 64  # groups, the same for every fit of a robot; a service that lives for months forgets the others
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 
 
-@cache
+@lru_cache(_KEPT)
 def base(series: str, several: bool) -> Effect:
     """Pose of the base in the world: x, y, z, then turns about x, y, z. One per series."""
     in_series: Regressor = InSeries(series) if several else Constant()
@@ -57,7 +58,7 @@ def geometry(robot: Robot) -> Effect:
     return _geometry(robot.geometric_links)
 
 
-@cache
+@lru_cache(_KEPT)
 def _geometry(links: tuple[tuple[str, int], ...]) -> Effect:
     acts = {f"{kind}{link}": (*_GEOMETRY[kind], [(f"{kind}{link}", Constant())]) for kind, link in links}
     return effect("geometry", "base model", "robot", "Links are longer, offset or twisted.", acts)
@@ -74,7 +75,7 @@ def compliance(robot: Robot) -> Effect:
     return _compliance(tuple(k for k in range(2, robot.joints + 1) if k not in robot.slides))
 
 
-@cache
+@lru_cache(_KEPT)
 def _compliance(turning: tuple[int, ...]) -> Effect:
     acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in turning}
     return effect("compliance", "base model", "robot", "Gears yield to gravity.", acts)

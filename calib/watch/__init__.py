@@ -5,18 +5,18 @@ from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
 from calib.watch.missed import Missed, missed
 from calib.watch.nests import NestLimit, nest_limit
-from calib.watch.plan import Plan, judged, plan
-from calib.watch.planned import planned
-from calib.watch.proposals import Proposal, proposals
+from calib.watch.planning.plan import Plan, judged, plan
+from calib.watch.planning.planned import planned
+from calib.watch.planning.proposals import Proposal, proposals
+from calib.watch.planning.rounds import REPEATS, TIMES
+from calib.watch.planning.sizes import Shown, Smallest
+from calib.watch.planning.stroke import within_stroke
+from calib.watch.planning.visits import Visits
+from calib.watch.planning.wanted import ALONE, SEEN, WANTED
 from calib.watch.refusals import refuse_unlike
-from calib.watch.rounds import REPEATS, TIMES
 from calib.watch.seen import Seen
-from calib.watch.sizes import Shown, Smallest
-from calib.watch.stroke import within_stroke
 from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import cause_to_update, updated
-from calib.watch.visits import Visits
-from calib.watch.wanted import ALONE, SEEN, WANTED
 from calib.watch.worth import DOUBTFUL, times_as_uncertain
 
 __all__ = [

@@ -16,8 +16,8 @@ from calib.data.header import Header
 from calib.model.model import Design
 from calib.saved import SavedModel
 from calib.units import DEG
-from calib.watch.planned import planned
-from calib.watch.visits import Visits
+from calib.watch.planning.planned import planned
+from calib.watch.planning.visits import Visits
 
 DOUBTFUL = 1.2
 """Times the uncertainty of a recalibration, beyond which an update is said to be worth less than one."""

@@ -28,9 +28,8 @@ BATCH_S = 5.0
 AHEAD = 2  # batches for every worker: the next one is there when one is done
 PATIENCE_S = 60.0  # without a worker
 LOOK_S = 2.0
-STRIKES = (
-    2  # workers lost with a data set before it is given by itself, and then before it is the one that does it
-)
+# Workers lost with a data set before it is given by itself, and then before it is the one that does it.
+STRIKES = 2
 _ENDS_WORKERS = "its worker ended each time that it was tried: too little memory?"
 _AGAIN = "What is done is kept: see to it, then run the same command again."
 
@@ -82,6 +81,7 @@ class Run:
                     progress(self._counted())
                 if time.monotonic() - self._looked >= LOOK_S:
                     self._look()
+            self._see_who_is_there()  # a worker lost since the last look is told, too
         except (CancelledError, CommClosedError) as error:
             raise EngineGone("the scheduler is gone.", do=_AGAIN) from error
         return self._counted()
@@ -91,10 +91,13 @@ class Run:
         """The data sets given out that have not come back."""
         return [source for batch in self._out.values() for source in batch]
 
-    def _look(self) -> None:
-        """See who is there, and ask again for what somebody else holds."""
+    def _see_who_is_there(self) -> None:
         for sentence in self._crew.look():
             self._tell(sentence)
+
+    def _look(self) -> None:
+        """See who is there, and ask again for what somebody else holds."""
+        self._see_who_is_there()
         self._looked = now = time.monotonic()
         if self._crew.lost and self._out:
             self._take_back()

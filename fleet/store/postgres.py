@@ -20,10 +20,11 @@ from sqlalchemy import event
 from fleet.errors import StoreError
 
 CONNECT_S, ANSWER_S = 5, 30
-LATER_S = (
-    2.0  # this end waits longer than the server by this much, so that a server that lives gives the reason
-)
+# This end waits longer than the server by this much, so that a server that lives gives the reason.
+LATER_S = 2.0
 CONNECT, ANSWER = "connect_timeout", "answer_timeout"
+_DIGITS = 6  # eleven days; a server counts milliseconds, and not beyond 24 days
+_SHOWN = 20
 
 
 class _Limited(psycopg.Connection[Any]):
@@ -70,6 +71,8 @@ def limited(url: sa.URL, place: str, *, forever: bool) -> sa.Engine:
 
 def _seconds(url: sa.URL, key: str, usual: int, place: str) -> int:
     given = url.query.get(key, str(usual))
-    if not isinstance(given, str) or not given.isdecimal():
-        raise StoreError(f"is {given!r}.", do="Give whole seconds; 0: for ever.", file=place, key=key)
+    if not isinstance(given, str) or not given.isdecimal() or len(given) > _DIGITS:
+        raise StoreError(
+            f"is {str(given)[:_SHOWN]!r}.", do="Give whole seconds; 0: for ever.", file=place, key=key
+        )
     return int(given)

@@ -63,7 +63,7 @@ def _contents(connection: sa.Connection, rows: Mapping[str, Any]) -> list[tuple[
 
 
 def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[Point]:
-    """Those of one result."""
+    """The points of one result."""
     points = [
         Point(
             row.measured_at,

@@ -15,7 +15,7 @@ from mocks.shared.clock import Past
 COUNT = 48
 
 Variable = tuple[str, Callable[[], Any]]
-"""What RTDE can send: the name of its type, and a function that reads it."""
+"""A variable of RTDE: the name of its type, and a function that reads it."""
 
 
 class Registers:

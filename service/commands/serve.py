@@ -19,7 +19,7 @@ import typer
 
 from calib.errors import DataError
 from service import exit_codes
-from service.commands import serving
+from service.commands import serving, stores
 from service.json_log import json_log
 from service.private import note_if_others_read, owner_only
 from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from service.http.access.settings import Settings
 
 _APP = "service.http.app"
-STORE = "TRUEPOSE_STORE"  # as `service.commands.stores` has it, without the database library that it loads
 _HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
@@ -55,7 +54,7 @@ def serve(
         str | None,
         typer.Option(
             metavar="URL",
-            help="Store of the history of robots, as of 'truepose history'; or in TRUEPOSE_STORE, which is not "
+            help=f"Store of the history of robots, as of 'truepose history'; or in {stores.VARIABLE}, which is not "
             "heeded with --simulate. Default: a file in DIR.",
         ),
     ] = None,
@@ -112,7 +111,7 @@ def serve(
             cell=the_cell,
             simulated=simulated,
             host=host,
-            store=store or (None if simulate else os.environ.get(STORE)),
+            store=store or (None if simulate else os.environ.get(stores.VARIABLE)),
             permitted_mm=permitted,
         )
         hello = _for_programs if json else _for_people

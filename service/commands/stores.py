@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from calib.errors import DataError
-from fleet.store import Store
+
+if TYPE_CHECKING:
+    from fleet.store import Store  # it loads the database library, which not every command needs
 
 VARIABLE = "TRUEPOSE_STORE"
 DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
@@ -37,6 +39,8 @@ StoreArgument = Annotated[
 
 def opened(address: str | None, *, make: bool = False) -> Store:
     """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
+    from fleet.store import Store
+
     if address is not None:
         return Store.open(address)
     if make:

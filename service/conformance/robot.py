@@ -34,9 +34,8 @@ FAST, SLOW = 1e5, 2.0  # deg/s: at once, and slowly enough for a busy machine to
 POSES = 10
 FAR_DEG = 60.0
 PATIENCE_S = 60.0
-_LOOK_AGAIN_S = (
-    0.005  # a simulator is another process that answers how its arm is and reports nothing by itself
-)
+# A simulator is another process that answers how its arm is and reports nothing by itself.
+_LOOK_AGAIN_S = 0.005
 
 
 @dataclass

@@ -24,7 +24,7 @@ def baseline_of(store: Store, robot: RobotKey, said: Sequence[Said]) -> Entry | 
 
 
 def state_of(watched: Said | None, model: Entry | None) -> str:
-    """What is known of a robot by now: the last watch, unless a model is newer than it."""
+    """The state of a robot by now: that of the last watch, unless a model is newer than it."""
     if watched is None:
         return "not_watched"
     if model is not None and model.measured_at > watched.measured_at:

@@ -197,7 +197,7 @@ def _said(said: Said) -> dict[str, Any]:
 
 
 def _due(known: Due | None, errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
-    """When the next check is due, which is known for what has changed; without a date, why."""
+    """The date of the next check, which is known for what has changed; without a date, the reason."""
     due, because = known, "Nobody has said which error is permitted."
     if due is None and way is not None:
         try:

@@ -122,7 +122,7 @@ class Planned:
 
     @property
     def in_words(self) -> str:
-        """What the check poses show, and what would show the rest; empty where nothing was stated."""
+        """A sentence on what the check poses show, and what would show the rest; empty where nothing was stated."""
         return in_words(self.plan, self.proposals, self.targets, self.asked.poses)
 
     @property

@@ -133,7 +133,7 @@ def _measured(root: Path, sources: list[Source], workers: int) -> Spent:
 
 
 def _processor_times(client: Client) -> dict[str, float]:
-    """Of every worker, s. Asking imports the program there, as the enrolment of a worker does."""
+    """The processor time of every worker, s. Asking imports the program there, as the enrolment of a worker does."""
     found: Any = client.run(_processor_time)
     return found
 

@@ -1,4 +1,4 @@
-"""How soon `truepose --help` has answered and `truepose serve` is ready, by the processor time of the process.
+"""The time until `truepose --help` has answered and `truepose serve` is ready, by the processor time of the process.
 
 The shortest of some tries: what else runs on the machine lengthens processor time, too.
 """

@@ -26,7 +26,7 @@ from calib.saved import SavedModel, as_saved
 from calib.units import DEG
 from calib.watch import Seen, Visits, cause_to_update, judge, plan
 from calib.watch.judge import RATE, odds_of
-from calib.watch.planned import planned
+from calib.watch.planning.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, Session, World
 from mocks.world.dataset import header_of, row_of
@@ -141,8 +141,8 @@ def _counted(
     often: int | None,
     kinds: Sequence[str] = KINDS,
 ) -> tuple[Counted, Errors, int]:
-    """What watches show of each kind, by the plan of `planned_for`; errors of updated and new models; how often `judge`
-    and the odds disagree."""
+    """The counts of each kind of watch, by the plan of `planned_for`; errors of updated and new models; how often
+    `judge` and the odds disagree."""
     counts: Counted = {kind: [] for kind in kinds}
     errors: Errors = {kind: [] for kind in kinds[1:]}
     check = None

@@ -34,7 +34,7 @@ from calib.watch.cause import _fit, fitted
 from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
 from calib.watch.mean import WEIGHT, mean_of
-from calib.watch.planned import planned
+from calib.watch.planning.planned import planned
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.coverage import KINDS, Kind, simulate

@@ -30,7 +30,7 @@ from calib.watch import (
     within_stroke,
 )
 from calib.watch.lack import scatter_beyond
-from calib.watch.rounds import Rounds, Ways
+from calib.watch.planning.rounds import Rounds, Ways
 from tests.benchmarks.coverage import KINDS, RANGE, ROBOT, Kind, header_of, simulate
 from tests.calib.machines import machine
 
@@ -178,7 +178,7 @@ def test_poses_are_exchanged_for_what_is_seen_worst(
 
     some = visits_of((("T2", ""),), 60)
     exchanged = plan(known, header, some, 8)
-    monkeypatch.setattr("calib.watch.choose._stated", lambda seen: [])
+    monkeypatch.setattr("calib.watch.planning.choose._stated", lambda seen: [])
     assert worst(exchanged) < 0.95 * worst(plan(known, header, some, 8))
 
 

@@ -72,7 +72,7 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, pytestconfig: pytest.
 
 
 def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
-    """Of all faults together, at twice the usual rate; `make conformance` asks 400 for every one."""
+    """Questions under all faults together, at twice the usual rate; `make conformance` asks 400 for every one."""
     name, rig = named_rig
     faults = [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
     many_questions(rig, faults, questions=MANY // 2, rate=0.06)

@@ -1,4 +1,4 @@
-"""What a re-diagnosis says stands in a trend once, in the place of the model of the same readings, and says by whom."""
+"""A re-diagnosis stands in a trend once, in the place of the model of the same readings, and says by whom."""
 
 from __future__ import annotations
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import time
 
 import pytest
 
 from mocks.shared.silence import PIECES, silence
 
 
-def test_whoever_is_kept_from_its_turn_does_not_take_it_for_silence() -> None:
+def test_whoever_is_kept_from_its_turn_does_not_take_it_for_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene() -> bool:
+        loop = asyncio.get_running_loop()
+        now = loop.time
         guard = asyncio.create_task(silence(0.1, lambda: 0))
         move = asyncio.create_task(asyncio.sleep(0.05))
         await asyncio.sleep(0)
-        time.sleep(0.3)  # the machine does other things
+        monkeypatch.setattr(loop, "time", lambda: now() + 0.3)  # the machine has done other things
         await move
         barked = guard.done()
         await guard

@@ -60,14 +60,14 @@ CHANGES = (
         _WATCH,
     ),
     Change(
-        "calib/watch/choose.py",
+        "calib/watch/planning/choose.py",
         "best if short[best] < (1.0 - _RIDGE) * short[gone] else gone",
         "gone",
         "check poses are not exchanged for the cause that is seen worst",
         _PLANS,
     ),
     Change(
-        "calib/watch/rounds.py",
+        "calib/watch/planning/rounds.py",
         "            high, best = middle, found",
         "            high = middle",
         "a plan reads as often as it may, not as often as is enough",
@@ -116,7 +116,7 @@ CHANGES = (
         _PLANS,
     ),
     Change(
-        "calib/watch/visits.py",
+        "calib/watch/planning/visits.py",
         "self.sides * (-1.0) ** k",
         "self.sides * 1.0",
         "every round of a watch comes from the same sides",

@@ -27,7 +27,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
         return devices_of(bench)
 
     def slowly(_: Path) -> Future[Forecast]:
-        """As long as nobody has asked how the run is, it does not begin."""
+        """A run that does not begin as long as nobody has asked how it is."""
         asked.wait(PATIENCE_S)
         return Future()
 

@@ -204,7 +204,7 @@ def test_the_plan_is_a_campaign_of_the_cell(
 
 
 def motions(record: Path) -> int:
-    """How often the robot of a record has arrived somewhere, or tried."""
+    """The number of times that the robot of a record has arrived somewhere, or tried."""
     with Run.open(record) as run:
         return sum(each.kind in ("arrived", "attempt_failed") for each in run.events())
 

@@ -13,13 +13,12 @@ from fleet.diagnose import EngineGone
 from fleet.errors import StoreGone
 from service import exit_codes
 from service.commands import options
+from service.commands.stores import VARIABLE
 from service.files import STANDARD_OUTPUT
 from service.printed.fleet_tables import FleetProgress, shown
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results.fleet_diagnosed import FleetDiagnosed, Question
-
-STORE = "TRUEPOSE_STORE"
 
 
 @owner_only()
@@ -35,9 +34,9 @@ def diagnose_command(
         str,
         typer.Option(
             metavar="URL",
-            envvar=STORE,
+            envvar=VARIABLE,
             show_envvar=False,
-            help=f"Of the results: sqlite:///FILE or postgresql://USER@HOST/NAME; or in {STORE}.",
+            help=f"Of the results: sqlite:///FILE or postgresql://USER@HOST/NAME; or in {VARIABLE}.",
         ),
     ] = "",
     scheduler: Annotated[
@@ -63,7 +62,7 @@ def diagnose_command(
     if not store:
         raise DataError(
             "is missing: results are kept in a store.",
-            do=f"Give sqlite:///FILE, or an address in {STORE}.",
+            do=f"Give sqlite:///FILE, or an address in {VARIABLE}.",
             key="--store",
         )
     if scheduler and workers is not None:

@@ -38,7 +38,7 @@ class Wanted:
 
     @staticmethod
     def of(dcc: Path | None, about: Path | None) -> Wanted | None:
-        """What the options ask for; without --dcc nothing. Raises DataError naming file and key."""
+        """The certificate that the options ask for; without --dcc none. Raises DataError naming file and key."""
         if dcc is not None:
             return Wanted(dcc, _read_about(about))
         if about is not None:

@@ -69,7 +69,7 @@ async def _due(
     shortest_days: Shortest = 7.0,
     longest_days: Longest = 1825.0,
 ) -> dict[str, Any]:
-    """How dates of checks are reckoned, as the query has it."""
+    """The reckoning of dates of checks, as the query has it."""
     return {
         "permitted_mm": permitted_mm or here.history.permitted_mm,
         "method": method,

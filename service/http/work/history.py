@@ -62,7 +62,7 @@ class History:
         self._thread.start()
 
     def ask(self, function: Callable[[str, *_Ts], _T], *args: *_Ts) -> _T:
-        """What a function of `service.history_calls` makes of the store. Raises Problem 503, DataError."""
+        """The answer of a function of `service.history_calls`. Raises Problem 503, DataError."""
         return self._workers.call(function, self.address, *args)
 
     def look(self) -> None:
@@ -98,7 +98,7 @@ class History:
         return None
 
     def refused(self) -> list[dict[str, str]]:
-        """What was not kept, and why, newest first; at most 50."""
+        """The results that were not kept, and why, newest first; at most 50."""
         with self._changed:
             lines = [(path, line) for path, line in self._done.items() if line["state"] == "refused"]
             away = [{"path": "", "because": self._trouble}] if self._trouble else []
@@ -134,7 +134,7 @@ class History:
 
 
 def _mark(address: str) -> str:
-    """What stands for a store in the journal: its address may hold a password."""
+    """The mark of a store in the journal: its address may hold a password."""
     return hashlib.sha256(address.encode()).hexdigest()[:16]
 
 

@@ -96,7 +96,7 @@ class _Dots(Line2D):
         self._look = f"fill: none; {stroke}"
 
     def svg(self) -> str:
-        """Those within the axes, once the figure has been laid out."""
+        """The points within the axes, once the figure has been laid out."""
         axes, drawn = self.axes, self.get_figure(root=True)
         assert isinstance(axes, Axes)
         assert drawn is not None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 HOLDOUT, SEED = 0.2, 1
 FARTHEST_TOOL_MM = 1e4
 SLOW_MM_S = 2.0
-"""That of `calib.motion`, of which the service imports nothing."""
+"""The value of `calib.motion`, of which the service imports nothing."""
 
 
 @dataclass(frozen=True)

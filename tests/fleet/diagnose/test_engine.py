@@ -21,6 +21,7 @@ from fleet.diagnose.run import Run
 from fleet.diagnose.source import Source, in_files
 from fleet.diagnose.tally import Tally
 from fleet.store import Store
+from tests.drivers import waiting
 from tests.fleet.diagnose.noted import Noting
 from tests.fleet.diagnose.sets import bad, good
 
@@ -110,12 +111,14 @@ def test_every_data_set_is_done_once_and_only_here(client: Client, order: Order,
 
 def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: Path) -> None:
     pids: Any = client.run(os.getpid)
+    address, pid = next(iter(pids.items()))
     killed: list[int] = []
 
     def kill(tally: Tally) -> None:
         if not killed:
-            killed.append(next(iter(pids.values())))
-            os.kill(killed[0], signal.SIGKILL)
+            killed.append(pid)
+            os.kill(pid, signal.SIGKILL)
+            waiting.until(lambda: address not in client.scheduler_info(n_workers=-1)["workers"])
 
     tally, told, said = run(client, order, some(tmp_path, 1, 23), kill)
     assert tally.left == 0

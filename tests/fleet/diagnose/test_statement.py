@@ -1,4 +1,4 @@
-"""What is kept of a diagnosis where a figure is none."""
+"""A kept diagnosis in which a figure is none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much a worker is given at a time, and how far a call is."""
+"""The share that a worker is given at a time, and the progress of a call."""
 
 from __future__ import annotations
 

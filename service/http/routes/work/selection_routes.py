@@ -5,14 +5,12 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
-from calib.arm import built_in_robots
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.work.job_routes import shown
+from service.http.routes.work.job_routes import library_cell, shown
 from service.http.state import Here
 from service.http.wire.bodies import SelectionAsked, SelectionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
-from service.http.wire.problems import Problem
 from service.http.work.idempotency import begun
 
 router = APIRouter(route_class=JsonRoute, tags=["selections"])
@@ -24,13 +22,7 @@ def create_selection(here: Here, body: SelectionAsked, idempotency_key: Idempote
     """Choose calibration poses; nothing moves. `result.poses_deg` goes into a block with `select = "list"`."""
 
     def work() -> JSONResponse:
-        cell = here.cell
-        if cell.robot.model.name not in built_in_robots():
-            raise Problem(
-                422,
-                "The robot of the cell is in a file of its own, which a job does not have.",
-                "Use 'truepose select' on the computer of the service.",
-            )
+        cell = library_cell(here, "truepose select")
         order = {
             "count": body.count,
             "candidates": body.candidates,

@@ -10,10 +10,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from fastapi.responses import JSONResponse
 
-from calib.arm import built_in_robots
 from service import history_calls
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.work.job_routes import shown
+from service.http.routes.work.job_routes import library_cell, shown
 from service.http.state import Here, Service
 from service.http.wire.bodies.jobs import (
     UpkeepShown,
@@ -26,7 +25,7 @@ from service.http.wire.bodies.jobs import (
 from service.http.wire.bodies.watches import OfBaseline, OfReadings, UpkeepAsked, WatchAsked, WatchPlanAsked
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
-from service.http.wire.problems import Problem, not_found
+from service.http.wire.problems import not_found
 from service.http.work.idempotency import begun
 from service.http.work.jobs import Baseline
 from service.kept_dataset import CSV
@@ -76,13 +75,7 @@ def create_watch_plan(here: Here, body: WatchPlanAsked, idempotency_key: Idempot
     """
 
     def work() -> JSONResponse:
-        cell = here.cell
-        if cell.robot.model.name not in built_in_robots():
-            raise Problem(
-                422,
-                "The robot of the cell is in a file of its own, which a job does not have.",
-                "Use 'truepose watch plan' on the computer of the service.",
-            )
+        cell = library_cell(here, "truepose watch plan")
         order = {
             "poses": body.poses,
             "candidates": body.candidates,

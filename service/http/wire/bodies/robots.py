@@ -46,7 +46,7 @@ class CauseNamed(Answered):
 
 
 class SaidShown(Answered):
-    """What the last watch or diagnosis said."""
+    """The words of the last watch or diagnosis."""
 
     measured: Moment
     verdict: Annotated[str, told("Its verdict.", "changed")]
@@ -64,7 +64,7 @@ class BaselineNow(Answered):
 
 
 class DueShown(Answered):
-    """When the next check is due (ILAC-G24)."""
+    """The date of the next check (ILAC-G24)."""
 
     date: Annotated[
         str | None, told("When, RFC 3339 UTC; null where none can be told.", "2026-09-01T08:00:00Z")
@@ -199,7 +199,7 @@ class Trends(Answered):
 
 
 class AddedShown(Answered):
-    """What became of a document."""
+    """The outcome for one document."""
 
     kind: Annotated[DocumentKind, told("What it is.", "model")]
     serial: Serial
@@ -217,7 +217,7 @@ class AddedShown(Answered):
 
 
 class Added(Answered):
-    """What became of what was sent."""
+    """The outcome for all that was sent."""
 
     format: Annotated[Literal["truepose-history/1"], told("The format.", "truepose-history/1")]
     robot_id: RobotId

@@ -13,7 +13,7 @@ from service.http.wire.bodies.told import Answered, Body, Joints, told
 _ID = "20261121-170459-3f9a1c07b2e"
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 RATE = 0.01
-"""That of `calib.watch`, which the service loads in its workers alone; a test compares."""
+"""The rate of `calib.watch`, which the service loads in its workers alone; a test compares."""
 CAMPAIGN = {
     "format": "truepose-campaign/1",
     "block": [{"kind": "poses", "set": "calibration", "select": "list", "joints_deg": [[12.0, 45.0, -10.0]]}],
@@ -168,7 +168,7 @@ class WorstSeen(Answered):
 
 
 class ProposalShown(Answered):
-    """What it would take to see every cause."""
+    """A way to see every cause."""
 
     targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
     rounds: Annotated[int, told("Number of visits to each pose.", 4)]
@@ -309,7 +309,7 @@ class ThermalShown(Answered):
 
 
 class UpkeepResult(_Judged):
-    """What a few readings say of the warmth of the arm."""
+    """The warmth of the arm by a few readings."""
 
     format: Annotated[Literal["truepose-upkeep/1"], told("The format.", "truepose-upkeep/1")]
     thermal: Annotated[

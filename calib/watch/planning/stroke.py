@@ -16,8 +16,8 @@ from calib.array import Array
 from calib.data.header import Header
 from calib.model.model import Design
 from calib.saved import SavedModel
-from calib.watch.planned import planned
-from calib.watch.visits import Visits
+from calib.watch.planning.planned import planned
+from calib.watch.planning.visits import Visits
 
 _STEPS = 6
 

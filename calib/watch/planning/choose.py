@@ -13,8 +13,8 @@ That is good on the average over causes, and a wrist is the worst of them. So th
 
     sum over causes of (needed / has)^2
 
-has: the non-centrality of a cause of the size that should be seen (`calib.watch.wanted`), needed: that with which it
-is seen. The cause that is missed by most counts most.
+has: the non-centrality of a cause of the size that should be seen (`calib.watch.planning.wanted`), needed: that with
+which it is seen. The cause that is missed by most counts most.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.units import to_internal
+from calib.watch.planning.wanted import needed, of_one_unit, wanted_of
 from calib.watch.seen import Seen
-from calib.watch.wanted import needed, of_one_unit, wanted_of
 
 _NOTICED = 0.1  # of the usual size
 _PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them

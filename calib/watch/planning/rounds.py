@@ -16,11 +16,11 @@ import numpy as np
 
 from calib.data.header import Header
 from calib.saved import SavedModel
-from calib.watch.planned import planned
+from calib.watch.planning.planned import planned
+from calib.watch.planning.sizes import seen_from
+from calib.watch.planning.visits import Visits
+from calib.watch.planning.wanted import WANTED
 from calib.watch.seen import Seen
-from calib.watch.sizes import seen_from
-from calib.watch.visits import Visits
-from calib.watch.wanted import WANTED
 
 TIMES = (1, 2, 4)
 REPEATS = (1, 2, 3, 4, 6, 8, 12)

@@ -17,8 +17,8 @@ from calib.array import Array
 from calib.model.effect import Effect
 from calib.watch.judge import RATE, odds_of
 from calib.watch.odds import Columns, Odds
+from calib.watch.planning.wanted import ALONE, needed, of_one_unit, wanted_of
 from calib.watch.seen import Seen
-from calib.watch.wanted import ALONE, needed, of_one_unit, wanted_of
 
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
 _DRAWS = 400

@@ -11,15 +11,15 @@ from calib.data.header import Header
 from calib.errors import DataError
 from calib.saved import SavedModel
 from calib.units import DEG
-from calib.watch.choose import choose
 from calib.watch.judge import RATE, odds_of
 from calib.watch.lack import scatter_beyond
-from calib.watch.lever import lever_needed
-from calib.watch.planned import planned
-from calib.watch.rounds import Tried, Ways, fewest, wanted
+from calib.watch.planning.choose import choose
+from calib.watch.planning.lever import lever_needed
+from calib.watch.planning.planned import planned
+from calib.watch.planning.rounds import Tried, Ways, fewest, wanted
+from calib.watch.planning.sizes import Shown, shown
+from calib.watch.planning.visits import Visits
 from calib.watch.seen import Seen
-from calib.watch.sizes import Shown, shown
-from calib.watch.visits import Visits
 
 FEWEST = 4
 _MOST = 60  # poses that are tried where fewer show too little

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.watch.rounds import Rounds, Ways, wanted
-from calib.watch.visits import Visits
+from calib.watch.planning.rounds import Rounds, Ways, wanted
+from calib.watch.planning.visits import Visits
 
 _STEPS = 6
 _NEAR = 0.02

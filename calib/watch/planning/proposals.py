@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from calib.data.header import Header
 from calib.saved import SavedModel
-from calib.watch.rounds import Ways, fewest
-from calib.watch.visits import Visits
+from calib.watch.planning.rounds import Ways, fewest
+from calib.watch.planning.visits import Visits
 
 
 @dataclass(frozen=True)

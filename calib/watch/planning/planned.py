@@ -18,7 +18,7 @@ from calib.errors import DataError
 from calib.model.model import Design
 from calib.model.stated import conditions_at
 from calib.saved import SavedModel
-from calib.watch.visits import Visits
+from calib.watch.planning.visits import Visits
 
 VISIT_S = 60.0
 """How long a visit takes, s: ten poses are ten minutes."""
