@@ -106,6 +106,7 @@ class Cell:
             | self.ctrack.orders()
             | self.qc20w.orders()
             | self.leica.orders()
+            | self.emscon.orders()
             | {
                 "touch": self._touch,
                 "jog": lambda order: self.arm.put(order["joints_deg"]),

@@ -31,6 +31,7 @@ from drivers.errors import (
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.leica import emscon_packets as tpi
 from drivers.leica.emscon_packets import Packet
+from drivers.leica.emscon_settings import meddled, needed
 from drivers.link import TcpLink, WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
@@ -42,7 +43,6 @@ _SHORTEST_MS, _LONGEST_MS = 500, 100_000
 _WEAKNESS = "emScon has no checksum: an answer of which one bit is damaged on its way is taken for measured"
 _LOST = 25  # measurement status not ready
 _GONE = (851, 997, 998)  # sensor disconnected, server closing
-_MEDDLED = (6, 7, 11, 12, 15, 16, 17, 18)  # units, reflector, compensation, coordinates, station, mode
 
 
 class EmsconTracker:
@@ -68,6 +68,7 @@ class EmsconTracker:
         self.name = name
         self.deadlines = deadlines or InstrumentDeadlines()
         self._reflector = reflector
+        self._reflector_first: int | None = None  # where none is named: of the first arming
         self._rate_hz = rate_hz
         self._search_radius_mm = search_radius_mm
         self._scatter_limit_mm = scatter_limit_mm
@@ -123,9 +124,9 @@ class EmsconTracker:
     # -- arming -------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Units, initialisation if needed (the head moves), weather, mode, reflector.
+        """Units, initialisation if needed (the head moves), weather, settings, mode, reflector.
 
-        Raises LinkError, NotReady, ConfigError (no such reflector).
+        Raises LinkError, NotReady (also for another reflector than before), ConfigError (no such reflector).
         """
         with self._lock:
             self._ask(tpi.SET_UNITS, *_UNITS)
@@ -136,18 +137,43 @@ class EmsconTracker:
                 raise NotReady(f"tracker is {state.state}", device=self.name, command="arm", raw=state.raw)
             if not self.has_weather_station():
                 raise NotReady("no weather station", device=self.name, command="arm")
+            self._put_settings_in_order()
             self._ask(tpi.SET_COORDINATES, 0)  # right-handed Cartesian
             self._ask(tpi.SET_MODE, 0)  # stationary
             self._ask(tpi.SET_SEARCH, self._search_radius_mm, round(1000 * self.deadlines.point_s / 2))
             if self._reflector is not None:
                 self._ask(tpi.SET_REFLECTOR, self._reflector_number(self._reflector))
+            self._refuse_another_reflector()
             self._time_ms = 0
+            self._ask(tpi.GET_TRACKER_STATUS)  # the changes made here have been told before its answer
+            self._changes.clear()
             self._stopping.clear()
             self._armed = True
 
     def disarm(self) -> None:
         """Allow no more measurements until armed again; never raises."""
         self._armed = False
+
+    def _put_settings_in_order(self) -> None:
+        settings = self._ask(tpi.GET_SETTINGS).values
+        if needed(settings) != settings:
+            _LOG.warning("%s: system settings %s become %s", self.name, settings, needed(settings))
+            self._ask(tpi.SET_SETTINGS, *needed(settings))
+
+    def _refuse_another_reflector(self) -> None:
+        """Where none is named, the one of the first arming counts: its offset is in every point. Raises NotReady."""
+        packet = self._ask(tpi.GET_REFLECTOR)
+        number = packet.values[0]
+        if self._reflector_first is None or self._reflector is not None:
+            self._reflector_first = number
+        if number != self._reflector_first:
+            raise NotReady(
+                f"the tracker uses reflector {number}, until now it was {self._reflector_first}",
+                device=self.name,
+                command="arm",
+                raw=packet.raw,
+                what_to_do="Choose the reflector of before in the program of the tracker, then confirm.",
+            )
 
     def _reflector_number(self, wanted: str) -> int:
         """One packet a reflector comes in answer to one question."""
@@ -193,9 +219,18 @@ class EmsconTracker:
             status = self._ask(tpi.GET_TRACKER_STATUS)  # nothing of an earlier measurement can come after it
             if status.values[0] not in (2, 3):
                 raise NotReady("tracker is not ready", device=self.name, command="measure", raw=status.raw)
-            self._changes.clear()
+            self._refuse_meddling(status.raw)
             packet = self._single(time_ms / 1000.0 + self.deadlines.measure_margin_s)
             return self._reading(packet, target, samples)
+
+    def _refuse_meddling(self, raw: bytes) -> None:
+        """Refuse what was measured, or would be, with settings of somebody else. Raises NotReady."""
+        error = meddled(self._changes)
+        self._changes.clear()
+        if error is not None:
+            self._armed = False
+            error.device, error.command, error.raw = self.name, "measure", raw
+            raise error
 
     def _point(self, near_mm: Sequence[float]) -> None:
         x, y, z = (float(value) for value in near_mm)
@@ -232,14 +267,7 @@ class EmsconTracker:
             raise self._impossible("a point at the origin or out of the world", packet)
         if _LOST in self._changes:
             raise TargetNotSeen("target lost during the reading", device=self.name, raw=packet.raw)
-        if any(code in _MEDDLED for code in self._changes):
-            self._armed = False
-            raise NotReady(
-                "another program changed the settings of the tracker",
-                device=self.name,
-                command="measure",
-                raw=packet.raw,
-            )
+        self._refuse_meddling(packet.raw)
         for bad, why in (
             (mode != 0 or tried != 0, "of another mode"),
             (point == self._last, "exactly like the one before"),
@@ -318,7 +346,7 @@ class EmsconTracker:
             self._link.send(data, command=f"command {number}", send_s=self.deadlines.send_s)
 
     def _next(self, what: str, deadline: str, end: float) -> Packet:
-        """The next packet that is not a change of status; those are noted."""
+        """The next packet that was asked for; changes of status are noted."""
         while True:
             try:
                 header = self._read(tpi.HEADER.size, what, deadline, end)
@@ -326,6 +354,8 @@ class EmsconTracker:
             except ProtocolError as error:
                 error.device, error.command = self.name, what
                 raise
+            if packet.kind in tpi.UNASKED:
+                continue
             if packet.kind != tpi.CHANGE:
                 return packet
             self._changes.append(packet.number)

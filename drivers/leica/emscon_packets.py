@@ -4,10 +4,11 @@ Little-endian, packed to 4 bytes: i32 size (counted with itself), i32 type, then
 
     0 command        i32 command, arguments;  its answer: i32 command, i32 status, results
     1 error          i32 command, i32 status          2 single measurement    156 bytes
-    8 status change  i32 code
+    8 status change  i32 code                         6, 7, 11 nivel, reflector, probe: 40, 36, up to 256 bytes
 
-An answer names its command and nothing else, so only one command may be outstanding. Sizes are checked
-against the kind of packet before anything of it is believed.
+Types 6, 7 and 11 come by themselves where another program has switched them on. An answer names its command and
+nothing else, so only one command may be outstanding. Sizes are checked against the kind of packet before anything of it
+is believed.
 """
 
 from __future__ import annotations
@@ -30,12 +31,15 @@ from drivers.errors import (
 )
 
 COMMAND, ERROR, SINGLE, CHANGE = 0, 1, 2, 8
+NIVEL, REFLECTOR_POSITION, PROBE_POSITION = 6, 7, 11
+UNASKED = (NIVEL, REFLECTOR_POSITION, PROBE_POSITION)  # for whoever shows where the beam is
 HEADER = struct.Struct("<ii")
 _LONGEST_ANSWER = 256
 
 GET_SYSTEM_STATUS, GET_TRACKER_STATUS, SET_UNITS, INITIALIZE = 1, 2, 5, 7
 GET_ENVIRONMENT, SET_MODE, SET_COORDINATES, SET_STATIONARY = 21, 24, 26, 28
-SET_REFLECTOR, GET_REFLECTORS, SET_SEARCH = 40, 42, 43
+SET_REFLECTOR, GET_REFLECTOR, GET_REFLECTORS, SET_SEARCH = 40, 41, 42, 43
+SET_SETTINGS, GET_SETTINGS = 47, 48
 START_MEASUREMENT, STOP_MEASUREMENT, GO_POSITION = 49, 52, 55
 
 _ARGUMENTS: Mapping[int, str] = {
@@ -45,42 +49,46 @@ _ARGUMENTS: Mapping[int, str] = {
     SET_STATIONARY: "2i",
     SET_REFLECTOR: "i",
     SET_SEARCH: "di",
+    SET_SETTINGS: "9i",
     GO_POSITION: "3di",
 }
 _RESULTS: Mapping[int, str] = {
     GET_SYSTEM_STATUS: "10i",
     GET_TRACKER_STATUS: "i",
     GET_ENVIRONMENT: "3d",
+    GET_REFLECTOR: "i",
     GET_REFLECTORS: "3id64s",
+    GET_SETTINGS: "9i",
 }
 _SINGLE = struct.Struct("<3i17d")
 
-_ERRORS: Mapping[int, type[AcquisitionError]] = {
-    1: Busy,
-    23: NotReady,  # wrong reflector
-    27: NotReady,  # no weather station
-    28: TargetNotSeen,
-    37: BeamBroken,  # no distance set
-    38: LinkLost,  # controller without its sensor
-    39: NotReady,  # not initialised
-    57: NotReady,  # weather out of range
-    58: NotReady,
-    59: Busy,
-    94: NotReady,
-    95: NotReady,
-    96: NotReady,
-    10002: NotReady,
-    10004: TargetNotSeen,  # measurement status not ready: nothing in the beam
-    10005: NotReady,
-    10009: NoisyMeasurement,
-    10010: NotReady,  # not levelled
-    10011: Busy,  # another client
-    10012: NotReady,  # not warmed up
-    10013: NoisyMeasurement,  # not stable
-    10014: TargetNotSeen,
-    10015: LinkLost,
-    10016: NotReady,
-    10019: NotReady,
+_ERRORS: Mapping[int, tuple[type[AcquisitionError], str]] = {
+    1: (Busy, "busy with another command"),
+    2: (CommandRefused, "not implemented"),
+    23: (NotReady, "wrong reflector"),
+    27: (NotReady, "no weather station"),
+    28: (TargetNotSeen, "no point measured last"),
+    37: (BeamBroken, "no distance set"),
+    38: (LinkLost, "controller without its sensor"),
+    39: (NotReady, "not initialised"),
+    57: (NotReady, "weather out of range"),
+    58: (NotReady, "being compensated"),
+    59: (Busy, "busy with itself"),
+    94: (NotReady, ""),
+    95: (NotReady, ""),
+    96: (NotReady, ""),
+    10002: (NotReady, ""),
+    10004: (TargetNotSeen, "not ready to measure: nothing in the beam"),
+    10005: (NotReady, "distance meter is starting up"),
+    10009: (NoisyMeasurement, ""),
+    10010: (NotReady, "not levelled"),
+    10011: (Busy, "another program is connected"),
+    10012: (NotReady, "not warmed up"),
+    10013: (NoisyMeasurement, "not stable"),
+    10014: (TargetNotSeen, ""),
+    10015: (LinkLost, "no communication with its sensor"),
+    10016: (NotReady, ""),
+    10019: (NotReady, "not levelled for its initialisation"),
 }
 
 
@@ -109,6 +117,9 @@ def rest_of(header: bytes) -> int:
         ERROR: (16,),
         SINGLE: (_SINGLE.size + 8,),
         CHANGE: (12,),
+        NIVEL: (40,),
+        REFLECTOR_POSITION: (36,),
+        PROBE_POSITION: range(16, _LONGEST_ANSWER + 1),
     }
     if size not in known.get(kind, ()):
         raise ProtocolError(f"packet of type {kind} and {size} bytes", raw=header)
@@ -125,6 +136,8 @@ def parse(data: bytes) -> Packet:
     if kind == SINGLE:
         status, *values = _SINGLE.unpack(body)
         return Packet(kind, START_MEASUREMENT, status, tuple(values), data)
+    if kind in UNASKED:
+        return Packet(kind, 0, 0, (), data)
     number, status = struct.unpack("<2i", body[:8])
     results = struct.Struct("<" + _RESULTS.get(number, "") if status == 0 and kind == COMMAND else "<")
     if len(body) - 8 != results.size:
@@ -135,5 +148,6 @@ def parse(data: bytes) -> Packet:
 def error_of(packet: Packet, device: str, what: str) -> AcquisitionError:
     """The error that a status other than 0 means. Numbers not known here void a measurement and refuse all else."""
     measures = packet.number in (START_MEASUREMENT, GO_POSITION)
-    kind = _ERRORS.get(packet.status, TargetNotSeen if measures else CommandRefused)
-    return kind(f"tracker says {packet.status}", device=device, command=what, raw=packet.raw)
+    kind, words = _ERRORS.get(packet.status, (TargetNotSeen if measures else CommandRefused, ""))
+    text = f"tracker says {packet.status}" + (f" ({words})" if words else "")
+    return kind(text, device=device, command=what, raw=packet.raw)

@@ -21,7 +21,7 @@ REFLECTORS = ((1, "CCR-1.5in"), (2, "RRR-1.5in"), (7, "TBR-0.5in"))
 # Where the tracker of `mocks.shared.tracker_device` speaks of an MBP/1 error, emScon has this number.
 STATUS = {103: 3, 110: 1, 201: 39, 202: 10012, 204: 27, 301: 37, 302: 10004, 303: 10013, 310: 10004, 311: 3}
 LOST, READY = 25, 27
-CHANGES = {5: 6, 24: 17, 26: 12, 28: 18, 40: 7}  # command -> what changed
+CHANGES = {5: 6, 24: 17, 26: 12, 28: 18, 40: 7, 47: 8}  # command -> what changed
 ANSWERED = (5, 24, 26, 28, 40, 43, 47)
 
 
@@ -44,13 +44,18 @@ def numbers(data: bytes) -> list[int]:
 
 
 class EmsconServer:
-    """The wire side. `odd` replaces fields of the next result packet: status, mode, x, y, z, sx, T."""
+    """The wire side. `odd` replaces fields of the next result packet: status, mode, x, y, z, sx, T.
+
+    `settings`: the nine of the tracker, whoever set them. A transformation that they apply scales points by `scale`.
+    """
 
     def __init__(self, tracker: LeicaDevice) -> None:
         self.tracker = tracker
         self.odd: dict[str, Any] = {}
         self.time_ms = 2000
         self.reflector = 1
+        self.settings = [2, 0, 0, 1, 1, 0, 0, 0, 0]
+        self.scale = 1.0
         self.averaging = False
         self._writer: asyncio.StreamWriter | None = None
         self._job: asyncio.Task[None] | None = None
@@ -92,6 +97,23 @@ class EmsconServer:
         if self._writer is not None:
             self._writer.write(packet(kind, body))
 
+    def orders(self) -> dict[str, Any]:
+        """Orders of the back door, beside those of every tracker."""
+        return {"meddle": self.meddle, "positions": self.positions}
+
+    def meddle(self, order: dict[str, Any]) -> None:
+        """Another program sets up the tracker: its `settings`, `scale`, `reflector`; `code` is told to everybody."""
+        self.settings = order.get("settings", self.settings)
+        self.scale = order.get("scale", self.scale)
+        self.reflector = order.get("reflector", self.reflector)
+        if "code" in order:
+            self._send(8, i32(order["code"]))
+
+    def positions(self, order: dict[str, Any]) -> None:
+        """The place of the beam and the tilt come by themselves, as another program has switched on."""
+        self._send(7, i32(0) + f64(1.0, 2.0, 3.0))
+        self._send(6, i32(0, 0) + f64(0.0, 0.0, 20.0))
+
     # -- commands -----------------------------------------------------------------------------------------
 
     async def _command(self, body: bytes) -> None:
@@ -103,7 +125,13 @@ class EmsconServer:
         if self._job is not None and not self._job.done():
             self._send(0, i32(command, 1))
             return
-        tables: dict[int, Callable[[], bytes]] = {1: self._system, 2: self._ready, 21: self._air}
+        tables: dict[int, Callable[[], bytes]] = {
+            1: self._system,
+            2: self._ready,
+            21: self._air,
+            41: lambda: i32(self.reflector),
+            48: lambda: i32(*self.settings),
+        }
         if command in tables:
             self._send(0, i32(command, 0) + tables[command]())
         elif command == 42:
@@ -122,13 +150,15 @@ class EmsconServer:
             self.time_ms = numbers(arguments[:4])[0]
         if command == 40:
             self.reflector = numbers(arguments)[0]
+        if command == 47:
+            self.settings = numbers(arguments)
         known = self.reflector in dict(REFLECTORS) and self.time_ms > 0
         if command in CHANGES:
             self._send(8, i32(CHANGES[command]))
         self._send(0, i32(command, 0 if known else 3))
 
     def _system(self) -> bytes:
-        weather = 2 if self.tracker.weather else 0
+        weather = self.settings[0] if self.tracker.weather else 0
         return i32(0, 5, 3, 2, 3, 6, 0, weather, 0, 390123)
 
     def _ready(self) -> bytes:
@@ -186,6 +216,7 @@ class EmsconServer:
         if tracker.arm.joints_deg() != before and name not in tracker.nests:
             raise BadRequest(303, "target moved")
         point, scatter = tracker.average(name, max(2, self.time_ms // 10))
+        point = point * (self.scale if self.settings[1] else 1.0)
         odd, self.odd = self.odd, {}
         x, y, z = (float(odd.get(axis, v)) for axis, v in zip("xyz", point, strict=True))
         sx, sy, sz = (float(v) for v in scatter)

@@ -106,6 +106,57 @@ def test_frozen_reading_is_stale(shared: CellThread, tracker: EmsconTracker, dev
         tracker.measure("T1")
 
 
+def test_what_another_program_left_is_put_in_order(shared: CellThread, device: LeicaDevice) -> None:
+    """A transformation that scales and a weather that corrects nothing are no errors that a point shows."""
+    shared.do("meddle", settings=[1, 1, 0, 1, 0, 1, 0, 1, 1], scale=1.0005)
+    tracker = EmsconTracker(shared.url("emscon"))
+    tracker.connect()
+    tracker.arm()
+    reading = tracker.measure("T1", near_mm=truth(device, "T1"))
+    assert math.dist(reading.xyz_mm, truth(device, "T1")) < 0.3
+    assert shared.cell is not None
+    assert shared.cell.emscon.settings == [2, 0, 0, 1, 1, 0, 0, 1, 1]
+    tracker.disconnect()
+    shared.do("meddle", settings=[2, 0, 0, 1, 1, 0, 0, 0, 0], scale=1.0)
+
+
+@pytest.mark.parametrize(("code", "what"), [(7, "reflector"), (16, "transformation"), (8, "system settings")])
+def test_settings_changed_between_two_readings(
+    shared: CellThread, tracker: EmsconTracker, device: LeicaDevice, code: int, what: str
+) -> None:
+    """While the robot moves nobody listens: the change is heard with the next answer, and counts."""
+    tracker.measure("T1", near_mm=truth(device, "T1"))
+    shared.do("meddle", code=code)
+    with pytest.raises(NotReady, match=f"another program changed {what}") as caught:
+        tracker.measure("T1", near_mm=truth(device, "T1"))
+    assert "Close the other program" in caught.value.what_to_do
+    tracker.arm()
+    tracker.measure("T1", near_mm=truth(device, "T1"))
+
+
+def test_another_reflector_is_not_armed_with(shared: CellThread, device: LeicaDevice) -> None:
+    tracker = EmsconTracker(shared.url("emscon"))
+    tracker.connect()
+    shared.do("meddle", reflector=1)
+    tracker.arm()
+    shared.do("meddle", reflector=7, code=7)
+    with pytest.raises(NotReady, match="uses reflector 7, until now it was 1"):
+        tracker.arm()
+    shared.do("meddle", reflector=1)
+    tracker.arm()
+    tracker.measure("T1", near_mm=truth(device, "T1"))
+    tracker.disconnect()
+
+
+def test_positions_that_nobody_asked_for(
+    shared: CellThread, tracker: EmsconTracker, device: LeicaDevice
+) -> None:
+    shared.do("positions")
+    tracker.measure("T1", near_mm=truth(device, "T1"))
+    shared.do("positions")
+    assert tracker.status().state == "READY"
+
+
 def test_bad_requests(tracker: EmsconTracker) -> None:
     with pytest.raises(ConfigError):
         tracker.measure("T1", near_mm=(math.nan, 0.0, 0.0))
@@ -128,6 +179,8 @@ def ok(number: int) -> bytes:
 
 AIR = struct.pack("<iiiiddd", 40, 0, 21, 0, 21.5, 1013.25, 45.0)
 SYSTEM = struct.pack("<iiii10i", 56, 0, 1, 0, 0, 5, 3, 2, 3, 6, 0, 2, 0, 390123)
+REFLECTOR = bytes.fromhex("0c000000 00000000 29000000")
+SETTINGS = struct.pack("<iiii9i", 52, 0, 48, 0, 2, 0, 0, 1, 1, 0, 0, 0, 0)
 SINGLE = struct.pack(
     "<iiiii17d", 156, 2, 0, 0, 0, *(300, 400, 0), *(0.01, 0.02, 0.01), 0.025, *(0,) * 7, 21.5, 1013.25, 45
 )
@@ -139,9 +192,12 @@ CONVERSATION: list[Pair] = [
     (STATUS, READY),
     (bytes.fromhex("0c000000 00000000 15000000"), AIR),
     (bytes.fromhex("0c000000 00000000 01000000"), SYSTEM),
+    (bytes.fromhex("0c000000 00000000 30000000"), SETTINGS),
     (bytes.fromhex("10000000 00000000 1a000000 00000000"), ok(26)),
     (bytes.fromhex("10000000 00000000 18000000 00000000"), ok(24)),
     (bytes.fromhex("18000000 00000000 2b000000 0000000000003e40 4c1d0000"), ok(43)),
+    (REFLECTOR, struct.pack("<iiiii", 20, 0, 41, 0, 1)),
+    (STATUS, READY),
     (bytes.fromhex("14000000 00000000 1c000000 f4010000 01000000"), ok(28)),
     (STATUS, READY),
     (bytes.fromhex("0c000000 00000000 31000000"), ok(49) + SINGLE),
@@ -180,7 +236,7 @@ def test_any_bytes(data: bytes) -> None:
     assert packet.raw == data
 
 
-@given(st.sampled_from([0, 1, 2, 8]), st.binary(min_size=4, max_size=150))
+@given(st.sampled_from([0, 1, 2, 6, 7, 8, 11]), st.binary(min_size=4, max_size=150))
 def test_any_body_under_a_good_header(kind: int, body: bytes) -> None:
     try:
         packet = tpi.parse(struct.pack("<ii", 8 + len(body), kind) + body)
