@@ -73,6 +73,13 @@ _ERRORS: Mapping[int, type[AcquisitionError]] = {
     602: LinkLost,
     610: EmergencyStop,
 }
+_BODY = "Clear the view of the cameras on tool and base, then repeat the measurement."
+_ADVICE: Mapping[int, str] = {
+    320: _BODY,
+    321: "Stick the targets of this body so that no turn of it looks the same, and teach it again.",
+    322: _BODY,
+    502: "Put a new battery into the instrument, then confirm.",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,4 +276,6 @@ class MbpClient:
         code = message.fields.get("code", "")
         kind = _ERRORS.get(int(code), CommandRefused) if code.isdecimal() else ProtocolError
         text = message.fields.get("text", "no text")
-        return kind(f"bridge says {code}: {text}", device=self.device, command=command, raw=message.raw)
+        advice = _ADVICE.get(int(code)) if code.isdecimal() else None
+        said = f"bridge says {code}: {text}"
+        return kind(said, device=self.device, command=command, raw=message.raw, what_to_do=advice)

@@ -42,6 +42,10 @@ _ELSEWHERE = {
     "proto": "Update the bridge or this program: they speak different versions of MBP.",
     "kind": "Check that the address belongs to the bridge of this instrument.",
 }
+_UNITS = ("mm", "deg")  # of length and turn, the first two of the greeting
+_OTHER_UNITS = (
+    "Have the bridge convert to mm and deg, as its protocol says; its numbers are not used as they are."
+)
 _WEAKNESS = (
     "the bridge sends no checksums (no crc=1 in its greeting): an answer of which one digit is damaged on its way is "
     "taken for measured"
@@ -105,6 +109,7 @@ class MbpSession:
                         raw=hello.raw,
                         what_to_do=_ELSEWHERE[key],
                     )
+            self._refuse_other_units(hello)
             self._hello = hello
             self._last_t_s = -math.inf
         if first and self.weakness:
@@ -113,6 +118,19 @@ class MbpSession:
             self._quit = threading.Event()
             self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
             self._heart.start()
+
+    def _refuse_other_units(self, hello: mbp.Message) -> None:
+        """A deviation of a ballbar in metres is a small one in mm. Where the greeting has no units, they are those."""
+        units = hello.fields.get("units", ",".join(_UNITS)).split(",")
+        if any(unit != wanted for unit, wanted in zip(units, _UNITS, strict=False)):
+            self.client.link.close()
+            raise ProtocolError(
+                f"the bridge speaks in {', '.join(units[:2])}, needed {', '.join(_UNITS)}",
+                device=self._name,
+                command="HELLO",
+                raw=hello.raw,
+                what_to_do=_OTHER_UNITS,
+            )
 
     def _greet(self) -> mbp.Message:
         """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""

@@ -27,6 +27,7 @@ from drivers.errors import (
     NotReady,
     ProtocolError,
     TargetNotSeen,
+    Unmeasurable,
 )
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.leica import emscon_packets as tpi
@@ -215,7 +216,11 @@ class EmsconTracker:
                 self._ask(tpi.SET_STATIONARY, time_ms, 1)
                 self._time_ms = time_ms
             if near_mm is not None:
-                self._point(near_mm)
+                try:
+                    self._point(near_mm)
+                except Unmeasurable as error:  # in other units nothing is where it is looked for
+                    self._refuse_meddling(error.raw)
+                    raise
             status = self._ask(tpi.GET_TRACKER_STATUS)  # nothing of an earlier measurement can come after it
             if status.values[0] not in (2, 3):
                 raise NotReady("tracker is not ready", device=self.name, command="measure", raw=status.raw)

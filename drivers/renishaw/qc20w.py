@@ -6,9 +6,10 @@ the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke
     length = L0 (1 + alpha (T - 20 degC)) + scale (d - zero)
 
 L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
-the calibrator by `zero()`, kept in every reading and never applied behind anybody's back. A reading is refused
-when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or when the radio link broke
-within its time. mm, s, degC.
+the calibrator by `zero()`, kept in every reading and never applied behind anybody's back. After its radio link broke,
+whenever that was, CAL is asked again: the bridge may have paired with another bar, whose L0 is its own. A reading is
+refused when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or when the radio
+link broke within its time. mm, s, degC.
 """
 
 from __future__ import annotations
@@ -79,6 +80,8 @@ class Qc20w:
         self.name = name
         self.zero_mm = 0.0
         self.calibration: BarCalibration | None = None
+        self._serial = ""  # of the bar that was armed first
+        self._radio_broke = False  # since CAL was read
         self._nominal_mm = nominal_mm
         self._rate_hz = rate_hz
         self._age_limit_s = age_limit_s
@@ -115,9 +118,12 @@ class Qc20w:
     def arm(self) -> None:
         """Check the state and read the calibration. Raises LinkError, NotReady (another bar), SafetyStop."""
         with self.session.arming():
-            reply = self.session.ask("CAL", {"nominal": self._nominal_mm})
-            with self.session.understood():
-                self.calibration = _calibration(reply)
+            self.calibration, reply = self._certificate()
+            self._serial = self._serial or self.calibration.serial
+            if self.calibration.serial != self._serial:
+                raise self._another(reply)
+            self._radio_broke = False
+            self.session.client.events.clear()
             if abs(self.calibration.length_mm - self._nominal_mm) > STROKE_MM:
                 raise NotReady(
                     f"the bar is calibrated to {self.calibration.length_mm:g} mm, "
@@ -127,6 +133,34 @@ class Qc20w:
                     raw=reply.raw,
                     what_to_do=_MOUNT,
                 )
+
+    def _certificate(self) -> tuple[BarCalibration, mbp.Message]:
+        reply = self.session.ask("CAL", {"nominal": self._nominal_mm})
+        with self.session.understood():
+            return _calibration(reply), reply
+
+    def _another(self, reply: mbp.Message) -> NotReady:
+        self.session.armed = False
+        now = _calibration(reply)
+        return NotReady(
+            f"bar {now.serial or '?'} of {now.length_mm:g} mm answers, until now it was {self._serial or '?'}",
+            device=self.name,
+            command="CAL",
+            raw=reply.raw,
+            what_to_do="Connect the bar of before; another one belongs into a record of its own.",
+        )
+
+    def _hear_of_the_radio(self) -> None:
+        heard = self.session.client.events
+        self._radio_broke = self._radio_broke or any(each.event in ("LINK_DOWN", "LINK_UP") for each in heard)
+
+    def _refuse_another_bar(self) -> None:
+        """Read CAL again where the radio link of the bar broke since it was read. Raises NotReady."""
+        if self._radio_broke:
+            now, reply = self._certificate()
+            if now != self.calibration:
+                raise self._another(reply)
+            self._radio_broke = False
 
     def disarm(self) -> None:
         """Allow no more measurements until armed again; never raises."""
@@ -150,22 +184,29 @@ class Qc20w:
             "base": base_target,
             "target": target,
         }
+        self._hear_of_the_radio()  # before they are cleared
         with self.session.measuring("READ"):
             try:
                 reply = self.session.ask("READ", fields, "measure_s", seconds)
+                with self.session.understood():
+                    reading = self._reading(reply, target, base_target, samples)
             except OutOfRange as error:
                 error.what_to_do = _MOUNT
                 raise
-            with self.session.understood():
-                return self._reading(reply, target, base_target, samples)
+            finally:
+                self._hear_of_the_radio()
+            self._refuse_another_bar()
+            return reading
 
     def zero(self) -> float:
         """Reads the sensor in its calibrator and takes that as `zero_mm` of later readings; returns it.
 
         Raises NotArmed, LinkError, OutOfRange (the bar is not in its calibrator, or badly seated), NotReady.
         """
+        self._hear_of_the_radio()
         with self.session.measuring("ZERO"):
             reply = self.session.ask("ZERO", {}, "point_s", self.deadlines.point_s)
+            self._hear_of_the_radio()
             with self.session.understood():
                 zero = mbp.number(reply, "offset", -STROKE_MM, STROKE_MM)
             if abs(zero) > ZERO_LIMIT_MM:

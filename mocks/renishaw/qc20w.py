@@ -48,6 +48,7 @@ class BallbarDevice:
         self.built_by_hand = False  # else it is as long as it is said to be, as in a rehearsal
         self.in_calibrator = True  # whenever ZERO is asked
         self.knocked_mm = 0.0
+        self.serial = "2Q0001"
         self.battery = 80.0
         self.radio = True
         self.scale = 1.0 + 1e-4 * float(self._rng.normal())
@@ -167,6 +168,7 @@ class BallbarBridge:
             "calibrator": lambda order: setattr(self.device, "in_calibrator", bool(order["on"])),
             "radio": self._radio,
             "flicker": lambda _: self.bridge.event("LINK_DOWN"),  # and back at once: samples are lost
+            "pair": self._pair,
             "odd_length": lambda order: self.odd.update(order["fields"]),
         }
 
@@ -181,6 +183,14 @@ class BallbarBridge:
         self.device.radio = bool(order["on"])
         for bridge in (self.bridge, self.serial):
             bridge.event("LINK_UP" if self.device.radio else "LINK_DOWN")
+
+    def _pair(self, order: dict[str, Any]) -> None:
+        """The radio loses the bar for a moment and finds another one, with another length."""
+        self.device.serial = str(order["serial"])
+        self.device.length_mm += float(order["longer_mm"])
+        for bridge in (self.bridge, self.serial):
+            bridge.event("LINK_DOWN")
+            bridge.event("LINK_UP")
 
     def reboot(self) -> None:
         self.device.state = "OFF"
@@ -207,7 +217,7 @@ class BallbarBridge:
             alpha=1e6 * EXPANSION_PER_K,
             date="2026-03-02",
             cert="SIM-0001",
-            serial="2Q0001",
+            serial=device.serial,
         )
 
     def _sample(self, fields: Fields) -> str:

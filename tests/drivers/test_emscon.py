@@ -131,6 +131,10 @@ def test_settings_changed_between_two_readings(
         tracker.measure("T1", near_mm=truth(device, "T1"))
     assert "Close the other program" in caught.value.what_to_do
     tracker.arm()
+    shared.do("meddle", code=code)
+    with pytest.raises(NotReady, match="another program changed"):  # and not: nothing found
+        tracker.measure("T1", near_mm=(900.0, 900.0, 900.0))
+    tracker.arm()
     tracker.measure("T1", near_mm=truth(device, "T1"))
 
 

@@ -50,6 +50,18 @@ def test_a_bridge_without_sums_is_believed_and_named(crc: str, caplog: pytest.Lo
     assert sum("sends no checksums" in record.message for record in caplog.records) == 1
 
 
+@pytest.mark.parametrize("units", ["m,rad,C,hPa", "in,deg,C,hPa", "um", "mm,gon"])
+def test_a_bridge_that_speaks_in_other_units_is_refused(units: str) -> None:
+    """0.5 mm of a ballbar in metres would be a deviation of 0.0005 mm."""
+    hello = f"{HELLO.replace('mm,deg,C,hPa', units)} crc=1"
+    with (
+        ExpectedDevice([(ASKED, line(hello))]) as device,
+        pytest.raises(ProtocolError, match=r"speaks in .*, needed mm, deg") as caught,
+    ):
+        tracker(device.port).connect()
+    assert "convert" in caught.value.what_to_do
+
+
 def test_the_simulator_without_sums() -> None:
     with CellThread(FAST, devices=("faro",)) as cell:
         cell.do("sums", on=False)

@@ -175,6 +175,35 @@ def test_battery_radio_and_calibrator(shared: CellThread, meter: Qc20w) -> None:
     meter.measure("T1", base_target="B1")
 
 
+def after_a_break(meter: Qc20w) -> None:
+    """Measure; a reading whose time the break of the radio link touches is void for that, and taken once more."""
+    try:
+        meter.measure("T1", base_target="B1")
+    except NoisyMeasurement:
+        meter.measure("T1", base_target="B1")
+
+
+def test_another_bar_paired_between_two_readings(shared: CellThread, meter: Qc20w) -> None:
+    """The bridge stays connected and its greeting does: only the certificate says that the bar is another one."""
+    shared.do("flicker")  # back at once, and the same bar
+    after_a_break(meter)
+    shared.do("pair", serial="2Q0777", longer_mm=0.3)
+    with pytest.raises(NotReady, match=r"bar 2Q0777 of 300\.\d+ mm answers, until now it was 2Q0001"):
+        after_a_break(meter)
+    with pytest.raises(NotReady, match="2Q0777"):
+        meter.arm()
+    shared.do("pair", serial="2Q0001", longer_mm=-0.3)
+    meter.arm()
+    meter.measure("T1", base_target="B1")
+
+
+def test_a_low_battery_says_what_to_do(shared: CellThread, meter: Qc20w) -> None:
+    shared.do("battery", percent=2.0)
+    with pytest.raises(NotReady) as caught:
+        meter.measure("T1", base_target="B1")
+    assert "battery into the instrument" in caught.value.what_to_do
+
+
 def test_bad_requests(meter: Qc20w) -> None:
     for names in (("T1", "B 1"), ("T1 n=0", "B1")):
         with pytest.raises(ConfigError):
