@@ -146,6 +146,16 @@ class Misplaced(Unmeasurable):
     )
 
 
+class TurnedOtherwise(Refused):
+    """The turn of a body and that of the robot do not belong together."""
+
+    code = 3114
+    advice = (
+        "Check that the bridge sends the turn of the body in the frame of the reference, scalar first, and that the "
+        "body sits fast on the tool. Confirm to measure it again; if it is the first pose that was wrong, begin anew."
+    )
+
+
 class NothingWhereItShouldBe(Refused):
     """Not one target of the first readings was had: whether the arm is where the robot file says is not known."""
 

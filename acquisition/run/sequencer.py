@@ -34,6 +34,7 @@ from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
+from acquisition.run.checks.attitudes import Attitudes
 from acquisition.run.checks.calendar import Calendar
 from acquisition.run.checks.expected import Anew, Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
@@ -87,7 +88,7 @@ class Sequencer:
         transit, by_hand = Transit(self._placing.cell()), cell.robot.declared.by_hand
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
-        self._checks, self._anew = BallbarChecks(store, cell), Anew()
+        self._checks, self._anew, self._attitudes = BallbarChecks(store, cell), Anew(), Attitudes(cell)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -230,19 +231,22 @@ class Sequencer:
         except OutOfRange:
             self._checks.refuse_others(planned, None)
             raise
+        self._anew.refuse_length_again(reading, planned)
         self._checks.battery(reading)
         self._checks.refuse_others(planned, reading.length_mm)
         return reading
 
     def _point(self, planned: Planned, arrival: Arrival | None) -> PointReading:
-        """Measured point of a target. Raises Misplaced and WronglySeated for what cannot be the target."""
+        """Measured point of a target. Raises Misplaced, WronglySeated, TurnedOtherwise for what cannot be it."""
         if self._nests.world is None or arrival is None:
             return self._rig.measure(planned.target, self._campaign.samples, None)
-        expected = Expectation(self._cell, planned, self._arrivals.stands(planned, arrival))
+        stands = self._arrivals.stands(planned, arrival)
+        expected = Expectation(self._cell, planned, stands)
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
         self._anew.refuse_again(reading, expected.world_mm)
+        self._attitudes.refuse_another(reading, self._nests.world, stands)
         return reading
 
     def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:

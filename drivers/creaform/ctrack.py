@@ -180,6 +180,7 @@ class CTrack:
         sign = math.copysign(1.0 / size, q[0])
         std = (value("sx", 0.0), value("sy", 0.0), value("sz", 0.0))
         turn_mrad = value("srot", 0.0)
+        fit_mm = value("rms", 0.0) if "rms" in reply.fields else 0.0
         t_s, age_s = value("t", -1e12, 1e12), value("age", -1e12, 1e12)
         seen = int(value("visible", 0, self._bodies[target]))
         seen_base = int(value("rvisible", 0, self._bodies[self._reference]))
@@ -199,6 +200,10 @@ class CTrack:
             (not 0.0 <= age_s <= self._age_limit_s, f"{age_s:g} s old"),
             (not advanced, "from a device clock that did not advance"),
             (max(std) > self._scatter_limits[0], f"scattered by {max(std):g} mm"),
+            (
+                fit_mm > self._scatter_limits[0],
+                f"whose targets miss the body as it was taught by {fit_mm:g} mm",
+            ),
             (turn_mrad > self._scatter_limits[1], f"scattered by {turn_mrad:g} mrad"),
         ):
             if bad:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.spatial.transform import Rotation
 
-from acquisition.errors import Misplaced, WronglySeated
+from acquisition.errors import Misplaced, TurnedOtherwise, WronglySeated
 from acquisition.record.event import Event
+from calib.arm import forward
 from drivers.errors import AcquisitionError, Busy, LinkLost, NoisyMeasurement, WrongMode
-from drivers.interfaces import Answer, Identity, JointReading, PointReading, Prompt
+from drivers.interfaces import Answer, Identity, JointReading, PointReading, PoseReading, Prompt
 from tests.acquisition.fakes import FakeArm, FakeMeter, SeatingOperator
 from tests.acquisition.stage import Stage
 
@@ -91,6 +93,35 @@ def test_a_point_that_is_sent_again_is_not_the_next_one(
     points = [event.data["tracker_mm"] for event in events if event.kind == "reading"][3:]
     assert len(points) == 5
     assert all(one != other for one, other in pairwise(points))
+
+
+@pytest.mark.parametrize("wrong", ["scalar last", "conjugate", "of the pose before", ""])
+def test_a_body_turns_with_the_robot(
+    stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch, wrong: str
+) -> None:
+    """The points are good; the turns of a bridge with another convention are not, nor is one that lags behind."""
+    stage = stages()
+    measure = FakeMeter.measure
+    before = [Rotation.identity()]
+
+    def pose(meter: FakeMeter, target: str, **asked: Any) -> PointReading:
+        seen = measure(meter, target, **asked)
+        bench = meter.bench
+        flange = forward(bench.cell.robot.model, bench.cell.robot.model_angles([bench.where]))[0, :3, :3]
+        mount = Rotation.from_euler("xyz", [10.0, 20.0, 30.0], degrees=True)
+        turned = Rotation.from_matrix(bench.tracker.rotation.T) * Rotation.from_matrix(flange) * mount
+        before.append(turned)
+        sent = {"conjugate": turned.inv(), "of the pose before": before[0]}.get(wrong, turned)
+        if target.startswith("T"):
+            before[:] = [turned]
+        w, x, y, z = sent.as_quat(scalar_first=wrong != "scalar last")
+        point = {each.name: getattr(seen, each.name) for each in fields(seen)}
+        return PoseReading(**point, rot_wxyz=(w, x, y, z), rot_std_mrad=0.1, visible_tool=9, visible_base=16)
+
+    monkeypatch.setattr(FakeMeter, "measure", pose)
+    events: list[Event] = []
+    state = stage.execute(events.append).state.value
+    assert (state, codes(events)[:1]) == (("paused", [TurnedOtherwise.code]) if wrong else ("succeeded", []))
 
 
 def test_a_beam_on_the_neighbouring_smr_is_tried_again(stages: Callable[..., Stage]) -> None:

@@ -15,7 +15,7 @@ from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, WronglySeated
 from acquisition.record.planned import Planned
 from drivers.errors import NoisyMeasurement
-from drivers.interfaces import PointReading
+from drivers.interfaces import LengthReading, PointReading
 
 _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some millimetres to a hundredth
 
@@ -63,6 +63,7 @@ class Anew:
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[tuple[float, float, float], Array]] = {}  # of each target
+        self._last_length: tuple[float, tuple[object, ...]] | None = None
 
     def refuse_again(self, reading: PointReading, expected_mm: Array) -> None:
         """`expected_mm` (3,), world: where the target should be. Raises NoisyMeasurement."""
@@ -77,6 +78,25 @@ class Anew:
                     raw=reading.raw,
                 )
         self._last[reading.target] = reading.xyz_mm, expected_mm
+
+    def refuse_length_again(self, reading: LengthReading, planned: Planned) -> None:
+        """Two legs, or one in two poses, show the sensor at different places. Raises NoisyMeasurement.
+
+        Sides of a triangle may be made alike, and are held against what they were (`BallbarChecks.moved`).
+        """
+        if planned.visit.between_balls:
+            return
+        leg = (planned.visit.joints_deg, reading.target, reading.base_target)
+        last = self._last_length
+        if last is not None and last[0] == reading.deviation_mm and last[1] != leg:
+            raise NoisyMeasurement(
+                f"the sensor shows {reading.deviation_mm:+.4f} mm to the last digit as in the distance before",
+                device="instrument",
+                command="measure",
+                raw=reading.raw,
+                what_to_do="Look whether the bridge still hears the bar and whether the bar moves freely.",
+            )
+        self._last_length = reading.deviation_mm, leg
 
 
 def as_planned(cell: Cell, planned: Planned, stands_deg: Sequence[float], world_mm: Array) -> list[float]:
