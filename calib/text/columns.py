@@ -18,6 +18,8 @@ from calib.text.csv_text import refuse_twice, rows_of
 from calib.text.formula import meant_by
 from calib.text.text_file import read_text
 
+_OTHER_MARKS = {";": "semicolons", "\t": "tabs"}
+
 
 class Columns:
     """A table of text: its rows, each with the line on which it is in the file `path`.
@@ -46,9 +48,10 @@ class Columns:
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)
         names = [name.strip() for name in lines[0][1]]
-        if len(names) == 1 and ";" in names[0]:
+        other = next((word for mark, word in _OTHER_MARKS.items() if mark in names[0]), None)
+        if len(names) == 1 and other is not None:
             raise DataError(
-                "is separated by semicolons.",
+                f"is separated by {other}.",
                 do="Save it with commas and decimal points, or import it with 'truepose convert'.",
                 file=path,
                 line=1,
