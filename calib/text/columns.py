@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.text.csv_text import refuse_twice, rows_of
+from calib.text.csv_text import other_mark, refuse_twice, rows_of
 from calib.text.formula import meant_by
 from calib.text.text_file import read_text
-
-_OTHER_MARKS = {";": "semicolons", "\t": "tabs"}
 
 
 class Columns:
@@ -48,8 +46,7 @@ class Columns:
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)
         names = [name.strip() for name in lines[0][1]]
-        other = next((word for mark, word in _OTHER_MARKS.items() if mark in names[0]), None)
-        if len(names) == 1 and other is not None:
+        if (other := other_mark(names)) is not None:
             raise DataError(
                 f"is separated by {other}.",
                 do="Save it with commas and decimal points, or import it with 'truepose convert'.",
