@@ -37,12 +37,14 @@ def content(address: str, document: str) -> bytes | None:
     return content_of(address, document)
 
 
-def put(address: str, name: str, sent: bytes, cell: str, serial: str, simulated: bool) -> dict[str, Any]:
-    """Keep a document that somebody sends; what became of it. Raises DataError."""
+def put(
+    address: str, name: str, sent: bytes, header: bytes | None, cell: str, serial: str, simulated: bool
+) -> dict[str, Any]:
+    """Keep a document that somebody sends, with its header where it is a data set; the outcome. Raises DataError."""
     from fleet.outbox import Cell
     from service.results.robots import put as put_document
 
-    return put_document(address, name, sent, Cell(cell, serial, simulated))
+    return put_document(address, name, sent, header, Cell(cell, serial, simulated))
 
 
 def keep(

@@ -12,13 +12,32 @@ from pathlib import Path
 from typing import Any
 
 from calib.data import read_dataset
-from calib.text import replace_file
+from calib.errors import DataError
+from calib.text import decoded, parse_toml, replace_file
 from service.files import as_json
 from service.names import new_id
 from service.plain import utc_text
 from service.results.models import documents
 
 CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"
+
+
+def refuse_paths(header: bytes) -> None:
+    """Refuse the header (TOML) of a data set that was sent, where its robot is a path: it would be looked for among
+    the files of this computer. Raises DataError."""
+    refuse_path(parse_toml(decoded(header, TOML), TOML).get("robot", ""), TOML)
+
+
+def refuse_path(robot: object, file: str) -> None:
+    """Refuse a path where the name of a robot is wanted. Raises DataError naming the file."""
+    if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
+        raise DataError(
+            "names a file, which was not sent with it.",
+            do="Name a robot of the library; of one of your own give its name here, and its robot file as the table "
+            "[robot_file].",
+            file=file,
+            key="robot",
+        )
 
 
 def keep_dataset(

@@ -110,8 +110,16 @@ class Individuals:
             for each in others:
                 self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
 
+    def need(self, individual: Individual) -> None:
+        """Move with this device alone, whatever a person accepts: a model of it will judge what is measured."""
+        self._store.add_event("device_needed", **asdict(individual))
+
     def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:
-        """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted."""
+        """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted, or not the
+        one that is needed."""
+        for needed in map(individual_of, self._store.told("device_needed")):
+            if needed.role == role:
+                needed.refuse_other(who)
         known = self.now().get(role)
         if known is None:
             self._write(Individual.of(role, who))

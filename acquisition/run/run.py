@@ -69,7 +69,6 @@ class Run:
         self._execution: Execution | None = None
         self._resumed = False
         self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
-        self._needed: dict[str, Individual] = {}
         self._mover: Mover | None = None
         self._trouble: str | None = None  # what the record could not take
 
@@ -120,8 +119,9 @@ class Run:
         Individuals(self._store).expect(individuals)
 
     def need(self, individual: Individual) -> None:
-        """Move with this robot, or this instrument, alone: what is measured is to be judged by a model of it."""
-        self._needed[individual.role] = individual
+        """Move with this robot, or this instrument, alone, in whatever program: what is measured is to be judged by a
+        model of it."""
+        Individuals(self._store).need(individual)
 
     def individuals(self) -> list[Individual]:
         """The robot and the instrument that were met last."""
@@ -260,8 +260,6 @@ class Run:
             weakness=met.weakness,
         )
         check_identity(self.cell, met.role, met.who)
-        if met.role in self._needed:
-            self._needed[met.role].refuse_other(met.who)
         Individuals(self._store).met(met.role, met.who, self._accepted)
         if met.role == "robot" and self._mover is not None:
             self._mover.met(met.who)

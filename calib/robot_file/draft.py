@@ -13,6 +13,7 @@ import numpy as np
 from calib.arm import Load, Robot, load_robot
 from calib.arm.robot import FORMAT, Convention
 from calib.array import Array
+from calib.errors import DataError
 
 _PARALLEL = 1e-9  # sine of alpha
 _DIGITS = 9
@@ -110,7 +111,10 @@ def written_robot(draft: Draft) -> Robot:
     """The robot of the draft's text, read as every robot file is. Raises DataError."""
     with TemporaryDirectory() as folder:
         (Path(folder) / "draft.toml").write_text(draft.text, encoding="utf-8")
-        return load_robot("draft.toml", Path(folder))
+        try:
+            return load_robot("draft.toml", Path(folder))
+        except DataError as error:  # nobody has seen that file
+            raise DataError(error.what, do=error.do, key=error.key) from error
 
 
 def _number(value: float) -> str:

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.arm import Chain, Load, Placement, Robot, forward, nominal_values, propagate
+from calib.arm.loads import FARTHEST_MM
 from calib.array import Array
 from calib.errors import DataError
 from calib.robot_file.draft import Draft, DraftLink, written_robot
-from calib.robot_file.modified_dh import DhChain, modified_dh
+from calib.robot_file.modified_dh import PARALLEL, DhChain, modified_dh
 from calib.robot_file.serial_chain import SerialChain, chain_of
 from calib.robot_file.urdf import read_urdf
 from calib.units import DEG
@@ -54,6 +55,7 @@ def import_urdf(
     urdf = read_urdf(path)
     chain = chain_of(urdf, base, tip)
     numbers = modified_dh(chain)
+    _refuse_far_normals(chain, numbers, path)
     remarks = (*chain.remarks, *_frames(chain, numbers))
     matrix = chain.coupled()
     draft = Draft(
@@ -77,6 +79,21 @@ def import_urdf(
             file=path,
         )
     return Imported(draft, robot, numbers.base, numbers.tool, off_mm, off_rad, remarks)
+
+
+def _refuse_far_normals(chain: SerialChain, numbers: DhChain, path: Path) -> None:
+    """Axes that are all but parallel meet a common normal far away, which DH numbers go by. Raises DataError."""
+    if np.abs([numbers.a, numbers.d]).max() <= FARTHEST_MM:
+        return
+    angle = np.abs(np.sin(numbers.alpha[1:]))
+    k = 1 + int(np.argmin(np.where(angle > PARALLEL, angle, np.inf)))
+    raise DataError(
+        f"the axes of '{chain.names[k - 1]}' and '{chain.names[k]}' are parallel but for {angle[k - 1] / DEG:.2g} deg: "
+        f"the common normal, by which a robot file goes, lies beyond {FARTHEST_MM / 1000.0:.0f} m.",
+        do="Where they are meant to be parallel, write so: rpy with all its digits, of the maker's drawing. The errors "
+        "of one calibrated arm belong into a model: truepose identify.",
+        file=path,
+    )
 
 
 def _links(chain: SerialChain, numbers: DhChain) -> tuple[DraftLink, ...]:

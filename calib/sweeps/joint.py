@@ -75,12 +75,13 @@ def analyse(dataset: Dataset, identified: Identification | None = None) -> tuple
 
     identified: an arm with which the axes are compared; its base is that of the same data set.
     """
-    sweeps = [_of_one_pattern(dataset, sweep) for sweep in find_sweeps(dataset)]
+    of_one = (_of_one_pattern(dataset, sweep) for sweep in find_sweeps(dataset))
+    sweeps = [sweep for sweep in of_one if _is_one_still(dataset, sweep)]
     sweeps.sort(key=lambda sweep: (sweep.series, sweep.joint, sweep.target))
     if not sweeps:
         raise DataError(
             f"holds no sweep: {FEWEST} readings of one target in which one joint alone turns, over "
-            f"{LEAST_RANGE / DEG:.0f} deg.",
+            f"{LEAST_RANGE / DEG:.0f} deg, while the others came from the same sides.",
             do='Measure one with `kind = "sweep"` in a campaign.',
             file=dataset.name,
         )
@@ -92,6 +93,12 @@ def _of_one_pattern(dataset: Dataset, sweep: Sweep) -> Sweep:
     others = np.delete(dataset.conditions.side[sweep.rows], sweep.joint - 1, axis=1)
     _, pattern, count = np.unique(others, axis=0, return_inverse=True, return_counts=True)
     return replace(sweep, rows=sweep.rows[pattern.reshape(-1) == int(np.argmax(count))])
+
+
+def _is_one_still(dataset: Dataset, sweep: Sweep) -> bool:
+    """Whether the readings that are left are enough for a sweep."""
+    angle = dataset.conditions.joints[sweep.rows, sweep.joint - 1]
+    return len(angle) >= FEWEST and bool(np.ptp(angle) >= LEAST_RANGE)
 
 
 def _analysed(dataset: Dataset, sweep: Sweep, identified: Identification | None) -> JointSweep:

@@ -1,7 +1,7 @@
 """Text and tables from files and requests: read within bounds, refused in sentences, written whole or not at all."""
 
 from calib.text.columns import Columns
-from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
+from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, other_mark, rows_of
 from calib.text.files import replace_file
 from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
@@ -22,6 +22,7 @@ __all__ = [
     "did_you_mean",
     "meant_by",
     "no_formula",
+    "other_mark",
     "parse_json",
     "parse_toml",
     "parse_xml",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.text.csv_text import refuse_twice, rows_of
+from calib.text.csv_text import other_mark, refuse_twice, rows_of
 from calib.text.formula import meant_by
 from calib.text.text_file import read_text
 
@@ -46,9 +46,9 @@ class Columns:
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)
         names = [name.strip() for name in lines[0][1]]
-        if len(names) == 1 and ";" in names[0]:
+        if (other := other_mark(names)) is not None:
             raise DataError(
-                "is separated by semicolons.",
+                f"is separated by {other}.",
                 do="Save it with commas and decimal points, or import it with 'truepose convert'.",
                 file=path,
                 line=1,

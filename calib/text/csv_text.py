@@ -41,6 +41,12 @@ def refuse_wide(columns: int, file: Path | str, line: int) -> None:
         )
 
 
+def other_mark(names: Sequence[str]) -> str | None:
+    """The word for what separates the cells of a header row, where it is no comma; None where it is."""
+    marks = {";": "semicolons", "\t": "tabs"}
+    return next((word for mark, word in marks.items() if len(names) == 1 and mark in names[0]), None)
+
+
 def refuse_twice(names: Sequence[str], file: Path | str) -> None:
     """Raise DataError when a column of the header row is there twice."""
     name, count = Counter(name for name in names if name).most_common(1)[0] if any(names) else ("", 0)

@@ -17,7 +17,7 @@ from typing import Any
 from calib.arm import built_in_robots
 from calib.data import read_dataset
 from calib.errors import DataError
-from calib.text import decoded, parse_json, read_bytes, read_text
+from calib.text import decoded, parse_json, parse_toml, read_bytes, read_text
 from fleet.outbox.queue import LARGEST, Outbox, refuse_large
 from fleet.store import Document, Kind, RobotKey, dataset_content
 
@@ -137,17 +137,20 @@ def read_data(path: Path, cell: Cell) -> list[Document]:
         return []
     dataset = read_dataset(path)
     _refuse_simulated(dataset.header.simulated, cell, path)
-    if dataset.header.robot.name not in built_in_robots():
+    name = dataset.header.robot.name
+    if name not in built_in_robots() and "robot_file" not in parse_toml(header, path.with_suffix(".toml")):
         raise DataError(
-            f"is of the robot '{dataset.header.robot.name}', whose file lies on this computer alone.",
-            do="Models and verdicts of it are sent; its readings stay here.",
+            f"is of the robot '{name}', whose file lies on this computer alone.",
+            do=f'Give robot = "{name}" in {path.with_suffix(".toml").name}, and the robot file as its table '
+            "[robot_file], as the export of a campaign has it.",
             file=path,
         )
     table = read_bytes(path, LARGEST)
     occasion, devices = dataset.header.occasion, dataset.header.devices
+    robot = _robot(name, devices, cell, path)
     document = Document(
         "dataset",
-        _robot(dataset.header.robot.name, devices, cell, path),
+        robot,
         cell.name,
         "to be named",
         _moment("" if occasion is None else occasion.began, path),
@@ -156,7 +159,8 @@ def read_data(path: Path, cell: Cell) -> list[Document]:
     if occasion is None:
         return [replace(document, identity=f"dataset {document.hash}")]
     # One robot and one instrument measure one thing at a time: another content of the same hours contradicts it.
-    who = " ".join(each.get("serial", "") for each in devices)
+    named = [each.get("serial", "").strip() for each in devices]
+    who = " ".join(named if robot.serial in named else (robot.serial, *named))
     return [replace(document, identity=f"dataset {who[:_NAME].strip()} {occasion.began} - {occasion.ended}")]
 
 

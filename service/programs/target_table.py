@@ -19,7 +19,7 @@ from calib.arm import Robot
 from calib.array import Array
 from calib.compensate import inverse_poses
 from calib.errors import DataError
-from calib.text import LONGEST_LINE, MOST_COLUMNS, meant_by, no_formula
+from calib.text import LONGEST_LINE, MOST_COLUMNS, meant_by, no_formula, other_mark
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
 from service.programs.program import Driven, Target
@@ -94,6 +94,10 @@ class TargetTable:
         return out
 
     def _check_header(self, header: list[str]) -> None:
+        if (other := other_mark(header)) is not None:
+            raise self._refuse(
+                f"is separated by {other}.", "Save it with commas between the cells and decimal points.", 1
+            )
         if "target_id" not in header:
             raise self._refuse("column 'target_id' is missing.", "Add it.", 1)
         for name in header:

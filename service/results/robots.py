@@ -16,8 +16,9 @@ from typing import Any, Literal
 
 from calib.errors import DataError
 from calib.upkeep import Drift, Due, Method, Staircase, next_due
-from fleet.outbox import Cell, read_result
+from fleet.outbox import Cell, read_data, read_result
 from fleet.store import ERROR, Known, Point, RobotKey, Said, Store, utc_now
+from service.kept_dataset import CSV, TOML, refuse_paths
 from service.plain import finite
 from service.results import history
 from service.results.robot_state import CHANGED, baseline_of, due_now, state_of
@@ -119,19 +120,25 @@ def content_of(address: str, hash: str) -> bytes | None:
         return store.content(hash) if store.known([hash]) else None
 
 
-def put(address: str, name: str, content: bytes, cell: Cell) -> dict[str, Any]:
-    """Keep a document that somebody sends: a model, a verdict, a diagnosis, an upkeep. Raises DataError."""
+def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cell) -> dict[str, Any]:
+    """Keep a document that somebody sends: a model, a verdict, a diagnosis, an upkeep; with a header, a data set.
+    Raises DataError."""
     with TemporaryDirectory(prefix="truepose-history-") as folder:
-        file = Path(folder) / "document.json"
+        file, beside = Path(folder) / CSV, Path(folder) / TOML
         file.write_bytes(content)
+        if header is not None:
+            refuse_paths(header)
+            beside.write_bytes(header)
         try:
-            found = read_result(file, cell)
+            found = read_result(file, cell) if header is None else read_data(file, cell)
         except DataError as error:
-            raise DataError(error.what, do=error.do, file=name, line=error.line, key=error.key) from error
+            place = TOML if error.file == beside else name
+            raise DataError(error.what, do=error.do, file=place, line=error.line, key=error.key) from error
     if not found:
         raise DataError(
             "is no document that a history keeps.",
-            do="Send a model, the verdict of a watch, a diagnosis or an upkeep, as it was written.",
+            do="Send a model, the verdict of a watch, a diagnosis or an upkeep, as it was written; of a data set its "
+            "CSV as the file and its header as toml.",
             file=name,
         )
     with Store.open(address) as store:

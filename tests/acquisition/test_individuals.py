@@ -15,9 +15,10 @@ import pytest
 
 from acquisition.errors import OtherIndividual
 from acquisition.record.export import export
-from acquisition.record.individuals import Acceptance, individuals_of
+from acquisition.record.individuals import Acceptance, Individual, individuals_of
 from acquisition.record.merge import export_together
 from acquisition.run.outcome import Outcome
+from acquisition.run.run import Run
 from calib.data.read import read_dataset
 from drivers.errors import ConfigError, LinkLost
 from service.report.scope import devices_of
@@ -158,6 +159,23 @@ def test_another_model_is_another_device_and_new_software_is_not(make: Callable[
     stage.run.resume(accepted=Acceptance("meter", "no", "anna"))
     assert isinstance(stage.execute().error, OtherIndividual)
     stage.run.resume(accepted=Acceptance("another", "it reports no serial number", "anna"))
+    assert stage.execute().state.value == "succeeded"
+
+
+def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Stage]) -> None:
+    """As `watch run` asks for it, and `campaign resume` finds it in the record: accepting another is no help."""
+    stage = make(block=BLOCKS)
+    stage.run.need(Individual.of("robot", stage.bench.who["robot"]))
+    exchange(stage, "robot")
+    for _ in range(2):
+        outcome = stage.execute()
+        assert isinstance(outcome.error, OtherIndividual)
+        assert "the model is of ABB IRB 120, serial number 1. Give the model of this robot" in outcome.reason
+        assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
+        stage.run.close()
+        stage.run = Run.open(stage.folder)
+        stage.run.resume(accepted=Acceptance("777777", "why not", "bert"))
+    exchange(stage, "robot", "1")
     assert stage.execute().state.value == "succeeded"
 
 

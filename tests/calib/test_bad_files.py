@@ -27,6 +27,7 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
         ("", None, "empty"),
         ("reading_id,j1_deg\n", None, "no readings"),
         ("reading_id;j1_deg;j2_deg\n1;2;3\n", 1, "semicolons"),
+        ("reading_id\tj1_deg\tj2_deg\n1\t2\t3\n", 1, "tabs"),
         ("j1_deg,j1_deg\n1,2\n", 1, "twice"),
         ("j1_deg,j2_deg\n1,2\n1\n", 3, "cells"),
     ],

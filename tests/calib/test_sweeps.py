@@ -114,6 +114,14 @@ def test_no_sweep_is_refused(tmp_path: Path) -> None:
         analyse(plain.dataset(tmp_path))
 
 
+def test_readings_from_many_sides_are_no_sweep(dataset: Dataset) -> None:
+    """What is left of it, once the other joints came from the same sides, would be a circle through two points."""
+    bits = np.arange(len(dataset))[:, None] >> np.arange(6)
+    mixed = np.where(bits & 1, 1.0, -1.0)
+    with pytest.raises(DataError, match="came from the same sides"):
+        analyse(replace(dataset, conditions=replace(dataset.conditions, side=mixed)))
+
+
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = cell()
     data = write_files(tmp_path, made.rows, made.header())

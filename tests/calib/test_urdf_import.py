@@ -144,6 +144,16 @@ def test_rounded_quarters_are_meant_as_quarters_and_said(tmp_path: Path) -> None
     assert not any("1.58" in remark for remark in import_urdf(written(tmp_path, urdf(*joints))).remarks)
 
 
+def test_axes_that_are_all_but_parallel_are_refused_by_name(tmp_path: Path) -> None:
+    """As in the URDF of one calibrated arm; a table of DH numbers goes by a normal that is kilometres away."""
+    joints = six()
+    joints[2] = joints[2].replace('rpy="0 0 0"', 'rpy="0.0001 0 0"')
+    with pytest.raises(
+        DataError, match=r"the axes of 'joint_2' and 'joint_3' are parallel but for 0\.0057 deg"
+    ):
+        import_urdf(written(tmp_path, urdf(*joints)))
+
+
 def test_masses_pull_at_the_joints_as_in_the_urdf(tmp_path: Path) -> None:
     """Statics of the robot file against the lever arms of the URDF's own frames."""
     heavy = '<link name="link_2"><inertial><origin xyz="0.1 0.02 0.15"/><mass value="7"/></inertial></link>'

@@ -8,17 +8,14 @@ a watch that does not enter the history by itself.
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from calib.data import read_dataset
 from calib.effects.thermal.warm_up import warm_up
-from calib.fit import identify
-from calib.saved import save_model
+from calib.saved import load_model, save_update
 from calib.saved.model_checks import content_hash
 from tests.end_to_end.test_watch import BUMP, SEED, cell_of
 from tests.service.campaigns import write_data
@@ -35,20 +32,14 @@ def kept(service: Served, content: bytes) -> str:
     return answer.json()["added"][0]["document"]
 
 
-def that_warms_up(data: Path) -> bytes:
-    """The model of the readings, which says that the arm grows while it warms up, and not yet by how much."""
-    fitted, file = identify(read_dataset(data)), data.with_name("warm.json")
-    unsure = np.diag([0.0] * len(fitted.estimate) + [(100e-6) ** 2])
-    save_model(
-        file,
-        replace(
-            fitted,
-            model=fitted.model.append(warm_up(fitted.model.robot, 1500.0)),
-            estimate=np.append(fitted.estimate, 0.0),
-            prior=np.append(fitted.prior, 0.0),
-            covariance=np.pad(fitted.covariance, ((0, 1), (0, 1))) + unsure,
-        ),
-    )
+def that_warms_up(content: bytes, file: Path) -> bytes:
+    """A model which says, too, that the arm grows while it warms up, and not yet by how much."""
+    file.write_bytes(content)
+    saved, unsure = load_model(file), (100e-6) ** 2
+    model = saved.model.append(warm_up(saved.model.robot, 1500.0))
+    covariance = np.pad(saved.covariance, (0, 1))
+    covariance[-1, -1] = unsure
+    save_update(file, file, model, np.append(saved.estimate, 0.0), covariance, {})
     return file.read_bytes()
 
 
@@ -66,7 +57,6 @@ def test_a_bumped_tool_from_the_plan_to_the_updated_model_and_the_history(tmp_pa
     header = data.with_suffix(".toml")
     sign(header, SERIAL, "2026-03-02")
     header.write_text("simulated = true\n" + header.read_text("utf-8"), "utf-8")
-    warm = that_warms_up(data)
     options = ("--cell", str(cell), "--simulate", "--permitted", "0.3")
     with served(tmp_path / "record", *options) as service:
 
@@ -93,9 +83,18 @@ def test_a_bumped_tool_from_the_plan_to_the_updated_model_and_the_history(tmp_pa
         again = job("/watches", model_id=watched["id"], run_id=run, average=False)
         assert again["result"]["verdict"] == "unchanged"  # by the updated model
 
-        upkept = job("/upkeeps", model_document=kept(service, warm), run_id=run, running_s=900.0)["result"]
-        assert (upkept["thermal"], upkept["exit_code"], upkept["updated_model"]) == (False, 6, None)
-        assert "tool_shift" in upkept["instead"]
+        struck, warm = (
+            that_warms_up(service.client.get(f"/models/{each['id']}").content, tmp_path / "warm.json")
+            for each in (calibrated, watched)
+        )
+        refused = job("/upkeeps", model_document=kept(service, struck), run_id=run, running_s=900.0)["result"]
+        assert (refused["thermal"], refused["exit_code"], refused["updated_model"]) == (False, 6, None)
+        assert "tool_shift" in refused["instead"]
+        upkept = job("/upkeeps", model_document=kept(service, warm), run_id=run, running_s=900.0)
+        (grown,) = upkept["result"]["parameters"]
+        assert (upkept["result"]["thermal"], grown["name"]) == (True, "warm_up.expansion")
+        assert grown["value"] == pytest.approx(0.0, abs=1.5 * grown["u"])  # ppm: simulated arms stay cold
+        assert service.client.get(f"/models/{upkept['id']}").json()["updates"][-1]["cause"] == "thermal"
         other = job("/watches", model_document=kept(service, of_another_robot(warm)), run_id=run)
         assert f"the robot {SERIAL}; the baseline is of the robot 120-9" in other["problem"]["detail"]
 
@@ -108,5 +107,6 @@ def test_a_bumped_tool_from_the_plan_to_the_updated_model_and_the_history(tmp_pa
             ("dataset", run),
             ("watch", watched["id"]),
             ("model", watched["id"]),
+            ("thermal", upkept["id"]),
         }
         assert service.client.get("/robots").json()["not_kept"] == []

@@ -142,7 +142,7 @@ def test_a_file_of_another_program_is_uploaded_with_its_map(service: Served, tmp
     ("robot", "count", "told"),
     [
         ("ur10", 1, "as they are mapped"),
-        ("../../robot.toml", 1, "names a file of the server"),
+        ("../../robot.toml", 1, "names a file, which was not sent with it"),
         (ROBOT, 2, "is for 1 files, and 2 are given"),
         (ROBOT, 3, "files"),
         ("", 1, "is not made as the file for which the map map.toml was made"),

@@ -8,8 +8,8 @@ from pathlib import Path
 from acquisition import campaign_from, checked_plan, read_cell
 from service.job import do
 from service.job_folder import JOB, RESULT
-from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import write_narrow_data
+from tests.service.own_robots import own_cell, with_own_robot
 
 
 def result_of(folder: Path, data: Path, cell: str) -> dict[str, object]:
@@ -21,8 +21,8 @@ def result_of(folder: Path, data: Path, cell: str) -> dict[str, object]:
 
 
 def test_what_is_ambiguous_becomes_a_campaign_for_the_cell_of_the_service(tmp_path: Path) -> None:
-    cell = read_cell(EXAMPLE / "cell.toml")
-    data = write_narrow_data(tmp_path)
+    path = own_cell(tmp_path / "cell", "irb120_faro", "abb-irb120")
+    cell, data = read_cell(path), with_own_robot(write_narrow_data(tmp_path), path)
     (poses, *_) = result_of(tmp_path / "job", data, cell.source)["follow_up"]  # type: ignore[misc]
     visits = checked_plan(cell, campaign_from(poses["campaign"], "follow-up"))
     assert sum(visit.kind == "pose" for visit in visits) == 12

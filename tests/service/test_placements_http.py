@@ -8,14 +8,15 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
+from tests.service.own_robots import own_cell
 from tests.service.test_http_support import problem, served
 
-BALLBAR = Path(__file__).parents[2] / "examples" / "lrmate_ballbar" / "cell.toml"
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 def test_the_search_over_http(tmp_path: Path) -> None:
-    with served(tmp_path / "record", "--cell", str(BALLBAR), "--simulate") as service:
+    cell = own_cell(tmp_path / "cell", "lrmate_ballbar", "fanuc-lrmate200ic")  # a job has its robot, too
+    with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
         asked = {"x": [-50, 50, 50], "turn": [0, 60, 60], "show": 2}
         first, again = (
             service.client.post("/placements", json=asked, headers={"Idempotency-Key": "place-1"})

@@ -155,6 +155,7 @@ def test_urscript_waypoints_that_cannot_be_told_are_refused(tmp_path: Path, text
         ("fanuc-lrmate200ic", "a.ls", LS.replace("\tJ4=     0.000 deg,", "\t"), r"line 14: P\[1\] has no J4"),
         ("ur5", "a.script", "movej([1,2,3", "line 1: a bracket is not closed"),
         ("abb-irb120", "t.csv", TABLE.replace("target_id", "id"), "'target_id' is missing"),
+        ("abb-irb120", "t.csv", TABLE.replace(",", ";"), "line 1: is separated by semicolons"),
         ("abb-irb120", "t.csv", TABLE.replace("j2_deg", "j2"), "'j2' has no unit"),
         ("abb-irb120", "t.csv", TABLE.replace("10,20", "10,nan"), "line 2: column 'j2_deg' is 'nan'"),
         ("abb-irb120", "t.csv", TABLE.replace("b,", "a,"), "line 3: target 'a' is there twice"),

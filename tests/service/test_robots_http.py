@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx2
 import pytest
 from fastapi.testclient import TestClient
 
@@ -20,6 +21,7 @@ from calib import watch
 from calib.data import read_dataset
 from calib.fit import identify
 from calib.saved import save_model
+from fleet.store import dataset_texts
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
@@ -28,6 +30,7 @@ from service.http.wire.bodies.watches import RATE, WatchPlanResult, WatchResult
 from tests.drivers.nobody import nobody_listens
 from tests.service.campaigns import edit_rows, edit_text, write_data
 from tests.service.histories import sign
+from tests.service.own_robots import NAME, own_cell, with_own_robot
 from tests.service.test_history import SERIAL, model_of, watch_of
 from tests.service.test_http_support import Served, problem, served
 from tests.service.test_openapi import unnamed
@@ -99,6 +102,29 @@ def test_what_is_sent_is_listed_and_what_contradicts_is_told(service: Served) ->
     assert unnamed(Trends.model_validate(trends)) == set()
     assert {each["parameter"] for each in trends["trends"]} == {"d1", "error_rms"}
     assert json.loads(service.client.get(f"/documents/{first['added'][0]['document']}").content)["robot"]
+
+
+def test_a_data_set_is_sent_as_its_two_files(service: Served, data: Path, tmp_path: Path) -> None:
+    """Of a robot in a file of one's own, which is in the header; a path there would open a file of the service's."""
+    csv = tmp_path / "data.csv"
+    for suffix in (".csv", ".toml"):
+        shutil.copy(data.with_suffix(suffix), csv.with_suffix(suffix))
+    edit_text(csv.with_suffix(".toml"), SERIAL, "own-1")
+    with_own_robot(csv, own_cell(tmp_path / "cell", "irb120_faro", "abb-irb120"))
+    table, header = csv.read_bytes(), csv.with_suffix(".toml").read_text("utf-8")
+
+    def sent(toml: str) -> httpx2.Response:
+        return service.client.post("/documents", files={"file": ("d.csv", table), "toml": toml.encode()})
+
+    (added,) = sent(header).json()["added"]
+    assert (added["kind"], added["model"], added["state"]) == ("dataset", NAME, "new")
+    assert sent(header).json()["added"][0]["state"] == "known"
+    content = service.client.get(f"/documents/{added['document']}").content
+    assert dataset_texts(content) == (table.decode(), header)
+    wrong = header.replace(f'robot = "{NAME}"', 'robot = "../own.toml"')
+    assert "[robot_file]" in problem(sent(wrong), 422)["what_to_do"]
+    assert "data.toml" in problem(sent(wrong.replace("../own.toml", "other")), 422)["detail"]
+    assert "toml" in problem(service.client.post("/documents", files={"file": table}), 422)["what_to_do"]
 
 
 def test_what_is_not_there_is_a_problem(service: Served) -> None:

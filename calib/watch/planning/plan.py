@@ -106,7 +106,8 @@ def plan(
     strict = {label: wanted(label) for label in goal}
     lever = None
     if best.short > 1.0 and best.worst.endswith(f":j{saved.model.robot.joints}"):
-        now = next(c.lever_mm for c in found.causes if c.label == best.worst)
+        # nothing may show it: a target on the axis, or too few readings
+        now = next((c.lever_mm for c in found.causes if c.label == best.worst), None)
         long = None if now is None else lever_needed(ways, once, best.rounds, best.worst, now)
         lever = None if long is None else (best.worst, long)
     return Plan(

@@ -91,9 +91,10 @@ class Tried:
     @property
     def short(self) -> float:
         """The factor by which the size is too large, of the cause that is furthest from its goal; none above 1."""
-        return max(
+        factors = (
             self.sizes.get(each, np.inf) / goal for each, goal in self.goal.items() if np.isfinite(goal)
         )
+        return max(factors, default=0.0)
 
 
 def fewest(

@@ -111,8 +111,9 @@ def get_robot(
     found = here.history.ask(history_calls.robot, robot_id, due, limit)
     if found is None:
         raise not_found("robot", robot_id)
+    own = here.history.here()
     for line in found["history"]:
-        line["here"] = here.history.here(line["document"])
+        line["here"] = own.get(line["document"])
     return JSONResponse(found | {"permitted_mm": due["permitted_mm"]})
 
 
@@ -163,8 +164,15 @@ def get_document(
 def add_document(
     here: Here,
     file: Annotated[
-        UploadFile, File(description="A model, the verdict of a watch, a diagnosis or an upkeep: JSON.")
+        UploadFile,
+        File(
+            description="A model, the verdict of a watch, a diagnosis, an upkeep: JSON; or the readings of a data set."
+        ),
     ],
+    toml: Annotated[
+        UploadFile | None,
+        File(description="The header of the data set, where `file` is its readings.", examples=["DATA.toml"]),
+    ] = None,
     serial: Annotated[
         str,
         Form(
@@ -180,14 +188,17 @@ def add_document(
     `state` is conflict where the history has another content for the same thing: both are kept, `contradicts` names it.
     """
     name, content = plain_name(file.filename or "document"), file.file.read(LARGEST + 1)
+    header = None if toml is None else toml.file.read(LARGEST + 1)
 
     def work() -> JSONResponse:
-        if len(content) > LARGEST:
+        if len(content) + len(header or b"") > LARGEST:
             raise Problem(
                 413, "The document is larger than 16 MB.", "Send the document alone, not its readings."
             )
         history = here.history
-        made = history.ask(history_calls.put, name, content, history.name, serial.strip(), history.simulated)
+        whose = (history.name, serial.strip(), history.simulated)
+        made = history.ask(history_calls.put, name, content, header, *whose)
         return reply(201, made, location=f"{DOCUMENTS}/{made['added'][0]['document']}")
 
-    return here.keys.once(idempotency_key, (DOCUMENTS, serial, hashlib.sha256(content).hexdigest()), work)
+    hashes = [hashlib.sha256(part).hexdigest() for part in (content, header or b"")]
+    return here.keys.once(idempotency_key, (DOCUMENTS, serial, *hashes), work)

@@ -11,13 +11,11 @@ from typing import Any
 import acquisition
 from acquisition import read_status
 from acquisition.record import Acceptance, export_together
-from calib.errors import DataError
-from calib.text import decoded, parse_toml
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import Deletions, take_away
 from service.http.work.kept import read_kept, readable
-from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset
+from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset, refuse_path, refuse_paths
 from service.names import plain_name, safe_id
 
 MAP = "map.toml"
@@ -32,7 +30,7 @@ class Datasets:
 
     def upload(self, table: bytes, header: bytes, name: str) -> dict[str, Any]:
         """Keep a data set. Raises DataError naming line or key."""
-        _refuse_paths(header)
+        refuse_paths(header)
 
         def write(folder: Path) -> None:
             (folder / CSV).write_bytes(table)
@@ -54,7 +52,7 @@ class Datasets:
                 map_path = Path(given) / MAP
                 map_path.write_bytes(map_text)
                 made = read_map(map_path)
-                _refuse_path(made.header.get("robot", ""), MAP)
+                refuse_path(made.header.get("robot", ""), MAP)
                 paths = [Path(given) / str(i) / plain_name(each) for i, (each, _) in enumerate(files)]
                 for path, (_, content) in zip(paths, files, strict=True):
                     path.parent.mkdir()
@@ -119,13 +117,3 @@ class Datasets:
         """All data sets, newest first."""
         names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
         return readable(names, self.get)
-
-
-def _refuse_paths(header: bytes) -> None:
-    """A robot given as a path would be looked for among the server's files; built-in ones have names."""
-    _refuse_path(parse_toml(decoded(header, TOML), TOML).get("robot", ""), TOML)
-
-
-def _refuse_path(robot: object, file: str) -> None:
-    if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
-        raise DataError("names a file of the server.", do="Name a built-in robot.", file=file, key="robot")

@@ -88,14 +88,16 @@ class History:
             with self._changed:
                 self._trouble, self._wanted = trouble, self._wanted or bool(trouble)
 
-    def here(self, document: str) -> dict[str, str] | None:
-        """The result of this service that a document of the store is, as its kind and id; None where it is none."""
+    def here(self) -> dict[str, dict[str, str]]:
+        """The results of this service, as kind and id, by the documents of the store that they are."""
+        found: dict[str, dict[str, str]] = {}
         with self._changed:
-            for path, line in self._done.items():
-                if document in line["documents"]:
-                    folder, own, _ = path.split("/", 2)
-                    return {"kind": _KINDS[folder], "id": own}
-        return None
+            lines = list(self._done.items())
+        for path, line in lines:
+            folder, own, _ = path.split("/", 2)
+            for document in line["documents"]:
+                found.setdefault(document, {"kind": _KINDS[folder], "id": own})
+        return found
 
     def refused(self) -> list[dict[str, str]]:
         """The results that were not kept, and why, newest first; at most 50."""

@@ -7,15 +7,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from acquisition.cell import Cell
-from calib.arm import built_in_robots
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here, Service
 from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToJudge
 from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
-from service.http.wire.problems import Problem, not_found
+from service.http.wire.problems import not_found
 from service.http.work.certifying import certificate_of
 from service.http.work.idempotency import begun
 from service.kept_dataset import CSV
@@ -28,26 +26,11 @@ REPORT_HEADERS = {
 }
 
 
-def library_cell(here: Service, instead: str) -> Cell:
-    """The cell of this service, for a job in it. Raises Problem 422 for an own robot; instead: the command to use."""
-    cell = here.cell
-    if cell.robot.model.name not in built_in_robots():
-        raise Problem(
-            422,
-            "The robot of the cell is in a file of its own, which a job does not have.",
-            f"Use '{instead}' on the computer of the service.",
-        )
-    return cell
-
-
 def _add(here: Service, kind: str, collection: str, body: ToJudge, key: str) -> JSONResponse:
     def work() -> JSONResponse:
         dataset = here.datasets.get(body.dataset_id)
-        cell = here.settings.cell
-        if cell is not None and cell.robot.model.name not in built_in_robots():
-            cell = None  # its robot is in a file of its own, which a job does not have
         path = here.datasets.path(body.dataset_id) / CSV
-        return begun(path_of(collection), here.jobs.add(kind, dataset, path, cell, body.limits))
+        return begun(path_of(collection), here.jobs.add(kind, dataset, path, here.settings.cell, body.limits))
 
     return here.keys.once(key, (collection, body), work)
 

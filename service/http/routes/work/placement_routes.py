@@ -5,8 +5,6 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
-from calib.arm import built_in_robots
-from calib.errors import DataError
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.work.job_routes import REPORT_HEADERS, shown
 from service.http.state import Here
@@ -28,12 +26,6 @@ def create_placements(
     order = Order.of(body.model_dump())
     wanted_of(order)
     cell = here.cell
-    if cell.robot.model.name not in built_in_robots():
-        raise DataError(
-            "is in a file of its own, which a job does not have.",
-            do="Use truepose plan-ballbar.",
-            key="robot",
-        )
 
     def work() -> JSONResponse:
         return begun(PLACEMENTS, here.jobs.place(cell, order))

@@ -6,7 +6,7 @@ from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.work.job_routes import library_cell, shown
+from service.http.routes.work.job_routes import shown
 from service.http.state import Here
 from service.http.wire.bodies import SelectionAsked, SelectionShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
@@ -22,7 +22,6 @@ def create_selection(here: Here, body: SelectionAsked, idempotency_key: Idempote
     """Choose calibration poses; nothing moves. `result.poses_deg` goes into a block with `select = "list"`."""
 
     def work() -> JSONResponse:
-        cell = library_cell(here, "truepose select")
         order = {
             "count": body.count,
             "candidates": body.candidates,
@@ -33,7 +32,7 @@ def create_selection(here: Here, body: SelectionAsked, idempotency_key: Idempote
             "wanted_u": body.wanted_u_mm or None,
             "seed": body.seed,
         }
-        return begun(SELECTIONS, here.jobs.select(cell, order))
+        return begun(SELECTIONS, here.jobs.select(here.cell, order))
 
     return here.keys.once(idempotency_key, (SELECTIONS, body), work)
 

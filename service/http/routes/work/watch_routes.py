@@ -12,7 +12,7 @@ from fastapi.responses import JSONResponse
 
 from service import history_calls
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.work.job_routes import library_cell, shown
+from service.http.routes.work.job_routes import shown
 from service.http.state import Here, Service
 from service.http.wire.bodies.jobs import (
     UpkeepShown,
@@ -75,7 +75,6 @@ def create_watch_plan(here: Here, body: WatchPlanAsked, idempotency_key: Idempot
     """
 
     def work() -> JSONResponse:
-        cell = library_cell(here, "truepose watch plan")
         order = {
             "poses": body.poses,
             "candidates": body.candidates,
@@ -88,7 +87,7 @@ def create_watch_plan(here: Here, body: WatchPlanAsked, idempotency_key: Idempot
             "repeats": body.readings,
             "frame_known": not body.new_frame,
         }
-        asked = {"cell": cell.source, "order": order}
+        asked = {"cell": here.cell.source, "order": order}
         return begun(PLANS, here.jobs.watch("watch_plan", _baseline(here, body), "", asked))
 
     return here.keys.once(idempotency_key, (PLANS, body), work)
