@@ -24,13 +24,18 @@ QUICK = "time, from one reading to the next"
 SIGHT = "the line of sight"
 OVERTURNING = "overturning moment"
 LENGTHS = "the lengths of the arm"
+DISTANCE = "distance from the instrument"
 BASE = "the tilt of the base"  # about the vertical it turns as joint 1 does
 _WAVES = 5
+_PAIRED = 3  # waves of each of two joints
+_WIDE = 1.5 * np.pi  # rad: a joint that turned further has the orders of its turn, too
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
 _STILL = 1e-6
+_OWN = {SIGHT: DISTANCE, BASE: OVERTURNING}  # what drives a direction by itself
 _SLOW, _SLOW_TO = 5.0, 12  # half waves over a campaign: as of a drift, of warmth
 _QUICK_FROM, _QUICK, _QUICK_TO = 6, 20.0, 80
+_FAR = 16  # half waves over the range of distances: as of a meter that errs with its modulation
 
 
 def drivers(space: Space) -> dict[str, Array]:
@@ -39,12 +44,16 @@ def drivers(space: Space) -> dict[str, Array]:
     joints = range(conditions.joints.shape[1])
     names = [axis.removeprefix("j") for axis in robot.axes]
     moving = [k for k in joints if np.ptp(conditions.joints[:, k]) > _STILL]
-    waves = {k: _waves(conditions.joints[:, k], _WAVES) for k in moving}
+    wide = [k for k in moving if robot.kinds[k] == "turns" and np.ptp(conditions.joints[:, k]) > _WIDE]
+    waves = {k: _waves(conditions.joints[:, k], _WAVES, k in wide) for k in moving}
+    paired = {k: waves[k][:, : 2 * (_PAIRED + (k in wide))] for k in moving}
     found = {f"joint {names[k]} angle": waves[k] for k in moving}
     for j, k in combinations(moving, 2):
-        found[f"joint {names[j]} and joint {names[k]} angles"] = _products(waves[j][:, :6], waves[k][:, :6])
+        found[f"joint {names[j]} and joint {names[k]} angles"] = _products(paired[j], paired[k])
     if len(moving) > 2:
-        found[TOGETHER] = _field(_as_angles(conditions.joints, robot)[:, moving])
+        angles = _as_angles(conditions.joints, robot)
+        turned = [_circle(angles[:, k]) if k in wide else angles[:, [k]] for k in moving]
+        found[TOGETHER] = _field(np.hstack(turned))
     before = gravity_torques(
         robot, conditions.previous, space.fitted.header.loads, space.fitted.header.gravity
     )
@@ -89,6 +98,7 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     view = point - np.array(space.fitted.model.station)
     distance = np.linalg.norm(view, axis=1, keepdims=True)
     found |= _named("direction of view", _quadratic(view / np.maximum(distance, 1e-9)))
+    found |= _named(DISTANCE, _over_range(distance[:, 0], _SLOW, _FAR))
     target = np.eye(len(conditions.target_names))[conditions.target]
     found |= _named("tool target", target)
     down = gravity_at_flange(space.fitted.model.robot, conditions.joints, space.fitted.header.gravity)
@@ -130,10 +140,10 @@ def _growth(space: Space) -> Array:
 
 def likely(driver: str, direction: str) -> bool:
     """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
-    a joint where that joint's own angle, load or arrival drives it, the lengths or the sight by time and warmth, and
-    the base by these or by the moment that overturns it."""
+    a joint where that joint's own angle, load or arrival drives it, the lengths, the sight and the base by time and
+    warmth, the sight by its length, and the base by the moment that overturns it."""
     if direction in (SIGHT, LENGTHS, BASE):
-        return driver in (TIME, QUICK, "temperature") or (direction == BASE and driver == OVERTURNING)
+        return driver in (TIME, QUICK, "temperature", _OWN.get(direction))
     return not direction.startswith("joint ") or direction in driver
 
 
@@ -149,10 +159,27 @@ def _named(name: str, functions: Array) -> dict[str, Array]:
     return {name: functions[:, varies]} if varies.any() else {}
 
 
-def _waves(angle: Array, orders: int) -> Array:
-    """cos and sin over the measured range, 1 to `orders` half waves, (n, 2 orders)."""
+def _waves(angle: Array, orders: int, wide: bool) -> Array:
+    """cos and sin over the measured range, 1 to `orders` half waves, (n, 2 orders). wide: the first half wave, and 1 to
+    `orders` whole waves a turn, (n, 2 orders + 2): what geometry, gears and gravity do comes back after a turn."""
     phase = (angle - angle.min()) / np.ptp(angle) * np.pi
-    return np.column_stack([f(k * phase) / k for k in range(1, orders + 1) for f in (np.cos, np.sin)])
+    numbers = range(1, orders + 1)
+    if not wide:
+        return np.column_stack([f(k * phase) / k for k in numbers for f in (np.cos, np.sin)])
+    slow = [np.cos(phase), np.sin(phase)]
+    return np.column_stack([*slow, *(f(k * angle) / k for k in numbers for f in (np.cos, np.sin))])
+
+
+def _circle(angle: Array) -> Array:
+    """(n, 2) places on a circle: angles a turn apart are one place."""
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _over_range(values: Array, corner: float, last: int) -> Array:
+    """(n, last) half waves over the range of values (n,), weights falling from a corner on."""
+    waves = np.arange(1, last + 1)
+    phase = (values - values.min()) / max(float(np.ptp(values)), 1e-9) * np.pi
+    return np.cos(np.outer(phase, waves)) * np.sqrt(2.0 / (1.0 + (waves / corner) ** 2))
 
 
 def _lasting(order: Array, first: int, last: int, corner: float) -> Array:

@@ -44,7 +44,7 @@ from service.results.models.patched import Patched
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
-    **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit")),
+    **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit", "misfit")),
     **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged")),
     "ballbar": None,
 }
@@ -126,6 +126,7 @@ def diagnosis_report(
         structure=[structure_of(s, i, dataset, sample) for i, s in enumerate(diagnosis.structure)],
         power=power_of(diagnosis.power),
         p_lack_of_fit=wording.chance(diagnosis.p_lack_of_fit),
+        misfit=diagnosis.surprise,
         notes=diagnosis.notes,
         verification=verification.section_of(verified),
         acceptance=acceptance,

@@ -64,7 +64,7 @@ def truth_of(campaign: Campaign, data: Dataset) -> Truth:
     shown = []
     for i, effect in enumerate(effects):
         others = [w for j, w in enumerate(whitened) if j != i]
-        shown.append(_shown(space, library, effect.label, whitened[i].sum(axis=1), others))
+        shown.append(shown_beside(space, library, effect.label, whitened[i].sum(axis=1), others))
     return Truth(tuple(shown), _ideal(data, moved, space, columns, whitened))
 
 
@@ -102,7 +102,9 @@ def _whitened(base: Identification, columns: Array) -> Array:
     )
 
 
-def _shown(space: Space, library: list[Family], label: str, displaced: Array, others: list[Array]) -> Shown:
+def shown_beside(
+    space: Space, library: list[Family], label: str, displaced: Array, others: list[Array]
+) -> Shown:
     """lambda and gap of one effect beside the true columns of the others."""
     basis = _wider(space.basis, others)
     held = np.zeros(len(basis))

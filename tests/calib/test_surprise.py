@@ -23,6 +23,7 @@ from calib.effects.geometry.shift import tool_shift
 from calib.fit.identify import identify
 from calib.scan.space import Space
 from calib.units import DEG
+from service.results.models.documents import of_diagnosis
 from service.wording import verdict_in_words
 from tests.calib.campaigns import simulate
 
@@ -59,6 +60,12 @@ def test_held_out_readings_that_contradict_a_verdict_are_told_before_it(few: lis
     assert result.verdict == "complete", "validation decides nothing"
     assert result.surprise is not None
     assert result.surprise.real
+    told = of_diagnosis(result)["held_out_misfit"]
+    assert told == {
+        "times_expected": result.surprise.times,
+        "p_value": result.surprise.p_value,
+        "beyond": True,
+    }
     words = verdict_in_words(result)
     assert words.startswith("The held-out readings miss by ")
     assert "what the fit leaves" not in words

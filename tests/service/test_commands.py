@@ -26,6 +26,7 @@ DIAGNOSIS_KEYS = {
     "faulty_rows",
     "relabelled_rows",
     "p_lack_of_fit",
+    "held_out_misfit",
     "noise_scale",
     "error_before_mm",
     "error_after_mm",
@@ -60,6 +61,11 @@ def test_diagnose_writes_the_document_of_the_contract(data: Path, tmp_path: Path
         assert document[name].keys() == {"n", "rms", "mean", "p95", "max"}
         assert document[name]["n"] == 40
     assert document["error_after_mm"]["rms"] < document["error_before_mm"]["rms"]
+    misfit = document["held_out_misfit"]
+    assert misfit.keys() == {"times_expected", "p_value", "beyond"}
+    assert 0.7 < misfit["times_expected"] < 1.3
+    assert 1e-3 < misfit["p_value"] < 1.0
+    assert misfit["beyond"] is False
 
 
 def test_json_on_standard_output_stands_alone(data: Path) -> None:

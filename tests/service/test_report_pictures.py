@@ -203,6 +203,7 @@ PLACES = {
     "time since the last move": "time since the reading before, s",
     "direction of the tool": "flange's z along the base's",
     "direction of view": "azimuth from the instrument, deg",
+    "distance from the instrument": "distance from the instrument, mm",
     "overturning moment": "moment about the base's",
     "joint angles together": "highest third of θ",
 }

@@ -114,6 +114,11 @@ def _of_view(conditions: Conditions, header: Header) -> Quantity:
     return Quantity(both, ("azimuth from the instrument, deg", "elevation, deg"))
 
 
+def _of_distance(conditions: Conditions, header: Header) -> Quantity:
+    way = conditions.point - np.array(header.noise.station_mm)
+    return Quantity(np.linalg.norm(way, axis=1, keepdims=True), ("distance from the instrument, mm",))
+
+
 def _of_overturning(conditions: Conditions, _: Header) -> Quantity:
     labels = [f"moment about the base's {name}, N.m" for name in "xyz"]
     return _widest(conditions.overturning / _N_M, labels)
@@ -132,6 +137,7 @@ def _widest(vectors: Array, labels: list[str]) -> Quantity:
 _VECTORS: Mapping[str, Callable[[Conditions, Header], Quantity]] = {
     "direction of the tool": _of_tool,
     "direction of view": _of_view,
+    "distance from the instrument": _of_distance,
     "overturning moment": _of_overturning,
     "region of the workspace": _in_space,
 }

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.loop import FollowedUp, campaign_table
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
+from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found, Surprise
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
 from calib.text import written_by
@@ -94,6 +94,7 @@ def of_diagnosis(
         "error_after_mm": _errors(diagnosis.error_after),
         "error_nominal_mm": _errors(diagnosis.error_nominal),
         "raises_held_out_error": list(diagnosis.harmful),
+        "held_out_misfit": _held_out_misfit(diagnosis.surprise),
         "holdout": diagnosis.dataset.header.holdout,
         "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
         "structure": [
@@ -275,6 +276,17 @@ def _effect(found: Found) -> dict[str, Any]:
 
 def _errors(errors: ErrorStatistics | None) -> dict[str, Any] | None:
     return None if errors is None else {name: _number(x) for name, x in asdict(errors).items()}
+
+
+def _held_out_misfit(surprise: Surprise | None) -> dict[str, Any] | None:
+    """Held-out readings against what noise and the parameters' covariance let expect; null where none were held out."""
+    if surprise is None:
+        return None
+    return {
+        "times_expected": _number(surprise.times),
+        "p_value": _number(surprise.p_value),
+        "beyond": surprise.real,
+    }
 
 
 def _shown(value: float, unit: str) -> float | None:

@@ -102,6 +102,16 @@ class CarriedOver(Answered):
     finding: Annotated[str, told("In words.", "The effects carry over.")]
 
 
+class HeldOutMisfit(Answered):
+    """The error of held-out readings beside what noise and the uncertainty of the parameters let expect."""
+
+    times_expected: Annotated[
+        float | None, told("Their whitened RMS over the one expected, a ratio; 1 as expected.", 1.02)
+    ]
+    p_value: Annotated[float | None, told("Probability that chance leaves as much (chi-squared).", 0.31)]
+    beyond: Annotated[bool, told("Whether the model does not hold there: told before the verdict.", False)]
+
+
 class DiagnosisResult(FitShown):
     """A diagnosis (`truepose-diagnosis/1`)."""
 
@@ -123,6 +133,13 @@ class DiagnosisResult(FitShown):
         Errors | None, told("With the effects found, on readings held out, mm.", ERRORS)
     ]
     raises_held_out_error: Annotated[list[str], told("Labels of effects that do.", [])]
+    held_out_misfit: Annotated[
+        HeldOutMisfit | None,
+        told(
+            "Readings held out against their expectation; null where there were none.",
+            {"times_expected": 1.02, "p_value": 0.31, "beyond": False},
+        ),
+    ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
     structure: Annotated[list[StructureShown], told("What is left.", [])]
     power: Annotated[list[Power], told("What would have been seen.", [])]
