@@ -26,9 +26,12 @@ def in_series(model: RobotModel, dataset: Dataset) -> Dataset:
     return replace(dataset, conditions=conditions)
 
 
-def without_drifts(saved: SavedModel) -> tuple[Array, Array]:
-    """Estimate (m,) and covariance (m, m) without what the instrument did with time in its own campaign."""
-    model = saved.model
+def predicting(saved: SavedModel) -> tuple[RobotModel, Array, Array]:
+    """Model, estimate (m,) and covariance (m, m) by which readings that are taken later are predicted: with what the
+    calibration left open, at nothing, and without what the instrument did with time in its own campaign."""
+    model, estimate, covariance = saved.model, saved.estimate, saved.covariance
+    if saved.left_open is not None:
+        model, estimate, covariance = saved.left_open.beside(model, estimate, covariance)
     gone = {
         term.parameter
         for effect in model.effects
@@ -37,4 +40,12 @@ def without_drifts(saved: SavedModel) -> tuple[Array, Array]:
         if isinstance(term.regressor, Time | WarmUp)
     }
     kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
-    return saved.estimate * kept, saved.covariance * np.outer(kept, kept)
+    return model, estimate * kept, covariance * np.outer(kept, kept)
+
+
+def root_of(covariance: Array) -> Array:
+    """(m, m) R with R R' = covariance, which may be singular, and has squares of mm beside such of rad/(N.mm)."""
+    size = np.sqrt(np.diag(covariance))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

@@ -1,7 +1,7 @@
 """The uncertainty of a world frame that is set up anew on its nests before every campaign.
 
-A frame by 3-2-1 (`calib.arm.world_frame`) on nests that are measured with the covariances N_i each is off by a shift and
-a turn with
+A frame by 3-2-1 (`calib.arm.world_frame`) on nests that are measured with the covariances N_i each is off by a shift
+and a turn with
 
     covariance sum J_i N_i J_i',    J_i: what an error of nest i does to them,
 

@@ -9,7 +9,6 @@ frame, set up anew each time; and noise with the robot's repeatability. All rows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -26,7 +25,7 @@ from calib.fit.readings import Readings, readings_of
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
 from calib.saved import SavedModel
-from calib.watch.baseline import in_series, without_drifts
+from calib.watch.baseline import in_series, predicting, root_of
 from calib.watch.frame import frame_covariance, frame_effect
 from calib.watch.lack import scatter_beyond
 from calib.watch.placed import placed
@@ -62,14 +61,19 @@ class Seen:
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
-        model, dataset = saved.model, in_series(saved.model, dataset)
-        estimate, covariance = without_drifts(saved)
+        dataset = in_series(saved.model, dataset)
+        model, estimate, covariance = predicting(saved)
         dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
         design = Design(model, readings.conditions)
         causes = _causes(model, estimate, saved, dataset, readings)
         frame = frame_effect()
-        others = RobotModel(model.robot, (*_apart(causes), frame), model.targets, anchors=model.anchors)
+        others = RobotModel(
+            model.robot,
+            (*(cause.apart(_SINCE) for cause in causes), frame),
+            model.targets,
+            anchors=model.anchors,
+        )
         beside = Design(others, readings.conditions)
         joints = model.robot.joint_slots
         frames = design.frames(estimate, {*design.slots, *beside.slots, *joints})
@@ -79,11 +83,11 @@ class Seen:
         ends = np.cumsum([0, *(len(cause.parameters) for cause in causes)])
         of_causes = tuple(of_others[:, a:b] for a, b in pairwise(ends))
         header = dataset.header
-        of_frame = of_others[:, ends[-1] :] @ _root(
+        of_frame = of_others[:, ends[-1] :] @ root_of(
             frame_covariance(header.nests, header.noise, model.station)
         )
         lack = scatter_beyond(saved, dataset) if lack is None else lack
-        lasting = np.column_stack([of_parameters @ _root(covariance), of_frame])
+        lasting = np.column_stack([of_parameters @ root_of(covariance), of_frame])
         if lack > 0.0:
             lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, model)[measured]])
         passing = of_frame
@@ -132,7 +136,7 @@ class Seen:
 
     def exact(self, cause: Effect, values: Array) -> Array:
         """(q,) residual where a cause has some values (p,), through the whole chain."""
-        model = replace(self.model, effects=(*self.model.effects, *_apart((cause,))))
+        model = replace(self.model, effects=(*self.model.effects, cause.apart(_SINCE)))
         frames = Design(model, self.readings.conditions).frames(np.concatenate([self.estimate, values]), ())
         return self.readings.observed.residual(frames).reshape(-1)[self.measured]
 
@@ -146,6 +150,7 @@ class Seen:
         return design.point_columns(baseline.frames(self.estimate, {*design.slots}))
 
 
+_SINCE = "since"
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
@@ -176,18 +181,6 @@ def _beyond(cause: Effect, model: RobotModel, estimate: Array) -> Effect:
     return replace(cause, parameters=tuple(parameters))
 
 
-def _apart(causes: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The causes with parameters of names that no effect of the model has."""
-    return tuple(
-        replace(
-            cause,
-            parameters=tuple(replace(p, name=f"since.{p.name}") for p in cause.parameters),
-            terms=tuple(replace(t, parameter=f"since.{t.parameter}") for t in cause.terms),
-        )
-        for cause in causes
-    )
-
-
 def _station(dataset: Dataset) -> tuple[float, float, float]:
     return dataset.header.noise.station_mm
 
@@ -206,12 +199,6 @@ def _by_joint(readings: Readings, frames: Frames, model: RobotModel) -> Array:
     apart = (columns[:, None] * each[None, :, None, :]).reshape(-1, *columns.shape[1:])
     whitened = readings.observed.by_visit(apart)
     return whitened.reshape(len(whitened), -1).T
-
-
-def _root(covariance: Array) -> Array:
-    """(m, m) R with R R' = covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _length(columns: Array) -> Array:

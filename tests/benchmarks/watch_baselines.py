@@ -32,12 +32,11 @@ from mocks.world import ArmState, Session, World, random_label, scaled
 from mocks.world.dataset import header_of, row_of
 from mocks.world.poses import approach_point, random_pose
 from mocks.world.scaling import Reading
-from tests.benchmarks.clock import line
 from tests.benchmarks.diagnosis_sets import visits
 
 READINGS, HELD_OUT = (30, 51, 102), 0.4
 TARGETS = ("T2",)
-POSES, CANDIDATES, WATCHES = 10, 200, 20
+POSES, CANDIDATES, WATCHES = 10, 150, 20
 NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
 _LABEL, _FRAME = 22, 40  # random streams: of `mocks.cell`, and our own
 _PASSING = ("drift_translation", "drift_rotation")
@@ -146,8 +145,8 @@ def alarms(seed: int, kind: str, readings: int, say=None) -> int:
 
 
 if __name__ == "__main__":
-    import sys, time, os
-    from multiprocessing import Pool
+    import sys
+    import time
     kind, n, a, b = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
     t=time.time(); total=0
     for s in range(a, b):
