@@ -7,10 +7,10 @@ parameters and s the noise of the fit,
 
     D = ((B'B - B'X C X'B / s^2) / s^2 + S^-2)^-1,    G = C X'B / s^2:
 
-the error of a prediction elsewhere is X e + (B - X G) b with e ~ C; b has the covariance D about d = D B'r / s^2 by the
-residual r, which the diagnosis did not claim, so about nothing its square is D + d d' on the average. G is what the
-parameters of the model have taken on of a unit. Source: Kennedy and O'Hagan 2001 (what a model lacks is one more
-unknown).
+D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
+model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
+corrects without d, which is not claimed; a watch compares with it. Source: Kennedy and O'Hagan 2001 (what a model
+lacks is one more unknown).
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ KEY = "left_open"
 
 @dataclass(frozen=True)
 class LeftOpen:
-    """Effects with k parameters that the model of a calibration does not hold. covariance (k, k) and taken_on (m, k),
-    internal units: D + d d' and G above."""
+    """Effects with k parameters that the model of a calibration does not hold. estimate (k,), covariance (k, k) and
+    taken_on (m, k), internal units: d, D and G above."""
 
     effects: tuple[Effect, ...]
+    estimate: Array
     covariance: Array
     taken_on: Array
 
@@ -71,28 +72,21 @@ class LeftOpen:
         values, vectors = np.linalg.eigh(size[:, None] * shown * size)
         root = size[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
         covariance = root @ root.T
-        likeliest = covariance @ along[m:] / noise
-        return cls(effects, covariance + np.outer(likeliest, likeliest), taken_on)
+        return cls(effects, covariance @ along[m:] / noise, covariance, taken_on)
 
     def beside(
         self, model: RobotModel, estimate: Array, covariance: Array
     ) -> tuple[RobotModel, Array, Array]:
-        """Model, estimate (m + k,) and covariance (m + k, m + k) with the effects that are left open, at nothing; those
-        that the model holds by now are not."""
-        had = {effect.label for effect in model.effects}
-        kept = [effect for effect in self.effects if effect.label not in had]
-        live = np.array(
-            [effect.label not in had for effect in self.effects for _ in effect.parameters], dtype=bool
-        )
-        m, k = len(estimate), int(live.sum())
+        """Model, estimate (m + k,) and covariance (m + k, m + k) with the effects that are left open."""
+        m, k = len(estimate), len(self.estimate)
         carried = np.zeros((m + k, k))
-        carried[: len(self.taken_on)] = -self.taken_on[:, live]
+        carried[: len(self.taken_on)] = -self.taken_on
         carried[m:] = np.eye(k)
-        whole = carried @ self.covariance[np.ix_(live, live)] @ carried.T
+        whole = carried @ self.covariance @ carried.T
         whole[:m, :m] += covariance
         return (
-            model.append(*(effect.apart(_PREFIX) for effect in kept)),
-            np.concatenate([estimate, np.zeros(k)]),
+            model.append(*(effect.apart(_PREFIX) for effect in self.effects)),
+            np.concatenate([estimate, np.zeros(k)]) + carried @ self.estimate,
             whole,
         )
 
@@ -100,8 +94,9 @@ class LeftOpen:
         """Plain dictionary that `from_json` reads back."""
         return {
             "effects": [effect.to_json() for effect in self.effects],
-            "covariance_internal_units": _digits(self.covariance),
-            "taken_on_internal_units": _digits(self.taken_on),
+            "estimate_internal_units": _digits(self.estimate),
+            "covariance_internal_units": [_digits(row) for row in self.covariance],
+            "taken_on_internal_units": [_digits(row) for row in self.taken_on],
         }
 
     @classmethod
@@ -122,8 +117,13 @@ class LeftOpen:
             raise DataError(
                 "is no covariance.", do="Write the model again.", file=path, key=f"{KEY}.covariance"
             )
-        return cls(effects, covariance, numbers_of(taken_on, (rows, k), f"{KEY}.taken_on", path))
+        return cls(
+            effects,
+            numbers_of(table["estimate_internal_units"], (k,), f"{KEY}.estimate", path),
+            covariance,
+            numbers_of(taken_on, (rows, k), f"{KEY}.taken_on", path),
+        )
 
 
-def _digits(matrix: Array) -> list[list[float]]:
-    return [[float(f"{x:.10g}") for x in row] for row in matrix.tolist()]
+def _digits(values: Array) -> list[float]:
+    return [float(f"{x:.10g}") for x in values.tolist()]

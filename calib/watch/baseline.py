@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,21 +26,35 @@ def in_series(model: RobotModel, dataset: Dataset) -> Dataset:
     return replace(dataset, conditions=conditions)
 
 
-def predicting(saved: SavedModel) -> tuple[RobotModel, Array, Array]:
-    """Model, estimate (m,) and covariance (m, m) by which readings that are taken later are predicted: with what the
-    calibration left open, at nothing, and without what the instrument did with time in its own campaign."""
-    model, estimate, covariance = saved.model, saved.estimate, saved.covariance
-    if saved.left_open is not None:
-        model, estimate, covariance = saved.left_open.beside(model, estimate, covariance)
-    gone = {
-        term.parameter
-        for effect in model.effects
-        if effect.owner == "instrument"
-        for term in effect.terms
-        if isinstance(term.regressor, Time | WarmUp)
-    }
-    kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
-    return model, estimate * kept, covariance * np.outer(kept, kept)
+@dataclass(frozen=True)
+class Baseline:
+    """The baseline that later readings are compared with: model, estimate (m + k,) and covariance (m + k, m + k), with
+    what the calibration left open and without what the instrument did with time in its own campaign.
+
+    plain (m + k,): the estimate by which the saved model itself predicts, and corrects.
+    """
+
+    model: RobotModel
+    estimate: Array
+    covariance: Array
+    plain: Array
+
+    @classmethod
+    def of(cls, saved: SavedModel) -> Baseline:
+        """The baseline that a saved model is."""
+        model, estimate, covariance = saved.model, saved.estimate, saved.covariance
+        if saved.left_open is not None:
+            model, estimate, covariance = saved.left_open.beside(model, estimate, covariance)
+        gone = {
+            term.parameter
+            for effect in model.effects
+            if effect.owner == "instrument"
+            for term in effect.terms
+            if isinstance(term.regressor, Time | WarmUp)
+        }
+        kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
+        plain = np.concatenate([saved.estimate, np.zeros(len(estimate) - len(saved.estimate))])
+        return cls(model, estimate * kept, covariance * np.outer(kept, kept), plain * kept)
 
 
 def root_of(covariance: Array) -> Array:

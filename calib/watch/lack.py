@@ -18,7 +18,7 @@ from calib.fit.least_squares import jacobian
 from calib.fit.readings import readings_of
 from calib.model.model import Design
 from calib.saved import SavedModel
-from calib.watch.baseline import in_series, predicting
+from calib.watch.baseline import Baseline, in_series
 
 
 def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
@@ -26,7 +26,8 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     found on readings it had not seen; without such readings, for those of its fit. Nothing where these are as
     declared."""
     dataset = in_series(saved.model, dataset)
-    model, estimate, covariance = predicting(replace(saved, left_open=None))
+    baseline = Baseline.of(replace(saved, left_open=None))
+    model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
     of_points = bool((dataset.fit_rows & dataset.pointed).any())
     rows = dataset.fit_rows & (dataset.pointed if of_points else dataset.spanned)
     if not rows.any():

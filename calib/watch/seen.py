@@ -2,7 +2,8 @@
 
     r = measured - predicted = A x + J e + T w + F f + noise
 
-x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain; w what the model was
+x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain, of its own model and
+of effects that this does not hold (`calib.saved.left_open`); w what the model was
 shown to lack by its own validation, as if the joints scattered more (the same in every watch at the same poses); f the
 frame, set up anew each time; and noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
 """
@@ -25,7 +26,7 @@ from calib.fit.readings import Readings, readings_of
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
 from calib.saved import SavedModel
-from calib.watch.baseline import in_series, predicting, root_of
+from calib.watch.baseline import Baseline, in_series, root_of
 from calib.watch.frame import frame_covariance, frame_effect
 from calib.watch.lack import scatter_beyond
 from calib.watch.placed import placed
@@ -35,14 +36,15 @@ from calib.watch.placed import placed
 class Seen:
     """Readings of q measured rows as a baseline sees them, whitened by noise and repeatability.
 
-    estimate (m,), covariance (m, m): the baseline's, internal units; residual (q,); lasting (q, a), passing (q, b):
-    columns of unit variance of what stays the same from watch to watch, and of what is drawn anew; causes, and the
-    columns (q, p) of each.
+    estimate (m,), covariance (m, m), plain (m,): the baseline's (`calib.watch.baseline`), internal units; residual
+    (q,); lasting (q, a), passing (q, b): columns of unit variance of what stays the same from watch to watch, and of
+    what is drawn anew; causes, and the columns (q, p) of each.
     """
 
     model: RobotModel
     estimate: Array
     covariance: Array
+    plain: Array
     readings: Readings
     residual: Array
     of_parameters: Array  # (q, m)
@@ -62,11 +64,12 @@ class Seen:
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
         dataset = in_series(saved.model, dataset)
-        model, estimate, covariance = predicting(saved)
+        baseline = Baseline.of(saved)
+        model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
         dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
         design = Design(model, readings.conditions)
-        causes = _causes(model, estimate, saved, dataset, readings)
+        causes = _causes(saved, dataset, readings)
         frame = frame_effect()
         others = RobotModel(
             model.robot,
@@ -99,6 +102,7 @@ class Seen:
             model,
             estimate,
             covariance,
+            baseline.plain,
             readings,
             residual,
             of_parameters,
@@ -154,10 +158,9 @@ _SINCE = "since"
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
-def _causes(
-    model: RobotModel, estimate: Array, saved: SavedModel, dataset: Dataset, readings: Readings
-) -> tuple[Effect, ...]:
+def _causes(saved: SavedModel, dataset: Dataset, readings: Readings) -> tuple[Effect, ...]:
     """The causes that may have set in. Where the model has an effect already, its bounds hold for both together."""
+    model, estimate = saved.model, saved.estimate
     survey = Survey(
         robot=model.robot,
         conditions=readings.conditions,
