@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -126,6 +126,14 @@ class Effect:
         size = float(np.linalg.norm(v))
         spread = math.sqrt(float(v @ c @ v)) / size if size > 0.0 else math.sqrt(float(np.trace(c)))
         return to_display(size, unit), to_display(spread, unit), unit
+
+    def apart(self, prefix: str) -> Effect:
+        """The effect with parameters of names that no other has: `prefix` and a dot before each."""
+        return replace(
+            self,
+            parameters=tuple(replace(p, name=f"{prefix}.{p.name}") for p in self.parameters),
+            terms=tuple(replace(t, parameter=f"{prefix}.{t.parameter}") for t in self.terms),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Plain dictionary that `from_json` reads back."""

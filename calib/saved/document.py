@@ -18,6 +18,7 @@ from calib.diagnose.diagnosis import Diagnosis
 from calib.fit.identification import Identification
 from calib.model.model import RobotModel
 from calib.regression.regression import Regression
+from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import content_hash
 from calib.saved.regression import document_of
 from calib.text.program import written_by
@@ -65,9 +66,11 @@ def model_document(
         if judged is None or diagnosis is None
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
         "noise_scale": identification.noise_scale,
+        "degrees_of_freedom": identification.degrees_of_freedom,
         "device": [dict(each) for each in identification.header.devices],
         "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
     }
+    document[KEY] = LeftOpen.of(identification).to_json()
     if regression is not None:
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,15 +26,40 @@ def in_series(model: RobotModel, dataset: Dataset) -> Dataset:
     return replace(dataset, conditions=conditions)
 
 
-def without_drifts(saved: SavedModel) -> tuple[Array, Array]:
-    """Estimate (m,) and covariance (m, m) without what the instrument did with time in its own campaign."""
-    model = saved.model
-    gone = {
-        term.parameter
-        for effect in model.effects
-        if effect.owner == "instrument"
-        for term in effect.terms
-        if isinstance(term.regressor, Time | WarmUp)
-    }
-    kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
-    return saved.estimate * kept, saved.covariance * np.outer(kept, kept)
+@dataclass(frozen=True)
+class Baseline:
+    """The baseline that later readings are compared with: model, estimate (m + k,) and covariance (m + k, m + k), with
+    what the calibration left open and without what the instrument did with time in its own campaign.
+
+    plain (m + k,): the estimate by which the saved model itself predicts, and corrects.
+    """
+
+    model: RobotModel
+    estimate: Array
+    covariance: Array
+    plain: Array
+
+    @classmethod
+    def of(cls, saved: SavedModel) -> Baseline:
+        """The baseline that a saved model is."""
+        model, estimate, covariance = saved.model, saved.estimate, saved.covariance
+        if saved.left_open is not None:
+            model, estimate, covariance = saved.left_open.beside(model, estimate, covariance)
+        gone = {
+            term.parameter
+            for effect in model.effects
+            if effect.owner == "instrument"
+            for term in effect.terms
+            if isinstance(term.regressor, Time | WarmUp)
+        }
+        kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
+        plain = np.concatenate([saved.estimate, np.zeros(len(estimate) - len(saved.estimate))])
+        return cls(model, estimate * kept, covariance * np.outer(kept, kept), plain * kept)
+
+
+def root_of(covariance: Array) -> Array:
+    """(m, m) R with R R' = covariance, which may be singular, and has squares of mm beside such of rad/(N.mm)."""
+    size = np.sqrt(np.diag(covariance))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

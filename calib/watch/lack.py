@@ -11,22 +11,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from calib.data.dataset import Dataset
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import readings_of
 from calib.model.model import Design
 from calib.saved import SavedModel
-from calib.watch.baseline import in_series, without_drifts
+from calib.watch.baseline import Baseline, in_series
 
 
 def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     """The angle, rad, by which the joints would have to scatter more than declared for the errors that the calibration
     found on readings it had not seen; without such readings, for those of its fit. Nothing where these are as
     declared."""
-    model, estimate = saved.model, saved.estimate
-    dataset = in_series(model, dataset)
-    estimate, covariance = without_drifts(saved)
+    dataset = in_series(saved.model, dataset)
+    baseline = Baseline.of(replace(saved, left_open=None))
+    model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
     of_points = bool((dataset.fit_rows & dataset.pointed).any())
     rows = dataset.fit_rows & (dataset.pointed if of_points else dataset.spanned)
     if not rows.any():
@@ -49,8 +50,26 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
         given = dataset.u_length[rows]
         instrument = float(np.mean(np.where(np.isfinite(given), given, noise.length_mm) ** 2))
     known = instrument + float(noise.of_each_joint(model.robot.kinds) ** 2 @ by_joint)
-    if saved.held_out_rms_mm is None:
-        beyond = (max(saved.noise_scale, 1.0) ** 2 - 1.0) * known
-    else:
-        beyond = saved.held_out_rms_mm**2 - known - uncertain
-    return float(np.sqrt(max(beyond, 0.0) / float(model.robot.steps**2 @ by_joint)))
+    beyond = _likely(saved, known, uncertain, rows=3 if of_points else 1)
+    return float(np.sqrt(beyond / float(model.robot.steps**2 @ by_joint)))
+
+
+def _likely(saved: SavedModel, known: float, uncertain: float, rows: int) -> float:
+    """The lack as a mean square, mm2, by what the fit left and by what it had not seen, of so many rows a reading.
+
+    Both are uncertain, and it is not negative: its expectation is that of a normal distribution cut off at nothing.
+    Where a file does not say of how many readings they are, the estimate itself by what had not been seen.
+    """
+    freedom, held_out = saved.degrees_of_freedom, saved.held_out_rms_mm
+    found = (saved.noise_scale**2 - 1.0) * known
+    if freedom is not None:
+        weight = 0.5 * freedom / (saved.noise_scale**2 * known) ** 2
+        if held_out is not None and saved.held_out is not None:
+            more = 0.5 * rows * saved.held_out / held_out**4
+            weight, found = (
+                weight + more,
+                (weight * found + more * (held_out**2 - known - uncertain)) / (weight + more),
+            )
+        cut = found * np.sqrt(weight)
+        return float(found + np.exp(norm.logpdf(cut) - norm.logcdf(cut)) / np.sqrt(weight))
+    return max(found if held_out is None else held_out**2 - known - uncertain, 0.0)

@@ -33,7 +33,7 @@ def missed(seen: Seen, dataset: Dataset) -> Missed:
     """The errors of the readings of a watch against its baseline."""
     rows = seen.readings.rows
     design = Design(seen.model, seen.readings.conditions)
-    frames = design.frames(seen.estimate, {*design.slots})
+    frames = design.frames(seen.plain, {*design.slots})
     pointed = dataset.pointed[rows]
     off = dataset.points[rows].T - frames.p  # (3, n), NaN where a distance was measured
     lengths = dataset.lengths[rows] - np.linalg.norm(frames.p - frames.anchor, axis=0) - frames.length_zero
@@ -47,7 +47,7 @@ def missed(seen: Seen, dataset: Dataset) -> Missed:
     variance = float(np.einsum("in,nij,jn->", g[:, pointed], of_points, g[:, pointed]))
     others = RobotModel(seen.model.robot, (frame_effect(),), seen.model.targets, anchors=seen.model.anchors)
     by_frame = Design(others, seen.readings.conditions)
-    moved = by_frame.point_columns(design.frames(seen.estimate, {*design.slots, *by_frame.slots}))
+    moved = by_frame.point_columns(design.frames(seen.plain, {*design.slots, *by_frame.slots}))
     turn = moved.T @ g.reshape(-1)
     variance += float(turn @ frame_covariance(dataset.header.nests, noise, seen.model.station) @ turn)
     given = dataset.u_length[rows]

@@ -2,14 +2,14 @@
 
     r = measured - predicted = A x + J e + T w + F f + noise
 
-x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain; w what the model was
+x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain, of its own model and
+of effects that this does not hold (`calib.saved.left_open`); w what the model was
 shown to lack by its own validation, as if the joints scattered more (the same in every watch at the same poses); f the
 frame, set up anew each time; and noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -26,7 +26,7 @@ from calib.fit.readings import Readings, readings_of
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
 from calib.saved import SavedModel
-from calib.watch.baseline import in_series, without_drifts
+from calib.watch.baseline import Baseline, in_series, root_of
 from calib.watch.frame import frame_covariance, frame_effect
 from calib.watch.lack import scatter_beyond
 from calib.watch.placed import placed
@@ -36,14 +36,15 @@ from calib.watch.placed import placed
 class Seen:
     """Readings of q measured rows as a baseline sees them, whitened by noise and repeatability.
 
-    estimate (m,), covariance (m, m): the baseline's, internal units; residual (q,); lasting (q, a), passing (q, b):
-    columns of unit variance of what stays the same from watch to watch, and of what is drawn anew; causes, and the
-    columns (q, p) of each.
+    estimate (m,), covariance (m, m), plain (m,): the baseline's (`calib.watch.baseline`), internal units; residual
+    (q,); lasting (q, a), passing (q, b): columns of unit variance of what stays the same from watch to watch, and of
+    what is drawn anew; causes, and the columns (q, p) of each.
     """
 
     model: RobotModel
     estimate: Array
     covariance: Array
+    plain: Array
     readings: Readings
     residual: Array
     of_parameters: Array  # (q, m)
@@ -62,14 +63,20 @@ class Seen:
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
-        model, dataset = saved.model, in_series(saved.model, dataset)
-        estimate, covariance = without_drifts(saved)
+        dataset = in_series(saved.model, dataset)
+        baseline = Baseline.of(saved)
+        model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
         dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
         design = Design(model, readings.conditions)
-        causes = _causes(model, estimate, saved, dataset, readings)
+        causes = _causes(saved, dataset, readings)
         frame = frame_effect()
-        others = RobotModel(model.robot, (*_apart(causes), frame), model.targets, anchors=model.anchors)
+        others = RobotModel(
+            model.robot,
+            (*(cause.apart(_SINCE) for cause in causes), frame),
+            model.targets,
+            anchors=model.anchors,
+        )
         beside = Design(others, readings.conditions)
         joints = model.robot.joint_slots
         frames = design.frames(estimate, {*design.slots, *beside.slots, *joints})
@@ -79,11 +86,11 @@ class Seen:
         ends = np.cumsum([0, *(len(cause.parameters) for cause in causes)])
         of_causes = tuple(of_others[:, a:b] for a, b in pairwise(ends))
         header = dataset.header
-        of_frame = of_others[:, ends[-1] :] @ _root(
+        of_frame = of_others[:, ends[-1] :] @ root_of(
             frame_covariance(header.nests, header.noise, model.station)
         )
         lack = scatter_beyond(saved, dataset) if lack is None else lack
-        lasting = np.column_stack([of_parameters @ _root(covariance), of_frame])
+        lasting = np.column_stack([of_parameters @ root_of(covariance), of_frame])
         if lack > 0.0:
             lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, model)[measured]])
         passing = of_frame
@@ -95,6 +102,7 @@ class Seen:
             model,
             estimate,
             covariance,
+            baseline.plain,
             readings,
             residual,
             of_parameters,
@@ -132,7 +140,7 @@ class Seen:
 
     def exact(self, cause: Effect, values: Array) -> Array:
         """(q,) residual where a cause has some values (p,), through the whole chain."""
-        model = replace(self.model, effects=(*self.model.effects, *_apart((cause,))))
+        model = replace(self.model, effects=(*self.model.effects, cause.apart(_SINCE)))
         frames = Design(model, self.readings.conditions).frames(np.concatenate([self.estimate, values]), ())
         return self.readings.observed.residual(frames).reshape(-1)[self.measured]
 
@@ -146,13 +154,13 @@ class Seen:
         return design.point_columns(baseline.frames(self.estimate, {*design.slots}))
 
 
+_SINCE = "since"
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
-def _causes(
-    model: RobotModel, estimate: Array, saved: SavedModel, dataset: Dataset, readings: Readings
-) -> tuple[Effect, ...]:
+def _causes(saved: SavedModel, dataset: Dataset, readings: Readings) -> tuple[Effect, ...]:
     """The causes that may have set in. Where the model has an effect already, its bounds hold for both together."""
+    model, estimate = saved.model, saved.estimate
     survey = Survey(
         robot=model.robot,
         conditions=readings.conditions,
@@ -176,18 +184,6 @@ def _beyond(cause: Effect, model: RobotModel, estimate: Array) -> Effect:
     return replace(cause, parameters=tuple(parameters))
 
 
-def _apart(causes: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The causes with parameters of names that no effect of the model has."""
-    return tuple(
-        replace(
-            cause,
-            parameters=tuple(replace(p, name=f"since.{p.name}") for p in cause.parameters),
-            terms=tuple(replace(t, parameter=f"since.{t.parameter}") for t in cause.terms),
-        )
-        for cause in causes
-    )
-
-
 def _station(dataset: Dataset) -> tuple[float, float, float]:
     return dataset.header.noise.station_mm
 
@@ -206,12 +202,6 @@ def _by_joint(readings: Readings, frames: Frames, model: RobotModel) -> Array:
     apart = (columns[:, None] * each[None, :, None, :]).reshape(-1, *columns.shape[1:])
     whitened = readings.observed.by_visit(apart)
     return whitened.reshape(len(whitened), -1).T
-
-
-def _root(covariance: Array) -> Array:
-    """(m, m) R with R R' = covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _length(columns: Array) -> Array:

@@ -63,9 +63,10 @@ class Change:
 
     def covariance_of(self, saved: SavedModel, seen: Seen, place: Sequence[int], size: int) -> Array:
         """(size, size) covariance of the estimate once the change is added at some places of it."""
-        acts = np.diag(seen.covariance) > 0.0  # not what the instrument did with time in its own campaign
-        shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ self.weighed @ self.normal
         old = len(saved.estimate)
+        # not what the instrument did with time in its own campaign
+        acts = np.flatnonzero(np.diag(seen.covariance)[:old] > 0.0)
+        shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ self.weighed @ self.normal
         into = np.zeros((size, old + len(place)))
         into[:old, :old] = np.eye(old)
         into[place, old + np.arange(len(place))] += 1.0

@@ -51,6 +51,7 @@ from tests.benchmarks import (
     strangers,
     upkeep,
     watch,
+    watch_baselines,
     watch_plans,
 )
 
@@ -85,6 +86,7 @@ BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "fleet_kills": (fleet_kills.run, 2000),
     "fleet_store": (fleet_store.run, 100_000),
     "outbox": (outbox.run, 10_000),
+    "watch_baselines": (watch_baselines.run, 25),
     "watch_plans": (watch_plans.run, 500),
     "upkeep": (upkeep.run, 10),
     "priors": (priors.run, 20),

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
+from acquisition.cell.world_frame import from_nests
 from calib.array import Array
 from calib.data import Dataset, Noise, read_dataset
 from calib.errors import DataError
@@ -152,15 +152,17 @@ def test_the_error_of_the_baseline_is_in_the_spread(
 ) -> None:
     """Residuals of models drawn from the covariance, through the chain, are white beside the noise."""
     data = measure()
-    seen = Seen.of(saved, data)
+    seen = Seen.of(saved, data, lack=0.0)
     noise = np.random.default_rng(5)
-    root = np.linalg.cholesky(saved.covariance + 1e-24 * np.eye(len(saved.estimate)))
-    conditions = replace(data.conditions, series_names=tuple(saved.model.targets))
-    design = Design(saved.model, conditions)
+    size = np.sqrt(np.diag(seen.covariance))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(seen.covariance / np.outer(scale, scale))
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    design = Design(seen.model, seen.readings.conditions)
     whiten = np.linalg.inv(np.linalg.cholesky(seen.spread()))
     sums = []
     for _ in range(200):
-        other = design.predict(saved.estimate + root @ noise.normal(size=len(root)))
+        other = design.predict(seen.estimate + root @ noise.normal(size=len(root)))
         residual = Seen.of(replace(saved), replace(data, points=other)).residual
         sums.append(np.sum((whiten @ (residual + noise.normal(size=len(residual)))) ** 2))
     assert np.mean(sums) == pytest.approx(len(seen.residual), rel=0.05)
@@ -259,14 +261,14 @@ def test_a_history_is_appended_once_and_keeps_baselines_apart(
         read_history(file)
 
 
-def test_the_frame_on_nests_is_as_uncertain_as_its_fit() -> None:
+def test_the_frame_on_nests_is_as_uncertain_as_it_is_set_up() -> None:
     nests = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 250.0)}
     places, rng, off = np.array(list(nests.values())), np.random.default_rng(3), []
     point = np.array([400.0, 300.0, 500.0])
     for _ in range(4000):
         read = places + 0.02 * rng.normal(size=places.shape)
-        turn = Rotation.align_vectors(places - places.mean(axis=0), read - read.mean(axis=0))[0]
-        off.append(turn.apply(point - read.mean(axis=0)) + places.mean(axis=0) - point)
+        frame = from_nests(dict(zip(nests, read, strict=True)), nests)  # as a record sets it up
+        off.append(frame.to_world(point) - point)
     covariance = frame_covariance(nests, Noise("isotropic", sigma_mm=0.02), (0.0, 0.0, 0.0))
     x, y, z = point
     moves = np.hstack([np.eye(3), np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])])

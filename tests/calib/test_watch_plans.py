@@ -113,7 +113,7 @@ def test_every_other_round_comes_from_the_opposite_side() -> None:
 
 
 def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: SavedModel) -> None:
-    header, by_points = header_of(POINTS), replace(by_points, noise_scale=1.0)
+    header, by_points = header_of(POINTS), sure(by_points)
     one, two = visits_of((("T2", ""),), 8), visits_of((("T2", ""), ("T3", "")), 8)
 
     def of_wrist(visits: Visits) -> float:
@@ -134,6 +134,11 @@ def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: Sa
     assert all(each.reached == (each.size <= 0.01) for each in found)
 
 
+def sure(saved: SavedModel) -> SavedModel:
+    """A baseline of which its model is known to hold all that is there."""
+    return replace(saved, noise_scale=1.0, left_open=None, degrees_of_freedom=None)
+
+
 def quiet() -> Header:
     """A header with a better instrument and arm than the baseline was measured with."""
     header = header_of(POINTS)
@@ -144,7 +149,7 @@ def quiet() -> Header:
 
 
 def test_a_plan_reads_as_often_as_shows_what_should_be_seen(by_points: SavedModel) -> None:
-    header, known = quiet(), replace(by_points, noise_scale=1.0)
+    header, known = quiet(), sure(by_points)
     some = visits_of((("T2", ""),), 40)
     once = plan(known, header, some, 8)
     assert (once.rounds, once.repeats) == (1, 1)
@@ -183,7 +188,7 @@ def test_poses_are_exchanged_for_what_is_seen_worst(
 
 
 def test_what_is_said_to_be_enough_is(by_points: SavedModel) -> None:
-    header, known = quiet(), replace(by_points, noise_scale=1.0, covariance=0.0 * by_points.covariance)
+    header, known = quiet(), replace(sure(by_points), covariance=0.0 * by_points.covariance)
     some = visits_of((("T2", ""),), 40)
     found = plan(known, header, some, 10, times=2, repeats=2)
     assert found.enough is not None

@@ -25,8 +25,8 @@ CHANGES = (
     ),
     Change(
         "calib/watch/frame.py",
-        "zero, z, -y, -z, zero, x, y, -x, zero",
-        "zero, z, -y, z, zero, x, y, -x, zero",
+        "np.concatenate([frame.to_world(about) - about, turn])",
+        "np.concatenate([frame.to_world(about) - about, 0.5 * turn])",
         "the frame on the nests is as uncertain as another one",
         _WATCH,
     ),

@@ -12,7 +12,7 @@ _UPKEEP = ("tests/calib/test_upkeep.py",)
 CHANGES = (
     Change(
         "calib/watch/seen.py",
-        "of_parameters @ _root(covariance), of_frame",
+        "of_parameters @ root_of(covariance), of_frame",
         "0.0 * of_parameters, of_frame",
         "a watch forgets what the calibration left uncertain",
         _WATCH,

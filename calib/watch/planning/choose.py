@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.units import to_internal
+from calib.watch.baseline import root_of
 from calib.watch.planning.wanted import needed, of_one_unit, wanted_of
 from calib.watch.seen import Seen
 
@@ -137,9 +138,8 @@ class _Short:
 
 def _shared(seen: Seen) -> Array:
     """(q, s) columns of unit variance of what the poses share: the baseline's error and the frame."""
-    values, vectors = np.linalg.eigh(seen.covariance)
-    held = values > 1e-12 * values.max()
-    of_baseline = seen.of_parameters @ (vectors[:, held] * np.sqrt(values[held]))
+    root = root_of(seen.covariance)
+    of_baseline = seen.of_parameters @ root[:, np.any(root != 0.0, axis=0)]
     return np.column_stack([of_baseline, np.sqrt(2.0) * seen.passing])
 
 

@@ -1,0 +1,129 @@
+"""What a calibration left open: effects that could be there and that its model does not hold.
+
+A diagnosis names what readings show beyond chance. What is smaller is not absent: an arm has some play in every joint,
+and fifty readings do not show 0.003 deg of it. A later watch may, and must not take it for new. With X the whitened
+columns of the model at its readings, B those of the effects, S their usual sizes, C the covariance of the model's
+parameters and s the noise of the fit,
+
+    D = ((B'B - B'X C X'B / s^2) / s^2 + S^-2)^-1,    G = C X'B / s^2:
+
+D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
+model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
+corrects without d, which is not claimed; a watch compares with it. Source: Kennedy and O'Hagan 2001 (what a model
+lacks is one more unknown).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.array import Array
+from calib.effects import Survey, changes, compliance_of
+from calib.errors import DataError
+from calib.fit.identification import Identification
+from calib.fit.readings import linearised
+from calib.model.effect import Effect
+from calib.model.model import RobotModel
+from calib.saved.model_checks import numbers_of, refuse_effects
+
+_PREFIX = "open"
+KEY = "left_open"
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """Effects with k parameters that the model of a calibration does not hold. estimate (k,), covariance (k, k) and
+    taken_on (m, k), internal units: d, D and G above."""
+
+    effects: tuple[Effect, ...]
+    estimate: Array
+    covariance: Array
+    taken_on: Array
+
+    @classmethod
+    def of(cls, found: Identification) -> LeftOpen:
+        """What the readings of a fit left open of the effects that can set in between two campaigns."""
+        model, m = found.model, len(found.estimate)
+        survey = Survey(
+            robot=model.robot,
+            conditions=found.readings.conditions,
+            compliance=compliance_of(model, found.estimate),
+            loads=found.header.loads,
+            station=model.station,
+        )
+        had = {effect.label for effect in model.effects}
+        effects = tuple(effect for effect in changes(survey) if effect.label not in had)
+        beside = model.append(*(effect.apart(_PREFIX) for effect in effects))
+        estimate = np.concatenate([found.estimate, np.zeros(len(beside.parameters) - m)])
+        gram = np.zeros((len(estimate), len(estimate)))
+        along = np.zeros(len(estimate))
+        for _, residual, columns in linearised(beside, found.readings, estimate):
+            gram += columns.T @ columns
+            along += columns.T @ residual.ravel()
+        noise = max(found.noise_scale, 1.0) ** 2
+        taken_on = found.covariance @ gram[:m, m:] / noise
+        shown = (gram[m:, m:] - gram[m:, :m] @ taken_on) / noise
+        size = beside.prior_std[m:]
+        values, vectors = np.linalg.eigh(size[:, None] * shown * size)
+        root = size[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
+        covariance = root @ root.T
+        return cls(effects, covariance @ along[m:] / noise, covariance, taken_on)
+
+    def beside(
+        self, model: RobotModel, estimate: Array, covariance: Array
+    ) -> tuple[RobotModel, Array, Array]:
+        """Model, estimate (m + k,) and covariance (m + k, m + k) with the effects that are left open."""
+        m, k = len(estimate), len(self.estimate)
+        carried = np.zeros((m + k, k))
+        carried[: len(self.taken_on)] = -self.taken_on
+        carried[m:] = np.eye(k)
+        whole = carried @ self.covariance @ carried.T
+        whole[:m, :m] += covariance
+        return (
+            model.append(*(effect.apart(_PREFIX) for effect in self.effects)),
+            np.concatenate([estimate, np.zeros(k)]) + carried @ self.estimate,
+            whole,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionary that `from_json` reads back."""
+        return {
+            "effects": [effect.to_json() for effect in self.effects],
+            "estimate_internal_units": _digits(self.estimate),
+            "covariance_internal_units": [_digits(row) for row in self.covariance],
+            "taken_on_internal_units": [_digits(row) for row in self.taken_on],
+        }
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any], model: RobotModel, path: Path) -> LeftOpen:
+        """What `to_json` wrote beside a model, to which parameters may have been added since. Raises DataError,
+        KeyError for a missing key."""
+        effects = tuple(Effect.from_json(entry) for entry in table["effects"])
+        refuse_effects(RobotModel(model.robot, effects, model.targets, anchors=model.anchors), path)
+        k, taken_on = sum(len(effect.parameters) for effect in effects), table["taken_on_internal_units"]
+        rows = len(taken_on)
+        if not 0 < rows <= len(model.parameters):
+            raise DataError(
+                "has more parameters than the model.", do="Write the model again.", file=path, key=KEY
+            )
+        covariance = numbers_of(table["covariance_internal_units"], (k, k), f"{KEY}.covariance", path)
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        if np.any(np.abs(covariance) > 1.001 * np.outer(spread, spread) + 1e-30):
+            raise DataError(
+                "is no covariance.", do="Write the model again.", file=path, key=f"{KEY}.covariance"
+            )
+        return cls(
+            effects,
+            numbers_of(table["estimate_internal_units"], (k,), f"{KEY}.estimate", path),
+            covariance,
+            numbers_of(taken_on, (rows, k), f"{KEY}.taken_on", path),
+        )
+
+
+def _digits(values: Array) -> list[float]:
+    return [float(f"{x:.10g}") for x in values.tolist()]

@@ -1,0 +1,153 @@
+"""The rate of false alarms over baselines: many arms, each calibrated once by few readings, and watched unchanged.
+
+All watches of one baseline share its error, so a few of them say nothing about the stated rate. Every arm is one of
+`mocks.world` with what is hidden in it: what a simulated cell draws (`mocks.cell`: one effect of gears, play, encoder,
+tool, base, air or tracker, three times the noise), or what a real arm has, an error of every gear and play in every
+joint, each 0.4 times the noise, which no diagnosis of so few readings names. Campaign and watch go the way of a live
+cell without its wires: visits of three targets that share the repeatability, a frame set up on nests that are measured
+anew each time, files, diagnosis, a plan with its own choice of visits and readings, and the odds by which `judge`
+raises its alarm. What a tracker did in its own campaign (drift) is over when the watch begins.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.cell.world_frame import from_nests
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.data.read import read_dataset
+from calib.diagnose import diagnose
+from calib.saved import SavedModel, as_saved
+from calib.units import DEG
+from calib.watch import Seen, Visits, plan
+from calib.watch.judge import RATE, odds_of
+from calib.watch.planning.planned import planned
+from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
+from mocks.world import ArmState, Session, World, random_label, scaled
+from mocks.world.dataset import header_of, row_of
+from mocks.world.poses import approach_point, random_pose
+from mocks.world.scaling import Reading
+from tests.benchmarks.clock import line
+from tests.benchmarks.diagnosis_sets import visits
+
+HELD_OUT = 0.4  # readings to judge by, over those of the fit
+TARGETS = ("T2",)
+POSES, CANDIDATES, WATCHES = 10, 120, 16
+NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
+GEARS = (1, 2, 3, 4, 50, 80, 100, 101, 120, 160)
+MOST = 0.015  # of all watches may alarm
+_LABEL, _FRAME, _POSES = 22, 40, 41  # random streams: of `mocks.cell`, and our own
+_PASSING = ("drift_translation", "drift_rotation")
+_AXES = ("x_mm", "y_mm", "z_mm")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Arms that are calibrated by so many readings, with one effect that a cell draws, or some of every joint."""
+
+    name: str
+    readings: int
+    drawn: bool
+
+
+KINDS = tuple(
+    Kind(name, readings, name == "one effect")
+    for name in ("one effect", "some of every joint")
+    for readings in (30, 51, 102)
+)
+
+
+def hide(world: World, kind: Kind, readings: Sequence[Reading]) -> None:
+    """Hide the effects of a kind in an arm, scaled on some readings."""
+    rng = np.random.default_rng([world.seed, _LABEL])
+    arrivals = 1 + max(state.reading for state, _ in readings)
+    world.session = Session(arrivals, world.session.duration_s / arrivals)  # steps count arrivals
+    if kind.drawn:
+        labels, size = [random_label(world.robot, rng)], 3.0
+    else:
+        orders = rng.choice(GEARS, size=6)
+        labels = [f"periodic:j{k}:n{n}" for k, n in enumerate(orders, start=1)]
+        labels, size = [*labels, *(f"backlash:j{k}" for k in range(1, 7))], 0.4
+    world.effects = [scaled(world, world.draw_effect(label), readings, size) for label in labels]
+
+
+def in_frame(world: World, points: Array, rng: np.random.Generator) -> Array:
+    """Points (n, 3), mm, in a world frame that is set up on nests measured now."""
+    nests = {name: np.array(place) for name, place in NESTS.items()}
+    seen = {name: at + world.noise.draw(at, world.station, rng) for name, at in nests.items()}
+    return from_nests(seen, NESTS).to_world(points)
+
+
+def calibrated(world: World, kind: Kind) -> Dataset:
+    """The data set of a calibration."""
+    rng = np.random.default_rng([world.seed, _FRAME])
+    sets, readings = visits(world, kind.readings, round(HELD_OUT * kind.readings), 1, 3, "offset", rng)
+    hide(world, kind, readings)
+    rows = [row_of(world, i, *each) for i, each in enumerate(zip(sets, readings, strict=True))]
+    points = in_frame(world, np.array([[row[axis] for axis in _AXES] for row in rows]), rng)
+    for row, point in zip(rows, points.tolist(), strict=True):
+        row.update(zip(_AXES, point, strict=True))
+    header = header_of(world, 1.0, DEFAULT_FIT) | {"nests": {n: list(at) for n, at in NESTS.items()}}
+    with tempfile.TemporaryDirectory() as folder:
+        return read_dataset(write_campaign(Campaign(rows, header, {}, world, readings), Path(folder))["csv"])
+
+
+def checks(saved: SavedModel, dataset: Dataset, world: World) -> Visits:
+    """The visits that the plan makes of random poses."""
+    rng = np.random.default_rng([world.seed, _POSES])
+    joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(CANDIDATES)])
+    sides = rng.choice((-1.0, 1.0), size=joints.shape)
+    candidates = Visits.of_points(joints, sides, np.full(CANDIDATES, 5.0 * DEG), TARGETS)
+    return plan(saved, dataset.header, candidates, POSES, times=None, repeats=None).visits
+
+
+def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, number: int) -> Dataset:
+    """A watch of the unchanged arm, in a frame of its own, at the air of some moment of its calibration."""
+    template = planned(saved, dataset.header, check)
+    air_c = round(world.air_c(world.session.duration_s * (number + 1) / WATCHES), 2)
+    first, points = 10_000 * (1 + number), []
+    for i, (joints, side, read) in enumerate(
+        zip(np.degrees(check.joints), check.sides, check.read, strict=True)
+    ):
+        at, sides = tuple(joints.tolist()), tuple(int(s) for s in side)
+        state = ArmState(at, approach_point(at, sides), sides, 20.0 * i, air_c, first + i)
+        points += [world.measured_point(state, target) for target, _ in read]
+    conditions = replace(template.conditions, temperature=np.full(len(points), air_c))
+    rng = np.random.default_rng([world.seed, _FRAME, number])
+    return replace(template, conditions=conditions, points=in_frame(world, np.array(points), rng))
+
+
+def alarms(kind: Kind, seed: int) -> int:
+    """How many of WATCHES watches of an unchanged arm raise an alarm."""
+    world = World("abb-irb120", seed, [], session=Session(round((1.0 + HELD_OUT) * kind.readings)))
+    dataset = calibrated(world, kind)
+    world.effects = [effect for effect in world.effects if effect.label not in _PASSING]
+    diagnosis = diagnose(dataset)
+    saved = as_saved(diagnosis.final, diagnosis)
+    check = checks(saved, dataset, world)
+    every = [Seen.of(saved, watched(saved, dataset, check, world, k)) for k in range(WATCHES)]
+    whiten, odds = odds_of(every[0])
+    white = np.array([whiten @ seen.residual for seen in every])
+    return int(np.sum(odds.p_values(white).min(axis=1) < odds.limit(RATE)))
+
+
+def run(count: int = 25) -> bool:
+    """Print the share of alarms over so many baselines of every kind, and of baselines that alarm again and again."""
+    reached = True
+    for kind in KINDS:
+        found = np.array([alarms(kind, seed) for seed in range(count)])
+        share, often = float(found.mean()) / WATCHES, int(np.sum(found > 0.1 * WATCHES))
+        reached &= share <= MOST
+        line(
+            f"{kind.name}, {kind.readings} readings, {count} baselines: false alarms",
+            f"{share:.2%} ({found.sum()} of {found.size * WATCHES}, {often} baselines above 10 %)",
+            f"<= {MOST:.1%}",
+            share <= MOST,
+        )
+    return reached
