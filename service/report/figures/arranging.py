@@ -85,5 +85,5 @@ def _legend_height(drawn: Figure) -> float:
         return 0.0
     (legend,) = drawn.legends
     lines = [_lines(text.get_text()) for text in legend.get_texts()]
-    columns = np.array_split(lines, legend._ncols)
+    columns = np.array_split(lines, legend._ncols)  # pyright: ignore[reportAttributeAccessIssue]
     return float(max(column.sum() for column in columns)) * _LINE + _PAD
