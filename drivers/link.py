@@ -128,7 +128,7 @@ class TcpLink:
             ) from error
         except OSError as error:
             raise LinkLost(
-                f"{where} not reachable: {error}", device=self.device, command="connect"
+                f"{where} not reachable: {_words(error)}", device=self.device, command="connect"
             ) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._log("!", b"open " + where.encode())
@@ -170,7 +170,9 @@ class TcpLink:
                 f"request not taken within send = {send_s:g} s", device=self.device, command=command
             ) from error
         except OSError as error:
-            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+            raise LinkLost(
+                f"connection lost: {_words(error)}", device=self.device, command=command
+            ) from error
 
     def read_until(
         self,
@@ -258,7 +260,9 @@ class TcpLink:
                 sock.settimeout(0)
                 self._take(sock.recv(_CHUNK), command)
         except (OSError, ValueError) as error:
-            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+            raise LinkLost(
+                f"connection lost: {_words(error)}", device=self.device, command=command
+            ) from error
         if self._buffer:
             raise ProtocolError(
                 "bytes that nobody asked for", device=self.device, command=command, raw=self._buffer
@@ -274,7 +278,9 @@ class TcpLink:
         except TimeoutError:
             return False
         except OSError as error:
-            raise LinkLost(f"connection lost: {error}", device=self.device, command=command) from error
+            raise LinkLost(
+                f"connection lost: {_words(error)}", device=self.device, command=command
+            ) from error
         self._take(data, command)
         return True
 
@@ -304,7 +310,7 @@ class TcpLink:
             return
         except OSError as error:
             raise LinkLost(
-                f"connection lost: {error}", device=self.device, command=command, raw=self._buffer
+                f"connection lost: {_words(error)}", device=self.device, command=command, raw=self._buffer
             ) from error
         self._take(data, command)
 
@@ -325,3 +331,8 @@ class TcpLink:
     def _log(self, direction: str, data: bytes) -> None:
         if self.wire is not None:
             self.wire.record(self.device, direction, data)
+
+
+def _words(error: OSError | ValueError) -> str:
+    """What the system says of an error, without its number."""
+    return getattr(error, "strerror", None) or str(error)

@@ -36,7 +36,7 @@ from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stoppin
 from acquisition.run.orders.lease import Lease
 from acquisition.run.orders.mover import Mover
 from acquisition.run.orders.noting import Noting
-from acquisition.run.outcome import Outcome, not_resumed, verdict_of
+from acquisition.run.outcome import Outcome, not_resumed, verdict_of, with_unheard
 from acquisition.run.prompts.desk import Desk
 from acquisition.run.rig.rig import Met, Rig
 from acquisition.run.sequencer import Sequencer
@@ -195,7 +195,7 @@ class Run:
                 # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.
                 execution.rig.release()
                 if ending is State.STOPPED or execution.rig.adrift:
-                    reason = " ".join([reason, *(each.sentence for each in execution.rig.unheard)])
+                    reason = with_unheard(reason, execution.rig.unheard)
                 error = self._end(ending, reason) or error
         return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 

@@ -1,6 +1,7 @@
 // Acceptance: the limits that an identification or a diagnosis is judged by, and the verdict with its guard bands.
 
 import { h, numeric, table } from "./dom.js";
+import { said } from "./sentences.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
 
@@ -22,6 +23,6 @@ export function acceptance(found) {
   if (!found) return null;
   const says = (verdict) => `${SIGNS[verdict] || "•"} ${t(`accept_${verdict}`)}`;
   return h("div", { id: "acceptance" }, h("p", { className: "big" }, says(found.verdict)),
-    table(t("acceptance"), ["", t("error"), "U", t("limit"), t("verdict")], found.criteria.map((each) => [`${each.zone ? `${each.zone}: ` : ""}${t(`quantity_${each.quantity}`)}`, numeric(`${number(each.figure_mm)} mm`),
-      numeric(each.expanded_uncertainty_mm === null ? "–" : `${number(each.expanded_uncertainty_mm)} mm`), numeric(`${number(each.limit_mm)} mm`), says(each.verdict)])), h("p", { className: "dim", lang: "en" }, found.rule));
+    table(t("acceptance"), ["", t("verdict"), t("error"), t("limit"), "U"], found.criteria.map((each) => [`${each.zone ? `${each.zone}: ` : ""}${t(`quantity_${each.quantity}`)}`, says(each.verdict), numeric(`${number(each.figure_mm)} mm`),
+      numeric(`${number(each.limit_mm)} mm`), numeric(each.expanded_uncertainty_mm === null ? "–" : `${number(each.expanded_uncertainty_mm)} mm`)])), h("p", { className: "dim" }, said(found.rule)));
 }

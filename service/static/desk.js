@@ -2,6 +2,7 @@
 
 import { Silence, ask, connection, key, stopBy } from "./connection.js";
 import { $, h } from "./dom.js";
+import { said, saidWords } from "./sentences.js";
 import { t } from "./words.js";
 
 const LEASE = "truepose-lease";
@@ -20,10 +21,10 @@ export function keep(granted) {
   if (desk.lease) sessionStorage.setItem(LEASE, JSON.stringify(desk.lease)); else sessionStorage.removeItem(LEASE);
 }
 
-// What went wrong, and what to do. The service says both in English, whatever the language of the page.
+// What went wrong, and what to do. The service says both in English; what the page has words for it says itself.
 export function trouble(error) {
   const parts = !error ? [] : error.whatToDo
-    ? [h("strong", { lang: "en" }, error.message), " ", h("span", { lang: "en" }, `${t("whatToDo")} ${error.whatToDo}`)]
+    ? [h("strong", {}, said(error.message)), " ", h("span", {}, `${t("whatToDo")} `, said(error.whatToDo))]
     : [error.message];
   $("trouble").replaceChildren(...parts);
 }
@@ -46,7 +47,7 @@ export function stop(shown) {
   if (!target) { trouble(new Error(cell ? t("nothingToStop") : t("nothingKnown"))); return; }
   order(async () => {
     const told = await stopBy(`${target}/stop`);
-    if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => `${p.message}. ${p.what_to_do}`).join(" "));
+    if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => saidWords(`${p.what_to_do} ${p.message}.`)).join(" "));
   });
 }
 

@@ -9,6 +9,7 @@ import { results, rowOfDataset, rowOfJob } from "./given.js";
 import { ladder } from "./ladder.js";
 import { exportsOf, programs } from "./programs.js";
 import { scenePicture } from "./scene.js";
+import { said } from "./sentences.js";
 import { duration, length, moment, number, sign, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -47,7 +48,7 @@ function mapped() {
       const made = await upload("/datasets/mapped", { files: [...files.files], map: map.files[0], name: files.files[0].name.replace(/\.\w+$/, "") });
       const fit = made.fit_of_robot;
       told.replaceChildren(h("p", {}, t("mappedTo", { name: made.name, n: made.readings }), fit ? ` ${t("mappedFit", { robot: fit.robot, mm: number(fit.miss_mm) })}` : ""),
-        h("ul", { lang: "en" }, made.said.map((each) => h("li", {}, each))));
+        h("ul", {}, made.said.map((each) => h("li", {}, said(each)))));
       send.reset();
     });
   } } }, h("label", {}, t("foreignFiles"), files), h("label", {}, "MAP.toml", map), h("button", {}, t("upload")));
@@ -74,7 +75,7 @@ function one(root, id) {
       ...(job.run_id ? [job.run_id] : job.runs || []).map((each) => h("a", { href: `#/run/${each}`, className: "do" }, `${t("toRun")} ${each.split("-").slice(3).join(" ")}`)),
       ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
       ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
-    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", { lang: "en" }, h("strong", {}, `✖ ${job.problem.operator_text}`)), h("p", { lang: "en" }, `${t("whatToDo")} ${job.problem.what_to_do}`))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : [])
+    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", {}, h("strong", {}, "✖ ", said(job.problem.operator_text))), h("p", {}, `${t("whatToDo")} `, said(job.problem.what_to_do)))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : [])
       .concat(job.kind !== "loop" && !busy && !looksOn() ? [h("section", { className: "wide" }, deleting(`/results/${id}`, head.textContent, "#/result"))] : []));
   }
 
@@ -85,8 +86,8 @@ function one(root, id) {
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
     if ((r.power || []).length) whole.push(h("section", wide, h("details", {}, h("summary", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
       powerTable(r.power))));
-    const said = [...(r.warnings || []), ...(r.notes || [])];
-    if (said.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", { lang: "en" }, said.map((each) => h("li", {}, each)))));
+    const remarks = [...(r.warnings || []), ...(r.notes || [])];
+    if (remarks.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", {}, remarks.map((each) => h("li", {}, said(each))))));
     if (!looksOn() && r.converged !== false) whole.push(programs(id), ...exportsOf(id, job.kind !== "loop"));
     const next = (r.follow_up || []).filter((each) => each.campaign);
     if (next.length && !looksOn()) whole.push(h("section", wide, h("h2", {}, t("followUp")), h("p", {}, t("followUpHint")), next.map((each) => button(t("keepCampaign"), () => order(async () => {
@@ -139,5 +140,5 @@ function effect(each) {
   return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", { lang: "en" }, each.meaning),
     h("p", {}, `${t("size")}: ${number(value)} ± ${number(std)} ${unit || ""} (${t("standardError")}); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
     rivals.length ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
-    each.check && h("p", { lang: "en" }, `${t("checkIt")}: ${typeof each.check === "string" ? each.check : each.check.text || ""}`));
+    each.check && h("p", {}, `${t("checkIt")}: `, said(typeof each.check === "string" ? each.check : each.check.text || "")));
 }

@@ -5,6 +5,7 @@ import { looksOn, order } from "./desk.js";
 import { fill, h } from "./dom.js";
 import { causeOf, day, dueOf, stateOf, withU } from "./history.js";
 import { posture } from "./posture.js";
+import { said as saidOf } from "./sentences.js";
 import { sparkline } from "./trend.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
@@ -12,7 +13,7 @@ import { t } from "./words.js";
 export const AGAIN_MS = 15000;
 
 // What a store that cannot be asked says, with what to do; what was shown stays.
-export const refusal = (error) => [h("strong", { lang: "en" }, `✖ ${error.message}`), " ", h("span", { lang: "en" }, `${t("whatToDo")} ${error.whatToDo}`)];
+export const refusal = (error) => [h("strong", {}, "✖ ", saidOf(error.message)), " ", h("span", {}, `${t("whatToDo")} `, saidOf(error.whatToDo))];
 
 export function open(root) {
   const list = h("ul", { className: "robots", ariaLabel: t("view_of_robots") }), says = h("p", { role: "status", id: "store-says" }), about = h("p", { className: "dim" });
@@ -58,5 +59,5 @@ function line(robot, permitted) {
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
       fact("positionError", robot.error_mm ? withU(robot.error_mm.rms, robot.error_mm.u, "mm") : "–"), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
     h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
-    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, h("span", { lang: "en" }, said.advice)) : null].filter(Boolean);
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null].filter(Boolean);
 }

@@ -12,11 +12,10 @@ import { legend, marks } from "./plan.js";
 import { poseList } from "./poses.js";
 import { promptCard } from "./prompt.js";
 import { scenePicture } from "./scene.js";
+import { said } from "./sentences.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
-// Reasons of the service that are met every day, in the words of the page.
-const FREQUENT = { "Paused on request.": "pausedOnRequest", "The service was ended.": "serviceEnded" };
 const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000, LIST_MS = 5000;
 
 // A point where it would be at the joints planned: a robot driven by hand stands beside them. Old records do not say.
@@ -101,8 +100,7 @@ export function open(root, id) {
     const active = ["running", "waiting_for_operator"].includes(run.state), looking = looksOn(), { silent } = connection;
     says.textContent = `${sign(run.state)} ${state(run.state)}${run.dry_run ? ` (${t("dryRunShort")})` : ""}`;
     says.dataset.state = run.state;
-    const mine = t(FREQUENT[run.reason] || "");
-    why.textContent = run.prompt ? "" : mine || run.reason; why.lang = mine ? document.documentElement.lang : "en";
+    fill(why, [run.prompt ? "" : run.reason], () => (run.prompt ? [] : said(run.reason)));
     step.textContent = desk.loop && run.id.startsWith(desk.loop.id) ? `${t("loop")}: ${desk.loop.step}` : "";
     bar.max = Math.max(run.total, 1); bar.value = run.done;
     done.textContent = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : "");
@@ -136,9 +134,15 @@ export function open(root, id) {
       h("table", {}, h("tbody", {}, rows.map(([name, value]) => h("tr", {}, h("th", { scope: "row" }, name), h("td", { className: "n" }, value)))))]);
   }
 
+  // The list is older than the run that is shown: of that its own state counts.
+  function choices() {
+    const known = runs.map((each) => (each.id === run.id ? run : each));
+    fill(chooser, known.map((each) => [each.id, each.state]), () => known.slice(0, MOST_RUNS).map((each) => h("option", { value: each.id }, `${each.name} · ${each.id.slice(0, 15)} · ${state(each.state)}${each.dry_run ? ` (${t("dryRunShort")})` : ""}`)));
+    chooser.value = id;
+  }
+
   async function look(again = false) {
     if (!id || Date.now() - listed > LIST_MS) { ({ runs } = await ask("GET", "/runs")); listed = Date.now(); }
-    fill(chooser, runs.map((each) => [each.id, each.state]), () => runs.slice(0, MOST_RUNS).map((each) => h("option", { value: each.id }, `${each.name} · ${each.id.slice(0, 15)} · ${state(each.state)}${each.dry_run ? ` (${t("dryRunShort")})` : ""}`)));
     if (!id) {
       const at = desk.cell && desk.cell.run_id ? desk.cell.run_id : desk.cell && desk.cell.loop_id ? null : runs.length ? runs[0].id : null;
       if (at) { history.replaceState(null, "", `#/run/${at}`); dispatchEvent(new HashChangeEvent("hashchange")); return; }
@@ -146,7 +150,7 @@ export function open(root, id) {
       return;
     }
     run = await ask("GET", `/runs/${id}`);
-    desks.hidden = false; chooser.value = id;
+    desks.hidden = false; choices();
     show();
     if (!scene && desk.cell) scene = await reckoned("/cell/scene").catch(() => null);
     const changed = plan && !run.dry_run && (run.done !== plan.done || run.skipped !== plan.skipped), rested = Date.now() - planned > REPLAN_MS || run.done === run.total;

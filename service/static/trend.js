@@ -2,6 +2,7 @@
 
 import { h, svg } from "./dom.js";
 import { day, withU } from "./history.js";
+import { said } from "./sentences.js";
 import { t } from "./words.js";
 
 const time = (text) => new Date(text).getTime();
@@ -69,8 +70,8 @@ export function trendCard(trend, { wide = false, permitted = null } = {}) {
   const last = trend.values.at(-1), W = innerWidth < 700 ? 330 : wide ? 860 : 420;
   return h("article", { className: wide ? "trend-card wide" : "trend-card" }, h("h3", {}, `${nameOf(trend.parameter)}${trend.unit ? `, ${trend.unit}` : ""}`),
     h("p", {}, `${t("lastValue")}: ${withU(last.value, last.u, trend.unit)} (${day(last.measured)})`), trendPicture(trend, W, permitted),
-    trend.signals.length ? h("ul", { className: "signals", lang: "en" }, trend.signals.map((each) => h("li", {}, `! ${each}`))) : null,
-    trend.no_chart_because ? h("p", { className: "dim", lang: "en" }, trend.no_chart_because) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
+    trend.signals.length ? h("ul", { className: "signals" }, trend.signals.map((each) => h("li", {}, "! ", said(each)))) : null,
+    trend.no_chart_because ? h("p", { className: "dim" }, said(trend.no_chart_because)) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
 }
 
 // What the marks mean, once for all pictures.

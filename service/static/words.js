@@ -1,4 +1,4 @@
-// The one table of words of the page: English, German. What the service itself says (errors, reasons, events) is English.
+// The one table of words of the page: English, German. What the service itself says is English: sentences.js.
 
 import { ROBOT_WORDS } from "./robot_words.js";
 
@@ -128,7 +128,6 @@ const WORDS = {
   readingsDone: ["Readings done", "Gemachte Messungen"],
   doneOf: ["{done} of {total} readings", "{done} von {total} Messungen"],
   skippedOf: ["{n} skipped", "{n} ausgelassen"],
-  pausedOnRequest: ["Paused on request.", "Auf Wunsch pausiert."], serviceEnded: ["The service was ended.", "Der Dienst wurde beendet."],
   pause: ["Pause", "Pausieren"], resume: ["Resume", "Fortsetzen"],
   restation: ["The instrument is moved", "Das Messgerät wird versetzt"],
   accept: ["Go on with the other one", "Mit dem anderen fortfahren"],
@@ -166,6 +165,13 @@ const WORDS = {
   priceAgain: ["Measured again it takes {time}, and U stays as planned.", "Noch einmal gemessen dauert sie {time}, und U bleibt wie geplant."],
   priceValidation: ["It only judges: predicted U is the same without it. Measured again it takes {time}.", "Sie prüft nur: die vorhergesagte U ist ohne sie dieselbe. Noch einmal gemessen dauert sie {time}."],
   priceUnknown: ["The poses do not determine the model, so U cannot be predicted. Measured again it takes {time}.", "Die Posen bestimmen das Modell nicht, U lässt sich nicht vorhersagen. Noch einmal gemessen dauert sie {time}."],
+  // what the record tells
+  event_created: ["created", "angelegt"], event_state: ["state", "Zustand"], event_command: ["order", "Befehl"], event_connected: ["connected", "verbunden"], event_arrived: ["arrived", "angekommen"], event_reading: ["reading", "Messung"],
+  event_prompt: ["question", "Frage"], event_answer: ["answer", "Antwort"], event_attempt_failed: ["attempt failed", "Versuch misslungen"], event_attempt_died: ["attempt died", "Versuch abgebrochen"], event_reconnect: ["connecting again", "verbindet neu"],
+  event_warm_up: ["warm-up", "Warmlaufen"], event_warming_up: ["warming up", "läuft warm"], event_warm: ["warm", "warm"], event_zeroed: ["zeroed", "genullt"], event_world_frame: ["world frame", "Weltsystem"], event_nests_checked: ["nests checked", "Nester geprüft"],
+  event_nest_doubted: ["nest doubted", "Nest zweifelhaft"], event_nests_again: ["nests again", "Nester noch einmal"], event_instrument_moved: ["instrument moved", "Messgerät versetzt"], event_restation: ["new station", "neuer Standpunkt"], event_battery_low: ["battery low", "Batterie schwach"],
+  event_measure_again: ["measure again", "noch einmal messen"], event_accept_other: ["other device accepted", "anderes Gerät angenommen"], event_detour: ["detour", "Umweg"], event_second_stage: ["second stage", "zweite Stufe"], event_second_stage_refused: ["second stage refused", "zweite Stufe abgelehnt"],
+  event_device_told: ["device told", "Gerät meldet"], event_rescued: ["rescued", "gerettet"],
   // prompts
   asks: ["The campaign asks", "Die Kampagne fragt"],
   arming: ["The buttons work in a moment.", "Die Tasten wirken gleich."],

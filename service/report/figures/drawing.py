@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
 from calib.array import Array
+from service.report.figures.arranging import arrange
 
 # Colours that stay apart in grey print and for colour-blind eyes.
 INK = "#1d2733"
@@ -49,6 +50,8 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names may hold a dollar sign
 }
 _POINTS = 72.0  # an inch
+_BAR = 0.14  # inches
+_EDGE = 1e-9  # of the axes: a point upon their edge is seen
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
     r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>"
@@ -64,16 +67,27 @@ _DOTS = re.compile(r'<g id="dots-(\d+)"\s*/>')
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
     """An empty figure, inches, and its axes row by row. Free of pyplot, so nothing is kept between reports."""
     with matplotlib.rc_context(_STYLE):
-        drawn = Figure(figsize=(width, height), layout="constrained")
+        drawn = Figure(figsize=(width, height))
         axes = drawn.subplots(rows, columns, squeeze=False)
     return drawn, [place for row in axes for place in row]
+
+
+def figure_with_bars(
+    width: float, height: float, rows: int, columns: int
+) -> tuple[Figure, list[list[Axes]], list[Axes]]:
+    """An empty figure, its axes by rows, and at the end of each row the axes of a colour bar."""
+    with matplotlib.rc_context(_STYLE):
+        drawn = Figure(figsize=(width, height))
+        ratios = [1.0] * columns + [_BAR]
+        axes = drawn.subplots(rows, columns + 1, squeeze=False, width_ratios=ratios)
+    return drawn, [list(row[:-1]) for row in axes], [row[-1] for row in axes]
 
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     """The legend of some axes above them, where it hides nothing."""
     drawn.legend(
         *axes.get_legend_handles_labels(),
-        loc="outside upper left",
+        loc="upper left",
         ncols=columns,
         frameon=False,
         fontsize=8.5,
@@ -81,6 +95,7 @@ def legend(drawn: Figure, axes: Axes, columns: int) -> None:
         handletextpad=0.5,
         columnspacing=1.6,
         borderpad=0.2,
+        borderaxespad=0.0,
     )
 
 
@@ -101,7 +116,7 @@ class _Dots(Line2D):
         assert isinstance(axes, Axes)
         assert drawn is not None
         seen = axes.transAxes.inverted().transform(axes.transData.transform(self.points))
-        points = self.points[np.all((seen >= 0.0) & (seen <= 1.0), axis=1)]
+        points = self.points[np.all((seen >= -_EDGE) & (seen <= 1.0 + _EDGE), axis=1)]
         share = drawn.transFigure.inverted().transform(axes.transData.transform(points))
         width, height = (_POINTS * length for length in drawn.get_size_inches())
         places = share * [width, -height] + [0.0, height]
@@ -127,12 +142,14 @@ def plain_ratio_axis(axes: Axes) -> None:
 
 
 def plain(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis, no powers of ten; between decades at 2 and 5, where few decades are seen."""
+    """Plain numbers on a logarithmic axis, no powers of ten; between decades at 2 and 5, where few decades are seen,
+    and at every digit within a fourfold."""
 
     def between(value: float, _: object) -> str:
         low, high = axis.get_view_interval()
         shown = f"{value:g}"
-        return shown if high < 20.0 * low and shown.strip("0.")[:1] in ("2", "5") else ""
+        seen = high < 4.0 * low or (high < 100.0 * low and shown.strip("0.")[:1] in ("2", "5"))
+        return shown if seen else ""
 
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(FuncFormatter(between))
@@ -145,6 +162,7 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
     clouds = [line for axes in drawn.axes for line in axes.lines if isinstance(line, _Dots)]
     for number, cloud in enumerate(clouds):
         cloud.set_gid(f"dots-{number}")
+    arrange(drawn)
     text = io.StringIO()
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)

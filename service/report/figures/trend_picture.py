@@ -10,6 +10,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 
 from service.report.figures import drawing
+from service.report.figures.arranging import arrange
 from service.results.history import Trend
 
 ENDINGS = (".svg", ".png")
@@ -49,13 +50,14 @@ def trend_picture(trend: Trend) -> Figure:
     axes.set_ylabel(f"{trend.parameter}, {trend.unit}" if trend.unit else trend.parameter)
     axes.set_title(f"Robot {trend.robot.serial} ({trend.robot.model})", loc="left", fontsize=9.5)
     drawing.legend(drawn, axes, 3)
+    arrange(drawn)
     return drawn
 
 
 def picture_bytes(trend: Trend, ending: str) -> bytes:
     """The picture as a file of SVG or PNG."""
     file = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": trend.parameter}):
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": trend.parameter, "font.size": 9.0}):
         metadata = {"Date": None} if ending == ".svg" else None
         trend_picture(trend).savefig(file, format=ending[1:], dpi=_DPI, metadata=metadata)
     return file.getvalue()
