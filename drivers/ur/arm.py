@@ -6,8 +6,9 @@ program runs, and target and actual joints agree and are at rest, never because 
 3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
 a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
 when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
-its own stops at any time. The other ports lie at their usual distances from the one in the URL; each can be
-given as an option (`realtime`, `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
+its own stops at any time, and where 30003 does not answer, 30002 and the dashboard are told (`drivers.ur.other_ways`).
+The other ports lie at their usual distances from the one in the URL; each can be given as an option (`realtime`,
+`secondary`, `dashboard`), and `feed=realtime` does without RTDE.
 
 Nothing here was tried on a controller yet.
 """
@@ -33,7 +34,8 @@ from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
 from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 from drivers.ur.dashboard import read_serial
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.motion import Limits, Motion, not_ready
+from drivers.ur.motion import STOP_SCRIPT, Limits, Motion, not_ready
+from drivers.ur.other_ways import halt_elsewhere
 from drivers.ur.realtime import Realtime
 from drivers.ur.rtde import Rtde
 from drivers.ur.secondary import Factory, read_factory
@@ -104,6 +106,7 @@ class UrArm:
         self._lock = threading.RLock()
         self._armed = False
         self._warned = False
+        self._serials: dict[str, str] = {}  # of arms that were met, by the name of their calibration
 
     def _link(self, address: Address) -> TcpLink:
         return TcpLink(address, self.name, wire=self._wire, clock=self._clock)
@@ -170,9 +173,17 @@ class UrArm:
         self._realtime.close()
 
     def identify(self) -> Identity:
-        """Type of the arm, software, and its serial number where the dashboard reports it. Raises LinkError."""
+        """Type of the arm, software, and which arm it is. Raises LinkError.
+
+        That is its serial number where the dashboard reports it (software 3.12 and 5.6 or later, and open), or else the
+        name of its calibration by the factory, which no two arms share.
+        """
         factory = self.factory()
         serial = read_serial(self._dashboard, self.name, self._deadlines, self._wire)
+        if serial:
+            self._serials[factory.calibration] = serial
+        else:
+            serial = self._serials.get(factory.calibration, factory.calibration)
         return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed)
 
     def factory(self) -> Factory:
@@ -245,8 +256,20 @@ class UrArm:
         self._motion.stopped.set()
         try:
             self._motion.halt()
-        except LinkError:  # a stop is worth a second try on a fresh connection
-            self._motion.halt()
+        except LinkError as error:
+            try:
+                halt_elsewhere(
+                    STOP_SCRIPT.encode("ascii"),
+                    self._secondary,
+                    self._dashboard,
+                    Rtde(self._link(self._address), self._deadlines),
+                    self._deadlines,
+                    self._wire,
+                    self._clock,
+                )
+            except LinkError:  # a stop is worth a second try on a fresh connection
+                _LOG.warning("%s: %s", self.name, error)
+                self._motion.halt()
 
     def status(self) -> RobotStatus:
         """State of the controller, over a connection of its own. Raises LinkError."""

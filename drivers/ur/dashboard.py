@@ -1,7 +1,8 @@
 """The dashboard server of a UR controller, TCP 29999: one line of text asks, one line answers.
 
-Only the serial number is read here; a controller whose dashboard is closed works without. Universal Robots,
-"Dashboard server", command `get serial number` (software 3.12 and 5.6 or later).
+The serial number is read here, and a program is stopped where nothing else reaches it; a controller whose dashboard is
+closed works without. Universal Robots, "Dashboard server", commands `get serial number` (software 3.12 and 5.6 or
+later), `stop`.
 """
 
 from __future__ import annotations
@@ -19,19 +20,26 @@ _COMMAND = "get serial number"
 
 def read_serial(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> str:
     """The serial number of the arm, or an empty text where the dashboard does not report it; never raises."""
+    answer = order(address, _COMMAND, device, deadlines, wire)
+    return answer.decode("ascii") if _SERIAL.fullmatch(answer) else ""
+
+
+def order(
+    address: Address, command: str, device: str, deadlines: UrDeadlines, wire: WireSink | None
+) -> bytes:
+    """The answer to a command, empty where the dashboard does not answer; never raises."""
     link = TcpLink(address, device, wire=wire)
 
     def line() -> bytes:
-        return link.read_until(b"\n", command=_COMMAND, deadline="reply_s", seconds=deadlines.reply_s).strip()
+        return link.read_until(b"\n", command=command, deadline="reply_s", seconds=deadlines.reply_s).strip()
 
     try:
         link.open(connect_s=deadlines.connect_s)
         if line() != _GREETING:
-            return ""
-        link.send(_COMMAND.encode() + b"\n", command=_COMMAND, send_s=deadlines.send_s)
-        answer = line()
+            return b""
+        link.send(command.encode() + b"\n", command=command, send_s=deadlines.send_s)
+        return line()
     except LinkError:
-        return ""
+        return b""
     finally:
         link.close()
-    return answer.decode("ascii") if _SERIAL.fullmatch(answer) else ""

@@ -32,7 +32,7 @@ from drivers.ur.rtde import FIRST_ARGUMENT, GO_REGISTER, REGISTER, Rtde
 from drivers.ur.state import AGREE_RAD, PAUSED, PLAYING, STOPPED, UrState, Vector, Witness, unfit
 
 _LEVERS = (1.0, 1.0, 0.6, 0.3, 0.3, 0.15)  # from each axis to the end of the tool, arm outstretched
-_STOP_RAD_S2 = 4.0
+STOP_SCRIPT = "stopj(4)\n"  # rad/s2
 _LOOK_S = 0.25
 _LAST_NUMBER = 2**31 - 1
 _WRITTEN = 1e-9  # a number of a program, read by the controller, against the same text read here
@@ -171,7 +171,7 @@ class Motion:
                 if self._clock() >= next_word:
                     next_word = self._clock() + _LOOK_S
                     with self._sending:
-                        send(f"stopj({_STOP_RAD_S2:g})\n")
+                        send(STOP_SCRIPT)
                 state = witness.state()
                 if state.at_rest and state.runtime_state in (STOPPED, PAUSED):
                     return
@@ -264,7 +264,8 @@ class Motion:
         if self.stopped.is_set():
             return MotionStopped("stopped on its way", raw=state.shown)
         off = state.off_rad(goal)
-        text = f"is {math.degrees(off):.4f} deg from where it was sent"
+        joint = 1 + max(range(len(goal)), key=lambda i: abs(state.actual_rad[i] - goal[i]))
+        text = f"joint {joint} is {math.degrees(off):.4f} deg from where it was sent"
         if not _same(state.target_rad, goal, _COMMANDED_RAD):
             return MotionStopped(
                 f"program ended before its target or had another one, {text}", raw=state.shown

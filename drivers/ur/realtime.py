@@ -73,13 +73,15 @@ class Realtime:
     def talk(
         self, command: str, *, outlives_close: bool = False
     ) -> Iterator[tuple[Witness, Callable[[str], None]]]:
-        """A connection on which a UR controller has shown itself: its states, and how to send it a program.
+        """A connection on which a UR controller has shown itself, except for a stop, which does not wait for that: its
+        states, and how to send it a program.
 
         Held until the controller has read the program: closing with states unread resets the connection.
         `outlives_close`: `close` leaves it alone, as it must a stop. Raises LinkError.
         """
         with self._connection(command, outlives_close=outlives_close) as link:
-            self._next(link, command)
+            if not outlives_close:
+                self._next(link, command)
             yield (
                 Witness(lambda: self._next(link, command)),
                 lambda program: link.send(

@@ -33,6 +33,7 @@ _VERSION, _CONTROLLER, _OUTPUTS, _INPUTS = b"V"[0], b"v"[0], b"O"[0], b"I"[0]
 _START, _PAUSE, _DATA, _TEXT = b"S"[0], b"P"[0], b"U"[0], b"M"[0]
 _KINDS = (_VERSION, _CONTROLLER, _OUTPUTS, _INPUTS, _START, _PAUSE, _DATA, _TEXT)
 _LONGEST = 4096
+_MOST_TEXTS = 100  # of one connection
 _ECHO = (
     (f"output_int_register_{REGISTER}", "INT32"),
     *((f"output_double_register_{i}", "DOUBLE") for i in range(FIRST_ARGUMENT, FIRST_ARGUMENT + ARGUMENTS)),
@@ -94,7 +95,8 @@ def parse_text(payload: bytes) -> str:
         rest = rest[1 + rest[0] :]
     if len(rest) != 1 or rest[0] > 3:
         raise ProtocolError("text message of a wrong length", raw=payload)
-    return f"{texts[1]}: {texts[0]}"
+    said = f"{texts[1]}: {texts[0]}"
+    return "".join(each if each.isprintable() else "\ufffd" for each in said)  # else a terminal would obey
 
 
 class Rtde:
@@ -112,6 +114,7 @@ class Rtde:
         self._go = 0
         self._next_beat = -math.inf
         self._guarding = False
+        self._told: set[str] = set()  # texts of the controller
 
     @property
     def confirms(self) -> bool:
@@ -126,6 +129,7 @@ class Rtde:
     def open(self) -> None:
         """Connect, agree on version 2, set up the outputs. Raises LinkError."""
         self._beat_recipe, self._guarding = None, False
+        self._told.clear()
         self._link.open(connect_s=self.deadlines.connect_s)
         with self._question("connect"):
             accepted = self._ask(_VERSION, struct.pack(">H", 2), "connect")
@@ -233,6 +237,12 @@ class Rtde:
             raise ProtocolError("answer that nobody asked for", raw=payload)
         return parse_data(payload, self._recipe, numbered=self._echoed)
 
+    def _tell(self, text: str) -> None:
+        """Once: a controller may say the same with every state."""
+        if text not in self._told and len(self._told) < _MOST_TEXTS:
+            self._told.add(text)
+            _LOG.warning("%s says: %s", self.device, text)
+
     def _package(self, command: str, end: float) -> tuple[int, bytes]:
         """The next package that is no text. Raises LinkError."""
 
@@ -255,7 +265,7 @@ class Rtde:
             payload = part(size - 3)
             if kind != _TEXT:
                 return kind, payload
-            _LOG.warning("%s says: %s", self.device, parse_text(payload))
+            self._tell(parse_text(payload))
         raise LinkTimeout(
             f"no answer within reply_s = {self.deadlines.reply_s:g} s", device=self.device, command=command
         )

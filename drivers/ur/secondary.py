@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import struct
+import zlib
 from dataclasses import dataclass
 
 from drivers.dh_numbers import DhNumbers, Row
@@ -46,6 +47,13 @@ class Factory:
     calibrated: DhNumbers | None
     checksum: tuple[int, ...] = ()
     status: int | None = None
+
+    @property
+    def calibration(self) -> str:
+        """A name for the calibration of this very arm, from its checksums; empty where it has none."""
+        if not set(self.checksum) - {0, 2**32 - 1}:
+            return ""
+        return f"calibration-{zlib.crc32(struct.pack('>6I', *self.checksum)):08x}"
 
     @property
     def correction(self) -> DhNumbers | None:

@@ -56,7 +56,8 @@ class UrController:
         self._series = name.removesuffix("e")
         of_today = name.endswith("e") or name in ("ur20", "ur30")
         self.software: tuple[int, int, int, int] = (5, 11, 1, 108318) if of_today else (3, 15, 8, 106339)
-        self.serial = SERIAL
+        self.serial = SERIAL  # empty: software that does not report it
+        self.checksum: tuple[int, ...] | None = None  # of another arm's calibration; None: of its geometry
         self.registers = Registers(arm.now)
         self._playing = Past(arm.now, False)
         self.forced_safety_mode: int | None = None
@@ -261,8 +262,11 @@ class UrController:
             await writer.drain()
 
     def _dashboard(self, command: str) -> str:
+        if command == "stop":
+            self._abort()
+            return "Stopped"
         answers = {
-            "get serial number": self.serial,
+            "get serial number": self.serial or "could not understand: 'get serial number'",
             "get robot model": self._series.upper() if self._series in TYPES else "UNKNOWN",
             "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),
             "programState": "PLAYING" if self.runtime_state == PLAYING else "STOPPED",
@@ -300,7 +304,7 @@ class UrController:
         """Configuration and kinematics. The factory's numbers are the true ones, without the twist beta."""
         limits = [(math.radians(low), math.radians(high)) for low, high in self.arm.limits_deg]
         nominal = configuration(TYPES.get(self._series, 0), limits, _dh(nominal_geometry(self.world.robot)))
-        return nominal + kinematics(_dh(self.world.geometry))
+        return nominal + kinematics(_dh(self.world.geometry), self.checksum)
 
 
 def _dh(geometry: Geometry) -> Dh:

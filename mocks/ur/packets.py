@@ -70,10 +70,11 @@ def configuration(robot_type: int, limits_rad: Sequence[tuple[float, float]], no
     return package(6, struct.pack(f">{len(numbers)}d4i", *numbers, 1, 1, robot_type, 0))
 
 
-def kinematics(calibrated: Dh) -> bytes:
+def kinematics(calibrated: Dh, checksum: Sequence[int] | None = None) -> bytes:
     """Sub-package 5 of software 3.6 and later."""
     numbers = [*calibrated.theta, *calibrated.a, *calibrated.d, *calibrated.alpha]
-    checksum = [int(abs(n) * 1e9) % 2**32 for n in numbers[6:12]]
+    if checksum is None:
+        checksum = [int(abs(n) * 1e9) % 2**32 for n in numbers[6:12]]
     return package(5, struct.pack(">6I24dI", *checksum, *numbers, 0))
 
 

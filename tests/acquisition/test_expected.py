@@ -102,7 +102,7 @@ def test_a_body_turns_with_the_robot(
     """The points are good; the turns of a bridge with another convention are not, nor is one that lags behind."""
     stage = stages()
     measure = FakeMeter.measure
-    before = [Rotation.identity()]
+    before: list[Rotation] = [Rotation.from_rotvec([0.0, 0.0, 0.0])]
 
     def pose(meter: FakeMeter, target: str, **asked: Any) -> PointReading:
         seen = measure(meter, target, **asked)
@@ -111,7 +111,11 @@ def test_a_body_turns_with_the_robot(
         mount = Rotation.from_euler("xyz", [10.0, 20.0, 30.0], degrees=True)
         turned = Rotation.from_matrix(bench.tracker.rotation.T) * Rotation.from_matrix(flange) * mount
         before.append(turned)
-        sent = {"conjugate": turned.inv(), "of the pose before": before[0]}.get(wrong, turned)
+        sent: Rotation = turned
+        if wrong == "conjugate":
+            sent = Rotation.from_matrix(turned.as_matrix().T)
+        elif wrong == "of the pose before":
+            sent = before[0]
         if target.startswith("T"):
             before[:] = [turned]
         w, x, y, z = sent.as_quat(scalar_first=wrong != "scalar last")

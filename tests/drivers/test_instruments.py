@@ -92,6 +92,7 @@ ODD: dict[str, list[tuple[dict[str, Any], type[Exception]]]] = {
         ({"t": -1.0}, NoisyMeasurement),
         ({"sx": 0.9}, NoisyMeasurement),
         ({"srot": 9.0}, NoisyMeasurement),
+        ({"rms": 3.0}, NoisyMeasurement),
         ({"rvisible": 11}, TargetNotSeen),
         ({"model": "T2"}, ProtocolError),
         ({"ref": "T2"}, ProtocolError),

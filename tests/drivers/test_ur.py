@@ -55,6 +55,24 @@ def test_says_what_it_is(fast: CellThread) -> None:
     assert arm.can_stop
 
 
+def test_which_arm_it_is_without_its_serial_number(fast: CellThread) -> None:
+    """Software before 3.12, or a closed dashboard: the factory's calibration is that of one arm."""
+    assert fast.cell is not None
+    ur = fast.cell.ur
+    known, new = UrArm(fast.url("ur")), UrArm(fast.url("ur"))
+    assert known.identify().serial == "20155301234"
+    ur.serial = ""
+    assert known.identify().serial == "20155301234"  # the same calibration
+    first = new.identify().serial
+    assert first.startswith("calibration-")
+    ur.checksum = (7, 2, 3, 4, 5, 6)
+    assert len({first, new.identify().serial, "20155301234"}) == 3
+    assert known.identify().serial == new.identify().serial
+    ur.checksum = (0,) * 6
+    assert new.identify().serial == ""
+    ur.serial, ur.checksum = "20155301234", None
+
+
 def test_nothing_moves_on_connect(fast: CellThread, feed: str) -> None:
     arm = connected(fast, feed)
     with pytest.raises(NotArmed):

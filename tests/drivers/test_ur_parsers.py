@@ -175,6 +175,7 @@ def test_any_bytes_as_text(data: bytes) -> None:
 
 def test_text_of_the_guide() -> None:
     assert parse_text(b"\x05hello\x04RTDE\x02") == "RTDE: hello"
+    assert parse_text(b"\x05\x1b[2J\x07\x04RTDE\x02").isprintable()  # a terminal would clear its screen
 
 
 @given(st.one_of(st.binary(max_size=200), st.binary(min_size=300, max_size=900)))

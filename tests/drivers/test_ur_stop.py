@@ -14,6 +14,7 @@ from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
 from drivers.ur.motion import Program
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
+from tests.drivers.nobody import nobody_listens
 from tests.drivers.ur_bench import FAR, PATIENT, creeping
 from tests.drivers.waiting import PATIENCE_S, in_thread, under_way, until
 
@@ -151,6 +152,24 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
         move.result(timeout=PATIENCE_S)
     until(lambda: not slow.do("state")["moving"])
     assert max(slow.do("state")["joints_deg"]) < 45.0
+
+
+@pytest.mark.parametrize("closed", [(), ("dashboard",), ("secondary",)])
+def test_stop_where_30003_is_gone(slow: CellThread, closed: tuple[str, ...]) -> None:
+    """30002 and the dashboard take a stop as well, either is enough, and RTDE shows that the arm stands."""
+    with FaultProxy(slow.port("ur-realtime")) as proxy, nobody_listens() as nobody:
+        ports = {name: slow.port("ur-" + name) for name in ("secondary", "dashboard")}
+        options = "&".join(f"{name}={nobody if name in closed else port}" for name, port in ports.items())
+        arm = creeping(slow, f"?realtime={proxy.port}&{options}")
+        arm.arm()
+        move = under_way(arm, FAR, slow)
+        proxy.spoil("close", times=1_000_000)
+        arm.stop()
+        assert not slow.do("state")["moving"]
+        with pytest.raises((MotionStopped, LinkError)):
+            move.result(timeout=PATIENCE_S)
+        assert max(slow.do("state")["joints_deg"]) < 45.0
+        arm.disconnect()
 
 
 def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
