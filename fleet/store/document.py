@@ -14,6 +14,7 @@ Kind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 State = Literal["new", "known", "conflict"]
 LONGEST = 200  # letters of a name
+_YEARS = 1900, 9000  # beyond them a time of another zone has no UTC
 
 
 @dataclass(frozen=True, order=True)
@@ -51,6 +52,12 @@ class Document:
         _refuse_name("identity", self.identity)
         if self.measured_at.tzinfo is None:
             raise DataError("has no time zone.", do="Give a time in UTC.", key="measured_at")
+        if not _YEARS[0] <= self.measured_at.year <= _YEARS[1]:
+            raise DataError(
+                f"is in the year {self.measured_at.year}.",
+                do="Give the time of the first reading, by a clock that is right.",
+                key="measured_at",
+            )
         if not self.content:
             raise DataError("is empty.", do="Give the document.", key="content")
 

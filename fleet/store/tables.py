@@ -30,7 +30,10 @@ class Utc(sa.types.TypeDecorator[datetime]):
         """UTC, for SQLite without saying so."""
         if value is None:
             return None
-        moment = value.astimezone(UTC)
+        try:
+            moment = value.astimezone(UTC)
+        except OverflowError:  # asked for: nothing is kept of such times
+            moment = value.replace(tzinfo=UTC)
         return moment.replace(tzinfo=None) if dialect.name == "sqlite" else moment
 
     def process_result_value(self, value: datetime | None, dialect: Any) -> datetime | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from datetime import timedelta, timezone
+from datetime import datetime, timedelta, timezone
 
 import pytest
 
@@ -231,6 +231,11 @@ def test_times_of_every_zone_are_kept_in_utc(store: Store) -> None:
         == 1
     )
     assert store.documents()[0].measured_at.utcoffset() == timedelta(0)
+    first, last = (datetime(year, 1, 1, tzinfo=zone) for year, zone in ((1, east), (9999, west)))
+    assert len(store.documents(since=first)) == 2
+    for beyond in (first, last):
+        with pytest.raises(DataError, match=r"measured_at.*clock"):
+            replace(early, measured_at=beyond)
 
 
 def test_many_at_once_keep_everything_once(url: str) -> None:
