@@ -7,7 +7,7 @@ only their common sign is drawn, and what the model absorbs is taken out again:
     r* = (I - QQ') (w o (I - B)^-1/2 r),      w = +1 or -1 for each pose,
 
 B the blocks of QQ' that belong to one pose: where few poses carry a fit it hides most of their errors, and would hide
-them once more.
+them once more. The data are compared as the fit left them, which it did once.
 
 A test looks at many places; what counts is how large the largest of all is by chance. That is known from some 200
 draws, and beyond them its logarithm is taken to fall as straight as it does among them. Sources: Davidson and
@@ -40,11 +40,14 @@ def draws(space: Space, seed: int = 0, *, clipped: bool = False, most: int = DRA
     count = int(np.clip(_MOST_NUMBERS // space.size, _FEWEST_DRAWS, most))
     signs = np.ones((pose.max() + 1, 1 + count))
     signs[:, 1:] = np.random.default_rng(seed).choice((-1.0, 1.0), signs[:, 1:].shape)
-    errors = _errors(space, pose)
+    errors, residual = _errors(space, pose), space.residual
     if clipped:
         length = np.linalg.norm(errors, axis=0)
-        errors = errors * np.minimum(1.0, _CLIP * np.median(length) / np.maximum(length, 1e-300))
-    drawn = (errors[:, :, None] * signs[pose]).reshape(space.size, 1 + count)
+        kept = np.minimum(1.0, _CLIP * np.median(length) / np.maximum(length, 1e-300))
+        errors, residual = errors * kept, residual * kept
+    drawn = errors[:, :, None] * signs[pose]
+    drawn[:, :, 0] = residual  # the fit hides its part of the draws as it did of the data, once
+    drawn = drawn.reshape(space.size, 1 + count)
     basis = space.basis_of_readings
     return drawn - basis @ (basis.T @ drawn)
 

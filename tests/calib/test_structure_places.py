@@ -15,6 +15,7 @@ from scipy import stats
 from calib.array import Array
 from calib.diagnose import diagnosis
 from calib.diagnose.held_blocks import Blocks
+from calib.diagnose.null import draws
 from calib.diagnose.outlying import ACTS_ON, together
 from calib.diagnose.repeats import EACH_POSE, each_pose, p_lack_of_fit
 from calib.diagnose.structure import left_over
@@ -74,6 +75,22 @@ def test_an_error_of_each_pose_is_a_place_of_its_own(visited: Space) -> None:
     assert found.explained_variance == pytest.approx(0.6, abs=0.15)
     for _ in range(20):
         assert each_pose(with_residual(visited, 3.0 * rng.normal(size=(k, n)))) == [], "noise of any size"
+
+
+def test_draws_share_between_poses_what_noise_does(visited: Space) -> None:
+    """Of forty poses the fit hides a third of what a pose has of its own: of the data no less than of its draws. Freed
+    of it the data alone had more between poses than any draw, and complete sets had structure."""
+    rng = np.random.default_rng(6)
+    k, n = visited.residual.shape
+    pose = visited.fitted.readings.conditions.pose
+    own = np.bincount(pose)
+    ratios = []
+    for _ in range(20):
+        drawn = draws(with_residual(visited, rng.normal(size=(k, n))), clipped=True).reshape(k, n, -1)
+        means = np.stack([drawn[:, pose == p].sum(axis=1) for p in range(len(own))], axis=1)
+        between = np.sum(means**2 / own[:, None], axis=(0, 1)) / np.sum(drawn**2, axis=(0, 1))
+        ratios.append(between[0] / np.mean(between[1:]))
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.06)
 
 
 def test_targets_of_one_visit_are_not_independent(at_once: Space) -> None:
