@@ -3,9 +3,9 @@
     r = measured - predicted = A x + J e + T w + F f + noise
 
 x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain, of its own model and
-of effects that this does not hold (`calib.saved.left_open`); w what the model was
-shown to lack by its own validation, as if the joints scattered more (the same in every watch at the same poses); f the
-frame, set up anew each time; and noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
+of effects that this does not hold (`calib.saved.left_open`); w what the model was shown to lack by its own validation,
+as if the joints scattered more (the same in every watch at the same poses); f the frame, set up anew each time; and
+noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
 """
 
 from __future__ import annotations
