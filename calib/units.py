@@ -35,3 +35,12 @@ def to_display(value: float, unit: str) -> float:
 def to_internal(value: float, unit: str) -> float:
     """Value in `unit` -> internal value. Raises KeyError for a unit that the table does not hold."""
     return value * FACTORS[unit]
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """A share as people read it: percent behind a blank at which no line ends, for sentences and tables alone.
+
+    >>> percent(0.953, 1)
+    '95.3\\xa0%'
+    """
+    return f"{100.0 * share:.{digits}f}\u00a0%"

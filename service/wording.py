@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from calib.data import Dataset
 from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure, Surprise
 from calib.fit import ErrorStatistics
+from calib.units import percent
 from service import effect_names
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
@@ -114,7 +115,7 @@ def patch_in_words(patch: Patch) -> str:
     change = patch.block_rms_with / patch.block_rms_without - 1.0 if patch.block_rms_without > 0.0 else 0.0
     text = (
         "A smooth map of what no named effect explains: a patch, not a cause, and nothing beyond the measured poses. "
-        f"On stretches of time left out of it, what is left changes by {100.0 * change:+.0f} %, from "
+        f"On stretches of time left out of it, what is left changes by {100.0 * change:+.0f}\u00a0%, from "
         f"{millimetres(patch.block_rms_without)} to {millimetres(patch.block_rms_with)} mm RMS."
     )
     return text + ("" if patch.worth_it else " That is not worth having: leave it out.")
@@ -129,14 +130,14 @@ def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None)
         return f"The held-out error stays at {millimetres(after.rms)} mm RMS."
     verb = "falls" if change < 0.0 else "rises"
     return (
-        f"The held-out error {verb} by {abs(100.0 * change):.0f} %, from {millimetres(before.rms)} to "
+        f"The held-out error {verb} by {percent(abs(change))}, from {millimetres(before.rms)} to "
         f"{millimetres(after.rms)} mm RMS (n = {after.n})."
     )
 
 
 def structure_in_words(left: Structure) -> str:
     """One place where structure is left, and how sure that is."""
-    share, sure = f"{100.0 * left.explained_variance:.1f} %", f"(p {chance(left.p_value)})"
+    share, sure = percent(left.explained_variance, 1), f"(p {chance(left.p_value)})"
     if left.acts_on == ACTS_ON:
         return f"The readings left out lie together: {left.where} explains {share} of which they are {sure}."
     return f"Structure is left: {left.where} explains {share} of what is left {sure}."

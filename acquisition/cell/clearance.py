@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from acquisition.cell.arm import Arm
 from acquisition.cell.obstacles import Array, Obstacle, Post
+from calib.units import percent
 
 NEAREST_MM = 1.0  # what comes nearer touches
 _AT_ONCE = 256  # moves, to bound the memory
@@ -45,7 +46,7 @@ class Contact:
     @property
     def during(self) -> str:
         """The contact in words, for a move."""
-        return f"{self} at {self.share:.0%} of the move"
+        return f"{self} at {percent(self.share)} of the move"
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.identity import match_instrument
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
+from calib.units import percent
 from drivers.details import Details
 from drivers.errors import Busy, ConfigError, EmergencyStop, NotReady
 from drivers.interfaces import InstrumentStatus, LengthMeter, PointMeter
@@ -119,13 +120,14 @@ def _weather(chart: Chart, status: InstrumentStatus, *, needed: bool) -> None:
         chart.ok("weather", shown)
 
 
-def _battery(chart: Chart, percent: float) -> None:
-    if percent < _BATTERY_EMPTY:
-        chart.fault("battery", NotReady(f"battery at {percent:.0f} %", what_to_do="Change the battery."))
-    elif percent < _BATTERY_LOW:
-        chart.note("battery", f"{percent:.0f} %", "Have a fresh battery at hand before a long campaign.")
+def _battery(chart: Chart, charge: float) -> None:
+    left = percent(charge / 100.0)
+    if charge < _BATTERY_EMPTY:
+        chart.fault("battery", NotReady(f"battery at {left}", what_to_do="Change the battery."))
+    elif charge < _BATTERY_LOW:
+        chart.note("battery", left, "Have a fresh battery at hand before a long campaign.")
     else:
-        chart.ok("battery", f"{percent:.0f} %")
+        chart.ok("battery", left)
 
 
 def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float, stroke_mm: float) -> None:

@@ -15,6 +15,7 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.identity import OtherDevice, match_robot
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
+from calib.units import percent
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
 from drivers.errors import Busy, CannotStop, EmergencyStop, SafetyStop, WrongMode
@@ -83,7 +84,7 @@ def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
     if details.speed_share is not None and details.speed_share < 1.0:
         chart.note(
             "speed",
-            f"the speed slider is at {details.speed_share:.0%}",
+            f"the speed slider is at {percent(details.speed_share)}",
             "Push it up, or every move takes longer than the forecast says.",
         )
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acquisition.errors import NotResumed
 from acquisition.record.states import State
 from acquisition.record.store import Store
-from acquisition.run.rig.rig import PRESS
 from drivers.errors import AcquisitionError
 
 
@@ -39,15 +37,6 @@ def verdict_of(store: Store) -> tuple[State, str]:
     if (stations := store.campaign["station"]) > 1:
         remarks.append(f"The instrument was moved: its readings come from {stations} stations.")
     return State.SUCCEEDED, " ".join(remarks)
-
-
-def with_unheard(reason: str, unheard: Sequence[AcquisitionError]) -> str:
-    """The reason with what the last stop did not reach: the emergency stop before all, and nothing twice."""
-    remedies = dict.fromkeys(each.what_to_do for each in unheard)
-    now = [PRESS] if PRESS in remedies else []
-    told = dict.fromkeys(f"{each.message.rstrip('.')}." for each in unheard if each.message not in reason)
-    others = [each for each in remedies if each != PRESS and each not in reason]
-    return " ".join([*now, reason.replace(f" {PRESS}", ""), *told, *others])
 
 
 def not_resumed(state: State, message: str, command: str) -> NotResumed:

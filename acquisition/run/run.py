@@ -36,9 +36,10 @@ from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stoppin
 from acquisition.run.orders.lease import Lease
 from acquisition.run.orders.mover import Mover
 from acquisition.run.orders.noting import Noting
-from acquisition.run.outcome import Outcome, not_resumed, verdict_of, with_unheard
+from acquisition.run.outcome import Outcome, not_resumed, verdict_of
 from acquisition.run.prompts.desk import Desk
 from acquisition.run.rig.rig import Met, Rig
+from acquisition.run.rig.unheard import with_unheard
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import Pace, RunStatus, status_of
 from acquisition.run.visits import Visits

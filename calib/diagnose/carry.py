@@ -26,6 +26,7 @@ from calib.fit.readings import readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
+from calib.units import percent
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,14 @@ class CarryOver:
             return ""
         frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
         if frozen <= 0.0:
-            said = f"Frozen as found, the effects do not carry over: they raise the error by {-100.0 * frozen:.0f} %."
+            said = (
+                f"Frozen as found, the effects do not carry over: they raise the error by {percent(-frozen)}."
+            )
         else:
-            said = f"Frozen as found, the effects take {100.0 * frozen:.0f} % of the base model's error away."
+            said = f"Frozen as found, the effects take {percent(frozen)} of the base model's error away."
         if refitted <= 0.0:
             return f"{said} Fitted anew, their amplitudes do not help either."
-        return f"{said} With their amplitudes fitted anew they take {100.0 * refitted:.0f} % away."
+        return f"{said} With their amplitudes fitted anew they take {percent(refitted)} away."
 
 
 def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:

@@ -46,6 +46,7 @@ from calib.fit.readings import Readings, begun, readings_of
 from calib.model.base_model import named_in
 from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
+from calib.units import percent
 
 Progress = Callable[[str], None]
 
@@ -297,7 +298,7 @@ def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
         return []
     share = len(faulty) / (len(faulty) + len(readings.rows))
     many = f"{len(faulty)} readings" if len(faulty) > 1 else "1 reading"
-    return [f"{many} ({100.0 * share:.1f} %) outside what the model and the noise allow: left out."]
+    return [f"{many} ({percent(share, 1)}) outside what the model and the noise allow: left out."]
 
 
 def leaving_out(fitted: Identification, readings: Readings, faulty: tuple[str, ...]) -> Identification:

@@ -18,6 +18,7 @@ from calib.motion.clock_set import LEAST_STEP_S, set_at_gap
 from calib.motion.jump import step_in
 from calib.motion.likeness import SURE, Speeds, likeness, peak
 from calib.motion.streams import JointStream, PointStream, covered
+from calib.units import percent
 
 _STEP_S = 0.02  # of the common time on which speeds are compared
 _MOST_STEPS = 300_000
@@ -108,7 +109,7 @@ def correlated(
     if alike[best] < _LEAST_LIKENESS:
         raise DataError(
             f"and the {robot_name} do not show one motion: at no offset of the clocks are their speeds alike (at best "
-            f"{100.0 * max(float(alike[best]), 0.0):.0f} %).",
+            f"{percent(max(float(alike[best]), 0.0))}).",
             do="Give two streams of one recording, which overlap in time, and the robot and tool that were measured.",
             file=tracker_name,
         )

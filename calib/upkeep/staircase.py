@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calib.errors import DataError
+from calib.units import percent
 from calib.upkeep.check import Step, Unit
 
 WITHIN = 0.8
@@ -68,7 +69,7 @@ class Staircase:
             elif off + step.u <= WITHIN * self.permitted and before is not None:
                 grown = self.longer * min(interval, step.x - before.x)
                 interval = min(max(interval, grown), self.longest)
-                why = f"{told}, within {WITHIN:.0%}: the interval is {unit.of(interval)} after {was:.0f}"
+                why = f"{told}, within {percent(WITHIN)}: the interval is {unit.of(interval)} after {was:.0f}"
             else:
                 why = f"{told}: the interval stays {unit.of(interval)}"
         return interval, why

@@ -10,6 +10,7 @@ from typing import Any
 
 from acquisition import Event, Run, RunStatus
 from acquisition.run import PROMPT
+from calib.units import percent
 from drivers.operator import TerminalOperator
 from service.printed.terminal import Terminal, duration
 from service.wording import counted
@@ -57,7 +58,7 @@ class Progress:
                 self._terminal.note(f"The {event.data['role']} is not protected: {event.data['weakness']}.")
         elif event.kind == "battery_low":
             self._terminal.note(
-                f"The battery of the ballbar has {event.data['percent']:.0f} %: change it soon."
+                f"The battery of the ballbar has {percent(event.data['percent'] / 100.0)}: change it soon."
             )
         elif event.kind == "taught":
             self._terminal.say(_taught(event.data))

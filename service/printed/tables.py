@@ -15,6 +15,7 @@ from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, Identification, LeftOut
 from calib.fit import left_out as rows_left_out
+from calib.units import percent
 from service import wording
 from service.results.judgement.acceptance import NAMES, RULE, Acceptance
 from service.results.models import positions
@@ -89,7 +90,9 @@ def effects(found: Sequence[Found]) -> RenderableType:
             table.add_row(Text(group, "dim"))
         for effect in members:
             value, uncertainty, unit = wording.amplitude(effect)
-            rivals = ", ".join(f"{label} {w:.0%}" for label, w in wording.rivals_of(effect)[:3]) or "none"
+            rivals = (
+                ", ".join(f"{label} {percent(w)}" for label, w in wording.rivals_of(effect)[:3]) or "none"
+            )
             at = "" if effect.index is None else f" (from reading {effect.index})"
             table.add_row(
                 effect.effect.label + at,

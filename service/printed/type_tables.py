@@ -10,6 +10,7 @@ from rich.text import Text
 
 from calib.fit import Identification
 from calib.prior import Lesson
+from calib.units import percent
 from service import wording
 from service.printed import tables
 
@@ -33,7 +34,7 @@ def weights(found: Identification) -> Sequence[RenderableType]:
     )
     for each in found.weighed:
         off = f"{each.z:+.1f}" if math.isfinite(each.z) else "not seen"
-        share = f"{each.decided:.0%}"
+        share = percent(each.decided)
         unit = beside.prior.shares[each.name].unit
         table.add_row(each.name, unit, f"{each.centre:.4g}", f"{each.spread:.2g}", share, off)
     for each in beside.outside:
@@ -82,7 +83,7 @@ def lesson(found: Lesson) -> Sequence[RenderableType]:
     if found.found:
         effects = tables.grid("Effects beside the base model", "effect", "robots", "share")
         for each in found.found:
-            effects.add_row(each.label, f"{each.robots}", f"{each.robots / robots:.0%}")
+            effects.add_row(each.label, f"{each.robots}", percent(each.robots / robots))
         shown.append(effects)
     if found.outliers:
         outside = tables.grid(

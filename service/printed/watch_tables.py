@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.console import RenderableType
 
+from calib.units import percent
 from calib.watch import ALONE, SEEN, Proposal
 from service import wording
 from service.printed import tables
@@ -26,8 +27,8 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     shown = tables.grid(
         f"{poses}{rounds}{repeats}, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
         "cause",
-        f"seen in {SEEN:.0%}",
-        f"named alone in {ALONE:.0%}",
+        f"seen in {percent(SEEN)}",
+        f"named alone in {percent(ALONE)}",
         "should be seen",
         "seen in",
         "never told apart from",
@@ -36,7 +37,7 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     for each in causes:
         alone = "never" if each.always else "-" if each.alone is None else f"{each.alone:.3g} {each.unit}"
         wanted = "" if each.wanted is None else f"{each.wanted:g} {each.unit}"
-        share = "" if each.share is None else f"{each.share:.0%}"
+        share = "" if each.share is None else percent(each.share)
         shown.add_row(
             each.label, f"{each.size:.3g} {each.unit}", alone, wanted, share, ", ".join(each.always)
         )
@@ -49,7 +50,7 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     if found.nests is not None:
         lines.append(
             f"The nests are measured again half-way: beyond {found.nests.limit_mm:.3f} mm a person is asked; the "
-            f"instrument moved by {found.nests.seen_mm:.3f} mm is noticed in {SEEN:.0%}."
+            f"instrument moved by {found.nests.seen_mm:.3f} mm is noticed in {percent(SEEN)}."
         )
     if found.proposals:
         lines += _proposals(found.proposals)

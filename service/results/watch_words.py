@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from calib.units import percent
 from calib.watch import REPEATS, SEEN, TIMES, Plan, Proposal, Smallest
 
 _NAMES = {
@@ -27,7 +28,7 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
     short = sorted((c for c in stated if (c.share or 0.0) < SEEN), key=lambda c: c.share or 0.0)
     if not short:
         return (
-            f"Each of these causes is seen, at the size at which it should be, in {SEEN:.0%} of watches or more."
+            f"Each of these causes is seen, at the size at which it should be, in {percent(SEEN)} of watches or more."
             if stated
             else ""
         )
@@ -48,7 +49,8 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
 
 def _named(cause: Smallest) -> str:
     name, _, joint = cause.label.partition(":j")
-    return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {cause.share:.0%} of watches)"
+    seen = percent(cause.share or 0.0)
+    return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {seen} of watches)"
 
 
 def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> list[str]:

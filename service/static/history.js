@@ -1,7 +1,7 @@
 // What the views of the history share: the state of a robot in words and sign, dates with their year, values with U.
 
 import { h } from "./dom.js";
-import { language, t } from "./words.js";
+import { KEYS, language, t } from "./words.js";
 
 // Not by colour alone: every state has a sign of its own.
 const SIGNS = { unchanged: "✔", recalibrated: "⟳", changed: "✖", ambiguous: "?", unexplained: "‼", not_watched: "○" };
@@ -20,7 +20,13 @@ export function withU(value, u, unit = "") {
   return minus(unit ? `${text} ${unit}` : text);
 }
 
-export const causeOf = (cause) => [cause.label, typeof cause.value === "number" ? withU(cause.value, cause.u, cause.unit) : "",
+// A cause as the operator knows it; the label of one that has no words here.
+export function causeName(label) {
+  const [, kind, joint] = label.match(/^([a-z_]+)(?::j(\d+))?$/) || [];
+  return KEYS.includes(`cause_${kind}`) ? t(`cause_${kind}`, { joint }) : label;
+}
+
+export const causeOf = (cause) => [causeName(cause.label), typeof cause.value === "number" ? withU(cause.value, cause.u, cause.unit) : "",
   typeof cause.weight === "number" && cause.weight < 0.995 ? `${Math.round(100 * cause.weight)} %` : ""].filter(Boolean).join(", ");
 
 // The date of the next check: a sign and a word where it has passed, and why there is none.

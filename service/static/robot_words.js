@@ -21,6 +21,10 @@ export const ROBOT_WORDS = {
   addDocuments: ["Add documents from elsewhere", "Dokumente von anderswo hinzufügen"], addDocumentsHint: ["Models, verdicts of watches, diagnoses, upkeeps: JSON files as the program wrote them.", "Modelle, Urteile von Überwachungen, Diagnosen, Wärmenachführungen: JSON-Dateien, wie das Programm sie schrieb."],
   documentFiles: ["Files", "Dateien"], serialWhereNone: ["Serial number, where a file has none", "Seriennummer, wo eine Datei keine hat"], keepThem: ["Keep them", "Aufbewahren"],
   added_new: ["kept", "aufbewahrt"], added_known: ["known already", "schon bekannt"], added_conflict: ["kept; contradicts another document of the same thing", "aufbewahrt; widerspricht einem anderen Dokument zur selben Sache"],
+  cause_joint_step: ["zero of joint {joint}", "Nullpunkt der Achse {joint}"], cause_backlash: ["play of joint {joint}", "Spiel der Achse {joint}"], cause_slide_backlash: ["play of axis {joint}", "Spiel der Achse {joint}"],
+  cause_tool_shift: ["tool moved", "Werkzeug bewegt"], cause_base_shift: ["base or instrument moved", "Basis oder Messgerät bewegt"], cause_payload_mass: ["load: mass", "Last: Masse"], cause_payload_cog: ["load: centre of mass", "Last: Schwerpunkt"],
+  cause_tracker_scale: ["scale of the instrument", "Maßstab des Messgeräts"], cause_drift_translation: ["drift of the instrument", "Drift des Messgeräts"], cause_drift_rotation: ["turning drift of the instrument", "drehende Drift des Messgeräts"],
+  cause_arm_growth: ["warmth of the arm", "Wärme des Arms"],
   // dates
   nextCheck: ["Next check", "Nächste Prüfung"], noDate: ["no date", "kein Termin"], overdueSince: ["overdue since {date}", "überfällig seit {date}"], byIlac: ["ILAC-G24, {method}.", "ILAC-G24, {method}."],
   method_staircase: ["staircase: longer after good checks", "Treppe: länger nach guten Prüfungen"], method_drift: ["drift: before the error leaves what is permitted", "Drift: bevor der Fehler das Erlaubte verlässt"],

@@ -5,7 +5,7 @@ import { deleting } from "./deleting.js";
 import { looksOn, order } from "./desk.js";
 import { button, fill, h, numeric, table } from "./dom.js";
 import { link } from "./given.js";
-import { stateOf, withU } from "./history.js";
+import { causeName, stateOf, withU } from "./history.js";
 import { baselineOf, judgeForm } from "./judging.js";
 import { said } from "./sentences.js";
 import { duration, moment, number, sign, state } from "./units.js";
@@ -55,10 +55,10 @@ function planned(job) {
     location.hash = `#/campaigns/${kept.id}`;
   }), { id: "keep-campaign", className: "go" });
   return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
-    table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart"), t("inWords")], r.causes.map((each) => [each.label, numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.join(", ") || "–", words(each.meaning)])),
+    table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart"), t("inWords")], r.causes.map((each) => [causeName(each.label), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.map(causeName).join(", ") || "–", words(each.meaning)])),
     r.in_words ? h("p", {}, said(r.in_words)) : null,
-    r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
-    r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${each.worst.label} ${size(each.worst.seen_from, "")}`]))) : null),
+    r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.map(causeName).join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
+    r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${causeName(each.worst.label)} ${size(each.worst.seen_from, "")}`]))) : null),
   h("section", wide, h("h2", {}, t("nextSteps")), h("p", {}, t("watchNext")), looksOn() ? null : h("div", { className: "row" }, keep))];
 }
 
@@ -73,15 +73,15 @@ function whose(r) {
 function judged(job) {
   const r = job.result, wide = { className: "wide" };
   return [h("section", wide, h("h2", {}, t("verdict")), h("p", { className: "big" }, stateOf(r.verdict)), h("p", { className: "big" }, `${t("whatToDo")} `, said(r.advice)), h("p", {}, said(r.in_words)), whose(r), updated(job)),
-    r.causes.length ? h("section", wide, h("h2", {}, t("lastCause")), table(t("lastCause"), [t("lastCause"), t("size"), t("shareOfClass"), t("inWords")], r.causes.map((each) => [each.label, numeric(withU(each.size.value, each.size.u, each.size.unit)), numeric(`${number(100 * (each.weight || 0), 0)} %`), words(each.in_words)]))) : null,
+    r.causes.length ? h("section", wide, h("h2", {}, t("lastCause")), table(t("lastCause"), [t("lastCause"), t("size"), t("shareOfClass"), t("inWords")], r.causes.map((each) => [causeName(each.label), numeric(withU(each.size.value, each.size.u, each.size.unit)), numeric(`${number(100 * (each.weight || 0), 0)} %`), words(each.in_words)]))) : null,
     h("section", wide, h("h2", {}, t("howSure")), h("p", {}, t("errorAtPoses", { rms: withU(r.error_mm.rms, r.error_mm.u, "mm"), max: number(r.error_mm.max) })),
-      table(t("howSure"), [t("watchesCounted"), "T²", t("itsLimit"), "p", t("itsLimit"), t("alarm")], r.questions.map((each) => [each.watches, numeric(number(each.t_squared, 1)), numeric(number(each.t_squared_limit, 1)), numeric(probability(each.p_value)), numeric(probability(each.p_limit)), each.alarm ? `✖ ${t("yes")}` : `✔ ${t("no")}`]))), notes(r)].filter(Boolean);
+      table(t("howSure"), [t("watchesCounted"), t("alarm"), "T²", t("itsLimit"), "p", t("itsLimit")], r.questions.map((each) => [each.watches, each.alarm ? `✖ ${t("yes")}` : `✔ ${t("no")}`, numeric(number(each.t_squared, 1)), numeric(number(each.t_squared_limit, 1)), numeric(probability(each.p_value)), numeric(probability(each.p_limit))]))), notes(r)].filter(Boolean);
 }
 
-const probability = (p) => (typeof p !== "number" ? "–" : p < 1e-3 ? p.toExponential(1).replace("-", "−") : number(p));
+const probability = (p) => (typeof p !== "number" ? "–" : p < 1e-12 ? "< 1e−12" : p < 1e-3 ? p.toExponential(1).replace("-", "−") : number(p));
 
 function keptUp(job) {
   const r = job.result, wide = { className: "wide" };
   return [h("section", wide, h("h2", {}, t("kind_upkeep")), h("p", { className: "big" }, r.thermal ? `✔ ${t("said_thermal")}` : `✖ ${t("said_not thermal")}`), h("p", { className: "big" }, `${t("whatToDo")} `, said(r.advice)), h("p", {}, said(r.in_words)), whose(r), updated(job),
-    table(t("thermalParameters"), [t("parameter"), t("before"), t("value"), t("unit")], r.parameters.map((each) => [each.name, numeric(number(each.before)), numeric(withU(each.value, each.u)), each.unit])), r.instead.length ? h("p", {}, `${t("lastCause")}: ${r.instead.join(", ")}`) : null), notes(r)].filter(Boolean);
+    table(t("thermalParameters"), [t("parameter"), t("before"), t("value"), t("unit")], r.parameters.map((each) => [each.name, numeric(number(each.before)), numeric(withU(each.value, each.u)), each.unit])), r.instead.length ? h("p", {}, `${t("lastCause")}: ${r.instead.map(causeName).join(", ")}`) : null), notes(r)].filter(Boolean);
 }

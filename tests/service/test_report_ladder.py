@@ -39,7 +39,7 @@ def test_every_step_is_counted_from_the_rung_above() -> None:
         {NOMINAL: errors(0.663), BASE: errors(0.0652), EFFECTS: errors(0.0651)}, errors(0.08, 12)
     )
     assert [r.name for r in rungs] == [NOMINAL, BASE, EFFECTS, VERIFIED]
-    assert [r.step for r in rungs] == ["", "−0.598 mm (−90 %)", "none", "+0.015 mm (+23 %)"]
+    assert [r.step for r in rungs] == ["", "−0.598 mm (−90\u00a0%)", "none", "+0.015 mm (+23\u00a0%)"]
     assert [r.errors.n for r in rungs] == [40, 40, 40, 12]
     assert [r.judged == HELD_OUT for r in rungs] == [True, True, True, False]
 

@@ -20,8 +20,8 @@ import pytest
 
 from acquisition.errors import RecordError
 from acquisition.run.orders.control import ON_REQUEST
-from acquisition.run.outcome import with_unheard
 from acquisition.run.rig.rig import PRESS
+from acquisition.run.rig.unheard import with_unheard
 from calib.effects import SETS_IN
 from calib.upkeep import Check, Drift, Staircase, next_due
 from calib.watch.judge import _advice

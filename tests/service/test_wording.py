@@ -86,7 +86,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     text = verdict_in_words(diagnosis)
     assert "Nothing else" not in text
     assert text.startswith(
-        "The effect found does not carry over to the held-out readings. The held-out error rises by 100 %"
+        "The effect found does not carry over to the held-out readings. The held-out error rises by 100\u00a0%"
     )
     diagnosis.error_before = errors(0.3)
     assert "carry over" not in verdict_in_words(diagnosis)
@@ -127,10 +127,10 @@ def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:
     sentence = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
     assert (
         sentence
-        == "The readings left out lie together: overturning moment explains 40.0 % of which they are (p 1e-06)."
+        == "The readings left out lie together: overturning moment explains 40.0\u00a0% of which they are (p 1e-06)."
     )
     assert structure_in_words(Structure("time", 1e-6, 0.4)) == (
-        "Structure is left: time explains 40.0 % of what is left (p 1e-06)."
+        "Structure is left: time explains 40.0\u00a0% of what is left (p 1e-06)."
     )
 
 

@@ -14,6 +14,7 @@ from acquisition import read_cell
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE, STEP, WORTH, Candidates, Choice, Curve
 from calib.text import replace_file
+from calib.units import percent
 from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -145,9 +146,9 @@ def _shortage(found: int, asked: int) -> list[str]:
 def _advice(curve: Curve, wanted_u: float | None) -> str:
     enough, last = curve.enough(), int(curve.counts[-1])
     lines = [
-        f"Beyond {last} poses, {STEP} more still lower the largest U by {WORTH:.0%} or more."
+        f"Beyond {last} poses, {STEP} more still lower the largest U by {percent(WORTH)} or more."
         if enough is None
-        else f"From {enough} poses on, {STEP} more lower the largest U by less than {WORTH:.0%}."
+        else f"From {enough} poses on, {STEP} more lower the largest U by less than {percent(WORTH)}."
     ]
     if wanted_u is not None:
         reached = curve.reaches(wanted_u)

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 
+from calib.units import percent
 from service.report.figures import drawing
 from service.report.figures.arranging import arrange
 from service.results.history import Trend
@@ -35,7 +36,7 @@ def trend_picture(trend: Trend) -> Figure:
     chart = trend.chart
     if chart is not None:
         axes.axhline(chart.centre, color=drawing.QUIET, linewidth=0.8, label="centre of the first values")
-        for side, name in ((0, f"limits, {chart.rate:.0%} signals by chance"), (1, None)):
+        for side, name in ((0, f"limits, {percent(chart.rate)} signals by chance"), (1, None)):
             axes.step(
                 times, chart.limits[:, side], where="mid", color=drawing.BEFORE, linewidth=1.0, label=name
             )

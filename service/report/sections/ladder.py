@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from calib.fit import ErrorStatistics
+from calib.units import percent
 from service import wording
 
 NOMINAL = "Nominal robot as found, placed by its base"
@@ -51,5 +52,5 @@ def _step(before: ErrorStatistics | None, after: ErrorStatistics) -> str:
     if wording.millimetres(abs(change)) == wording.millimetres(0.0):
         return "none"
     sign = "−" if change < 0.0 else "+"
-    share = f" ({sign}{100.0 * abs(change) / before.rms:.0f} %)" if before.rms > 0.0 else ""
+    share = f" ({sign}{percent(abs(change) / before.rms)})" if before.rms > 0.0 else ""
     return f"{sign}{wording.millimetres(abs(change))} mm{share}"

@@ -13,7 +13,7 @@ import numpy as np
 from calib.array import Array
 from calib.comparison import DIAGNOSIS, NOMINAL, TURN, Away, Comparison, Scored, mae, rmse
 from calib.regression import evaluate, independent, products_of
-from calib.units import DEG
+from calib.units import DEG, percent
 from service.results.models.documents import data_of
 
 REGRESSION_FORMAT = "truepose-regression/1"
@@ -122,7 +122,7 @@ def findings(comparison: Comparison, turned: tuple[Away, ...]) -> list[str]:
                 f"{alone.predictor.name} alone.{verdict}"
             )
     for each in turned:
-        refused = "refuses" if each.inside == 0.0 else f"refuses {1.0 - each.inside:.0%} of"
+        refused = "refuses" if each.inside == 0.0 else f"refuses {percent(1.0 - each.inside)} of"
         of = "the fitted model" if "positions" in each.name else "its own model"
         out.append(
             f"With joint {each.joint} turned by {TURN / DEG:.0f} deg at every sample {each.name} is {each.mean:.3f} mm "
@@ -153,4 +153,4 @@ def _change(value: float, than: float) -> str:
     change = value / than - 1.0
     if value * _MANY < than:
         return f"{than / value:,.0f} times less"
-    return f"{abs(change):.0%} {'more' if change > 0.0 else 'less'}"
+    return f"{percent(abs(change))} {'more' if change > 0.0 else 'less'}"
