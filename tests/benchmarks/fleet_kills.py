@@ -8,7 +8,6 @@ claims and store. Every statement of a worker is noted beside the store, so that
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import tempfile
@@ -24,10 +23,9 @@ from dask import config
 from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
 from fleet.store import Document, Store, dataset_content, migrate
 from tests.benchmarks.clock import line
-from tests.drivers.waiting import until
 from tests.fleet.diagnose.certificates import make_certificates
 from tests.fleet.diagnose.noted import NOTED
-from tests.fleet.diagnose.plant import as_in_the_manual, process, settings
+from tests.fleet.diagnose.plant import address_in, as_in_the_manual, process, settings
 from tests.fleet.diagnose.sets import bad, good
 from tests.fleet.documents import BEGAN, ROBOT
 from tests.fleet.postgres import Cluster
@@ -53,8 +51,7 @@ class Plant:
         with ExitStack() as stack:
             words = as_in_the_manual("scheduler", self.files, "--port", "0", "--protocol", "tls")
             self.scheduler = stack.enter_context(process(*words, "--scheduler-file", str(said)))
-            until(said.exists, START_S)
-            self.address = json.loads(said.read_text("utf-8"))["address"]
+            self.address = address_in(said, START_S)
             words = as_in_the_manual("worker", self.files, self.address, "--nthreads", "1", "--no-nanny")
             words += ["--preload", "tests.fleet.diagnose.noted"]
             noted = {NOTED: str(self.folder / "noted")}

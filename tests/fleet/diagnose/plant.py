@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+from tests.drivers.waiting import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,3 +47,17 @@ def as_in_the_manual(what: str, files: dict[str, Path], *words: str) -> list[str
     """`dask scheduler` or `dask worker` with the options of docs/fleet-engine.md."""
     tls = [f"--tls-ca-file={files['ca']}", f"--tls-cert={files['cert']}", f"--tls-key={files['key']}"]
     return ["dask", what, *words, "--host", "127.0.0.1", "--no-dashboard", *tls]
+
+
+def address_in(file: Path, patience_s: float = PATIENCE_S) -> str:
+    """The address that a scheduler has written to its file (`--scheduler-file`), when all of it is there."""
+    until(lambda: _identity(file), patience_s)
+    return str(_identity(file)["address"])
+
+
+def _identity(file: Path) -> dict[str, Any]:
+    """Empty as long as the file is not there, or not yet whole."""
+    try:
+        return json.loads(file.read_text("utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return {}

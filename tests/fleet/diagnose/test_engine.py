@@ -25,6 +25,8 @@ from tests.drivers import waiting
 from tests.fleet.diagnose.noted import Noting
 from tests.fleet.diagnose.sets import bad, good
 
+pytestmark = pytest.mark.usefixtures("patient")
+
 
 class Deadly(Noting):
     """A data set of the name "deadly" ends its worker."""

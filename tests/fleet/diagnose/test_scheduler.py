@@ -3,7 +3,6 @@ what is killed or away costs nothing that was done."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -22,12 +21,13 @@ from fleet.diagnose.errors import EngineGone
 from fleet.diagnose.tally import Tally
 from fleet.store import Document, Store, dataset_content
 from tests.drivers.nobody import nobody_listens
-from tests.drivers.waiting import until
 from tests.fleet.diagnose.certificates import make_certificates
-from tests.fleet.diagnose.plant import as_in_the_manual, process, settings
+from tests.fleet.diagnose.plant import address_in, as_in_the_manual, process, settings
 from tests.fleet.diagnose.sets import bad
 from tests.fleet.documents import BEGAN, ROBOT
 from tests.fleet.postgres import Cluster
+
+pytestmark = pytest.mark.usefixtures("patient")
 
 OTHER = "0.0.9+other"
 SETS = 40
@@ -66,8 +66,7 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
             process(*as_in_the_manual("scheduler", certificates, "--port", "0", "--protocol", "tls"),
                     "--scheduler-file", str(said))
         )  # fmt: skip
-        until(said.exists, 60.0)
-        address = json.loads(said.read_text("utf-8"))["address"]
+        address = address_in(said)
         tls = {f"DASK_DISTRIBUTED__COMM__TLS__{key}": str(certificates[name])
                for key, name in (("CA_FILE", "ca"), ("WORKER__CERT", "cert"), ("WORKER__KEY", "key"))}  # fmt: skip
         wrong = running.enter_context(

@@ -1,0 +1,14 @@
+"""The patience of a call, for machines that do other things: to begin a worker takes seconds of processor time."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.drivers.waiting import PATIENCE_S
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call waits for a scheduler's answer, and for a worker, as long as tests wait for what surely comes."""
+    monkeypatch.setattr("fleet.diagnose.engine.CONNECT_S", PATIENCE_S)
+    monkeypatch.setattr("fleet.diagnose.run.PATIENCE_S", PATIENCE_S)
