@@ -11,18 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition import Event, Run, export
+from acquisition.campaign import make_plan
 from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
-from acquisition.cell.workspace import targets_at
+from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.record.merge import export_together
-from acquisition.run.run import Run
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
-from drivers.errors import ConfigError, LinkLost, NotReady, OutOfRange
-from drivers.interfaces import Answer
+from acquisition.record import export_together
+from calib import identify, read_dataset
+from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.fakes import (
     BALLBAR,
     HEXAPOD,

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.campaign.plan import make_plan
+from acquisition.campaign import make_plan
 from acquisition.record.readings import readings_of
-from drivers.errors import LinkLost, NotReady
-from drivers.interfaces import Answer
+from drivers import Answer, LinkLost, NotReady
 from tests.acquisition.test_ballbar import Bar
 
 

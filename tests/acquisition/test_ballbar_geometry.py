@@ -14,19 +14,16 @@ from xml.etree import ElementTree
 
 import pytest
 
+from acquisition import Event, Run, export
+from acquisition.campaign import make_plan
 from acquisition.campaign.check import check_plan
 from acquisition.campaign.forecast import Forecast
-from acquisition.campaign.plan import make_plan
 from acquisition.cell.bars import bar_between, bars_of
-from acquisition.record.event import Event
-from acquisition.record.export import export
 from acquisition.record.readings import readings_of
+from acquisition.run import PROMPT
 from acquisition.run.ballbar.distances import STAGE_1, BallbarChecks
-from acquisition.run.run import PROMPT, Run
-from calib.data import read_dataset
-from calib.saved import load_model
-from drivers.errors import ConfigError
-from drivers.interfaces import Answer, LengthReading, Prompt
+from calib import load_model, read_dataset
+from drivers import Answer, ConfigError, LengthReading, Prompt
 from tests.acquisition.fakes import BALLBAR as FIXTURE
 from tests.acquisition.fakes import HEXAPOD, Crash, JumpingClock, a_campaign, a_cell, devices_of
 from tests.acquisition.test_ballbar import OFF_DEG, TWO_STAGES, Bar

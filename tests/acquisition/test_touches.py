@@ -13,18 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.campaign.plan import make_plan
-from acquisition.cell.devices import Devices
-from acquisition.cell.workspace import targets_at
-from acquisition.record.export import export
+from acquisition import Devices, Run, export
+from acquisition.campaign import make_plan
+from acquisition.cell import targets_at
 from acquisition.record.readings import readings_of, touches_of
 from acquisition.record.touches import Taught
-from acquisition.run.run import Run
-from calib.data import read_dataset
-from calib.errors import DataError
+from calib import DataError, read_dataset
 from calib.units import DEG
-from drivers.errors import ConfigError
-from drivers.interfaces import Answer
+from drivers import Answer, ConfigError
 from tests.acquisition.fakes import HEXAPOD, Bench, Crash, FakeArm, FakeBar, JumpingClock, a_campaign, a_cell
 from tests.acquisition.test_ballbar import OFF_DEG, Bar
 from tests.acquisition.test_ballbar_geometry import BALLBAR, SIDES

@@ -13,15 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, StatedConditions, correct, forward, inverse_kinematics, load_robot
+from calib.arm import BRANCHES
 from calib.array import Array
-from calib.compensate import correct, correct_poses, postures_of
-from calib.data.groups import DEFAULT_GROUPS
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.compensate import correct_poses, postures_of
+from calib.data import DEFAULT_GROUPS
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from calib.validation.branch import branches
 from tests.benchmarks.clock import line, seconds

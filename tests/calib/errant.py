@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from calib.arm.kinematics import gravity_torques
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, StatedConditions, load_robot
+from calib.arm import gravity_torques
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS
+from calib.data import DEFAULT_GROUPS
 from calib.effects.geometry.shift import base_shift, tool_shift
 from calib.effects.instrument.drift import drift_rotation, drift_translation
 from calib.effects.thermal.thermal_growth import thermal_growth
 from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.periodic import periodic
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 

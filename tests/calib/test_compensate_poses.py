@@ -11,16 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics import BRANCHES
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib import DataError, Robot, StatedConditions, correct, forward, load_robot
+from calib.arm import BRANCHES
 from calib.array import Array
-from calib.compensate import Status, correct, correct_poses, model_sides, nominal_of, postures_of
-from calib.data.groups import DEFAULT_GROUPS
-from calib.errors import DataError
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.compensate import Status, correct_poses, model_sides, nominal_of, postures_of
+from calib.data import DEFAULT_GROUPS
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from calib.validation.branch import branches
 from tests.calib.errant import ROBOT, STATED, WIDE, landing, random_targets, real_robot

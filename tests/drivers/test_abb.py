@@ -8,15 +8,7 @@ from typing import Any
 
 import pytest
 
-from drivers import (
-    AbbArm,
-    AbbDeadlines,
-    EmergencyStop,
-    JointLimit,
-    LinkTimeout,
-    ProtectiveStop,
-    open_robot,
-)
+from drivers import AbbArm, AbbDeadlines, EmergencyStop, JointLimit, LinkTimeout, ProtectiveStop, open_robot
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.waiting import PATIENCE_S, under_way, until

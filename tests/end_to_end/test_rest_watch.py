@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.data import read_dataset
+from calib import identify, read_dataset, save_model
 from calib.effects.thermal.warm_up import warm_up
-from calib.fit import identify
-from calib.saved import save_model
 from calib.saved.model_checks import content_hash
 from tests.end_to_end.test_watch import BUMP, SEED, cell_of
 from tests.service.campaigns import write_data

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arm.kinematics import gravity_torques
-from calib.arm.robot import load_robot
+from calib import SavedModel, load_robot
+from calib.arm import gravity_torques
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.saved.model_file import SavedModel
+from calib.data import DEFAULT_GROUPS
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 

@@ -16,10 +16,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from calib import watch
-from calib.data import read_dataset
-from calib.fit import identify
-from calib.saved import save_model
+from calib import identify, read_dataset, save_model, watch
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
