@@ -1,7 +1,5 @@
 """The end of a command that runs until somebody ends it: Ctrl-C or SIGTERM, heard while it waits."""
 
-from __future__ import annotations
-
 import select
 import signal
 import socket

@@ -4,8 +4,6 @@ folder.
 Imports come late, as there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

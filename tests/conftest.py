@@ -10,8 +10,6 @@ is printed with the line that reproduces it. The profile `fuzz` draws 100,000 ne
 `fuzz-short` 2,000 (`make long`).
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -4,8 +4,6 @@ Corrections hold for an approach from one side, and for the time and the air tem
 Angles deg.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

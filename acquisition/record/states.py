@@ -1,7 +1,5 @@
 """States of a campaign, their codes, and the table of allowed transitions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """The ending of a fit's iterations."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

@@ -1,7 +1,5 @@
 """Readings that no parameter brings near the robot: of another robot, or columns that are not what they say."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.data.dataset import Dataset

@@ -1,7 +1,5 @@
 """Position errors as people judge them: n, RMS, mean, 95 %, maximum of distances in mm."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

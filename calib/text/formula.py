@@ -3,8 +3,6 @@
 Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
 """
 
-from __future__ import annotations
-
 _BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 

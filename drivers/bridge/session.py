@@ -10,8 +10,6 @@ stamp that came before is refused always, also on a new connection: it is the sa
 between the acknowledgement and the answer voids the reading whatever its stamp says.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

@@ -1,7 +1,5 @@
 """Named waits of the UR driver, seconds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """Simulated bridge of a FARO ION: MBP/1 lines on TCP over a TrackerDevice."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Air temperature of the hall: two slow sines, of periods that keep it from following the clock."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

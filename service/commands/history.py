@@ -1,7 +1,5 @@
 """`truepose history`: what is kept of robots over the years; trends, charts, and when the next check is due."""
 
-from __future__ import annotations
-
 import socket
 from enum import StrEnum
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Options that every server of the program has."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -1,7 +1,5 @@
 """The promises of a robot's driver beyond the faults of its wire: when it moves, where it stops, what it believes."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -2,8 +2,6 @@
 turns, a branch that the block does not name, and poses to judge by that a fit has seen.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

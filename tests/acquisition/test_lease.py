@@ -1,7 +1,5 @@
 """The robot moves only while its owner is heard of."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The record: states, append-only attempts, one good reading a pose, one owner, what a crash leaves behind."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import sqlite3

@@ -1,7 +1,5 @@
 """The world frame from three nests."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -2,8 +2,6 @@
 messages are checked by what an engineer would look for in them, not word by word.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

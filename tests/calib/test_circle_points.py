@@ -2,8 +2,6 @@
 another frame, sweeps that are missed or made up, gross errors that bend an axis, and a start that is of no use.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The figures in which errors and uncertainties are told, on numbers that can be counted by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Curves of gears: two joints err by thirty orders each, one of them by a single strong order besides."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

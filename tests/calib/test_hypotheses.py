@@ -1,7 +1,5 @@
 """Files that mean something else than they say are refused by the name of what they mean; odd ones are read."""
 
-from __future__ import annotations
-
 import copy
 import re
 from itertools import islice

@@ -2,8 +2,6 @@
 another robot's name, wider limits, a number changed by hand, and shapes that end in a fault of our own.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

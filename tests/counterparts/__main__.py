@@ -3,8 +3,6 @@
 Exit code 1 when one is missing; its tests then skip.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

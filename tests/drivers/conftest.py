@@ -1,7 +1,5 @@
 """A cell with the simulated devices of a test module: its `ROBOT` and its `DEVICES`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The ballbar driver against its simulated bridge, on TCP, a pseudo-terminal and a pyserial URL."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator

@@ -2,8 +2,6 @@
 of ours.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Mapping

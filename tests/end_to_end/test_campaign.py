@@ -1,7 +1,5 @@
 """Cell and campaign files -> simulated cell over its sockets -> record -> data set -> identification."""
 
-from __future__ import annotations
-
 import csv
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Nobody, or somebody else, at the address: another device, another version, another robot than the cell file says."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -3,8 +3,6 @@ undoes, a content that leaves before its acknowledgement, a document that is tak
 file that ends in a traceback.
 """
 
-from __future__ import annotations
-
 import random
 import signal
 import sqlite3

@@ -1,7 +1,5 @@
 """Changes to acquisition."""
 
-from __future__ import annotations
-
 from tests.sabotage.change import Change
 
 _SEQUENCER = (

@@ -1,7 +1,5 @@
 """Changes to the drivers."""
 
-from __future__ import annotations
-
 from tests.sabotage.change import Change
 
 _ABB = (

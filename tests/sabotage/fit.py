@@ -1,7 +1,5 @@
 """Changes to the model, its fit and its diagnosis."""
 
-from __future__ import annotations
-
 from tests.sabotage.change import Change
 
 FIT = (

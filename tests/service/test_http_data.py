@@ -1,7 +1,5 @@
 """Data sets over HTTP: uploaded, refused with their line, identified, diagnosed, reported."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -2,8 +2,6 @@
 here would take it hours), brackets that exhaust the stack, and numbers that no robot has.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`truepose select`: the list of poses, the document, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

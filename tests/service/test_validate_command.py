@@ -1,7 +1,5 @@
 """`truepose validate`: its tables and its JSON, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Watches by other readings, at the command line: touched balls, legs, the warmth of the arm."""
 
-from __future__ import annotations
-
 import csv
 import json
 import tomllib

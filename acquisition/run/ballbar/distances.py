@@ -7,8 +7,6 @@
 Lengths mm.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from pathlib import Path
 

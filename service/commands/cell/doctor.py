@@ -3,8 +3,6 @@
 Read-only: nothing is armed, moved or set. One line a check, then one line with the verdict.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager

@@ -1,7 +1,5 @@
 """`truepose campaign rescue`: save what can be read of a damaged record."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

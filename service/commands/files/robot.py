@@ -1,7 +1,5 @@
 """`truepose robot`: robot files are written, imported, checked, listed and shown."""
 
-from __future__ import annotations
-
 import json as notation
 from enum import Enum
 from pathlib import Path

@@ -3,8 +3,6 @@
 Neither has query, headers or body: they may hold reasons, names and secrets.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 

@@ -1,7 +1,5 @@
 """Campaign files, uploaded as they are: TOML, which a browser cannot read."""
 
-from __future__ import annotations
-
 import hashlib
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Campaigns: kept, listed, given back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from fastapi import APIRouter

@@ -1,7 +1,5 @@
 """Data sets: uploaded, listed, given back."""
 
-from __future__ import annotations
-
 import hashlib
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The path under which the interface answers."""
 
-from __future__ import annotations
-
 PREFIX = "/api/v1"
 
 

@@ -1,7 +1,5 @@
 """Data sets: uploaded, or exported from a run; `RECORD/datasets/ID/data.csv`, `data.toml`, `about.json`."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The look of figures, and their inline SVG: small, without ids that clash, readable by screen readers."""
 
-from __future__ import annotations
-
 import html
 import io
 import re

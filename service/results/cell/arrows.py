@@ -3,8 +3,6 @@
 Lengths mm, world frame.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

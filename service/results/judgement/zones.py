@@ -10,8 +10,6 @@
 A reading belongs to every zone in which the judged model expects its target.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`--predictions P.csv`: where every validation row should read, with and without the diagnosed effects."""
 
-from __future__ import annotations
-
 import csv
 import io
 

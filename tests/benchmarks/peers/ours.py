@@ -1,7 +1,5 @@
 """The readings as data sets of ours, by way of their files."""
 
-from __future__ import annotations
-
 import csv
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exports as workbooks, and what people add to tables: means, notes, rows that are lost, other numbers."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`truepose fleet diagnose` as a person and a timer call it."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

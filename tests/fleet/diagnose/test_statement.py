@@ -1,7 +1,5 @@
 """A kept diagnosis in which a figure is none."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

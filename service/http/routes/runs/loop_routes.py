@@ -1,7 +1,5 @@
 """Closed loops: made, looked at, paused, resumed, stopped."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from fastapi import APIRouter

@@ -1,7 +1,5 @@
 """Targets corrected with a model that was found: what `truepose compensate` does to a target table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

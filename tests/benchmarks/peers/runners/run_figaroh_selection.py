@@ -4,8 +4,6 @@ Writes beside the answer ROWS.npz with the rows (N, 3, m) of its regressor, from
 """
 # pyright: reportMissingImports=false
 
-from __future__ import annotations
-
 import random
 import sys
 import tempfile
