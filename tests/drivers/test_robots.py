@@ -37,10 +37,11 @@ from tests.drivers.waiting import PATIENCE_S, under_way
 @dataclass(frozen=True)
 class Bench:
     """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for an end of a move that is to fail
-    by them; `hasty`: for a connection that is."""
+    by them; `hasty`: for a connection that is; `identity`: maker, model and dialect that it has to name."""
 
     driver: str
     device: str
+    identity: tuple[str, str, str]
     patient: Any
     quick: Any
     hasty: Any
@@ -62,12 +63,14 @@ class Bench:
         return arm
 
 
-ABB = Bench("abb", "abb", AbbDeadlines(), AbbDeadlines(), AbbDeadlines(ping_s=0.4))
+IRB_120 = ("ABB", "IRB 120-3/0.6", "calsrv")
+ABB = Bench("abb", "abb", IRB_120, AbbDeadlines(), AbbDeadlines(), AbbDeadlines(ping_s=0.4))
 SIMPLE = AbbSimpleDeadlines()
 WAITS = FanucDeadlines(connect_s=30, reply_s=30, stop_s=30, settle_s=30, move_margin_s=60, gap_s=0.001)
 FANUC = Bench(
     "fanuc",
     "fanuc",
+    ("Fanuc", "LR Mate 200iC", "mappdk-cal"),
     WAITS,
     replace(WAITS, settle_s=0.2),
     FanucDeadlines(connect_s=0.3),
@@ -77,6 +80,7 @@ PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, s
 UR = Bench(
     "ur",
     "ur",
+    ("Universal Robots", "UR5", "rtde"),
     PATIENT,
     PATIENT,
     PATIENT,
@@ -86,21 +90,30 @@ UR = Bench(
 )
 BENCHES = {
     "abb": ABB,
-    "abb-stock": replace(ABB, stock=True),
+    "abb-stock": replace(ABB, stock=True, identity=(*IRB_120[:2], "open_abb")),
     "abb-simple": Bench(
         "abb-simple",
         "abb-simple",
+        ("ABB", "", "simple_message"),
         SIMPLE,
         replace(SIMPLE, settle_s=0.3, still_s=0.2),
         replace(SIMPLE, reply_s=0.4, takeover_s=0.2),
     ),
-    "mappdk": replace(FANUC, stock=True),
+    "mappdk": replace(FANUC, stock=True, identity=("Fanuc", "", "mappdk")),
     "mappdk-cal": FANUC,
-    "modbus-hmi": replace(FANUC, device="fanuc-modbus-hmi", query="?modbus=hmi"),
-    "modbus-io": replace(FANUC, device="fanuc-modbus-io", query="?modbus=io"),
+    **{
+        f"modbus-{kind}": replace(
+            FANUC,
+            device=f"fanuc-modbus-{kind}",
+            query=f"?modbus={kind}",
+            identity=("Fanuc", "", f"modbus-{kind}"),
+        )
+        for kind in ("hmi", "io")
+    },
     "ur-rtde": UR,
-    "ur-realtime": replace(UR, query="?feed=realtime"),
+    "ur-realtime": replace(UR, query="?feed=realtime", identity=(*UR.identity[:2], "realtime")),
 }
+FANUC_WIRES = ["mappdk", "mappdk-cal", "modbus-hmi", "modbus-io"]
 STOPPABLE = ["abb", "abb-simple", "mappdk-cal", "modbus-hmi", "modbus-io"]  # of a UR: test_ur_stop.py
 REPORTING = [*STOPPABLE, "abb-stock", "mappdk"]  # the end of a move; a UR's is seen in its states: test_ur.py
 
@@ -123,15 +136,16 @@ def slow(bench: Bench) -> Iterator[CellThread]:
         yield cell
 
 
-def test_is_a_robot_arm_and_warns_once(
+def test_is_a_robot_arm_says_what_it_is_and_warns_once(
     bench: Bench, fast: CellThread, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
         arm = bench.arm(fast)
         arm.connect()
-        arm.identify()
+        identity = arm.identify()
         arm.disconnect()
     assert isinstance(arm, RobotArm)
+    assert (identity.maker, identity.model, identity.protocol) == bench.identity
     assert sum("unverified" in record.message for record in caplog.records) == 1
 
 
@@ -159,6 +173,29 @@ def test_limits_of_the_cell_are_checked_before_anything_is_sent(bench: Bench, fa
     assert fast.do("state")["joints_deg"] == (0.0,) * 6
     arm.move_to((90, 0, 0, 0, 0, 0))
     arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("wire", "beyond", "error"),
+    [
+        ("abb", (170.0, 0, 0, 0, 0, 0), JointLimit),
+        ("abb-simple", (170.0, 0, 0, 0, 0, 0), ProtectiveStop),
+        *((wire, (0, 0, -143.0, 0, 0, 0), JointLimit) for wire in FANUC_WIRES),
+    ],
+)
+def test_controller_refuses_its_own_limit_and_nothing_moves(
+    wire: str, beyond: tuple[float, ...], error: type[Exception]
+) -> None:
+    bench = BENCHES[wire]
+    with bench.cell(5000.0) as cell:
+        arm = bench.arm(cell)
+        arm.arm()
+        with pytest.raises(error, match="50027" if wire == "abb-simple" else None):
+            arm.move_to(beyond)
+        assert cell.do("state")["joints_deg"] == (0.0,) * 6
+        with pytest.raises(NotArmed):
+            arm.move_to((1.0,) * 6)
+        arm.disconnect()
 
 
 @pytest.mark.parametrize("bench", [BENCHES[name] for name in STOPPABLE], ids=STOPPABLE)
@@ -236,7 +273,7 @@ ESTOP, SUPERVISED = {"what": "estop"}, {"what": "supervise"}
         (BENCHES["abb-simple"], SUPERVISED, ProtectiveStop),
         *(
             (BENCHES[wire], order, (EnableLost, WrongMode, ProtectiveStop))
-            for wire in ("mappdk", "mappdk-cal", "modbus-hmi", "modbus-io")
+            for wire in FANUC_WIRES
             for order in (MANUAL, MOTORS_OFF)
         ),
     ],
