@@ -10,7 +10,7 @@ import pytest
 from acquisition.campaign import make_plan
 from acquisition.record.readings import readings_of
 from drivers import Answer, LinkLost, NotReady
-from tests.acquisition.test_ballbar import Bar
+from tests.acquisition.bars import Bar
 
 
 @pytest.fixture

@@ -42,6 +42,16 @@ EFFECTS = {
 }
 
 
+def only_geometry(robot: Robot, seed: int) -> tuple[RobotModel, Array]:
+    """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
+    rng = np.random.default_rng(seed)
+    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
+    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
+    sizes = {"mm": 0.25, "deg": 0.04}
+    estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
+    return model, np.array(estimate)
+
+
 def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
     """A model with the errors of a real arm and every kind of effect; drawn from the seed."""
     rng = np.random.default_rng(seed)
