@@ -1,5 +1,7 @@
 """Errors of a campaign beside those of the devices; same families, same rules (`drivers.errors`)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -4,6 +4,8 @@ A `DataError` names the file, and where it can the line or the key, says what is
 The command line turns it into exit code 2, the HTTP service into a problem document.
 """
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
 

@@ -3,6 +3,8 @@
 `FACTORS[unit]` converts one displayed unit to internal units: internal = displayed x factor.
 """
 
+from __future__ import annotations
+
 import math
 
 DEG = math.pi / 180.0

@@ -4,6 +4,8 @@ The pages are Markdown that a forge shows as it is. Commands, HTTP and effects a
 site is built (`docs/made`, not kept), so that they cannot fall behind it.
 """
 
+from __future__ import annotations
+
 import sys
 from importlib import metadata
 from pathlib import Path

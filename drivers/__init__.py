@@ -1,6 +1,8 @@
 """Drivers: from bytes on a wire to a reading, a folder a maker, each declaring itself. `drivers.interfaces` has
 the verbs, `drivers.registry` the table."""
 
+from __future__ import annotations
+
 from drivers.abb.arm import AbbArm
 from drivers.abb.conversation import AbbDeadlines
 from drivers.abb.simple import AbbSimpleArm

@@ -1,5 +1,7 @@
 """Caps of a robot by its cell file: how fast, how far. Every target is held against it before anything is sent."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

@@ -1,5 +1,7 @@
 """Named waits of the instruments, s: of bridges and of emScon alike."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 

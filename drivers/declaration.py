@@ -3,6 +3,8 @@
 Each maker's folder has one file `declaration.py` with the declarations of its drivers; `drivers.registry` lists them.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -4,6 +4,8 @@ Each protocol has something of its own; a driver's declaration says how to ask f
 campaign needs none of it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -4,6 +4,8 @@
 taken apart by the parser that the drivers use, so that what is named here is what they connect to.
 """
 
+from __future__ import annotations
+
 import ipaddress
 import os
 import socket

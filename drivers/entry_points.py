@@ -1,5 +1,7 @@
 """Additions by other packages: lists in modules that they name as entry points."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any

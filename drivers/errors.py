@@ -13,6 +13,8 @@ Every error names the device, the command that was under way and the raw reply, 
 in one sentence what to do.
 """
 
+from __future__ import annotations
+
 from typing import ClassVar, TypedDict, Unpack
 
 

@@ -6,6 +6,8 @@ from any thread while another verb is pending, and disarms. Every verb raises on
 and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsius, hectopascals.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field

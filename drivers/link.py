@@ -6,6 +6,8 @@ other rules: nothing unread before asking, one question outstanding, an answer e
 (half a line at the end of the stream is an error), every wait has a deadline with a name.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import select

@@ -4,6 +4,8 @@ A person is never assumed: without a terminal, with its input closed or its page
 NoOperator instead of going on as if somebody had confirmed.
 """
 
+from __future__ import annotations
+
 import sys
 import threading
 from typing import TextIO

@@ -9,6 +9,8 @@ What a servo may be off is taken from the data sheets: twice the pose repeatabil
 arm that held its joints worse could not repeat as its maker says. Not tried on a controller.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from drivers.interfaces import JointReading

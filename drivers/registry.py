@@ -4,6 +4,8 @@ Other packages bring theirs by entry points of the group `truepose.drivers`: mod
 `declaration.py`. They are looked for when a name is asked for that is not in the tables.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, TypeVar

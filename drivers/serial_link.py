@@ -5,6 +5,8 @@ A serial line has no connections, so bytes of an earlier conversation may still 
 what is read is only believed because every line carries its sum and the number of its question.
 """
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Callable, Iterator

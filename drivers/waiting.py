@@ -1,5 +1,7 @@
 """The time for which a question of a driver waits for its answer."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import TypedDict
 

@@ -1,5 +1,7 @@
 """Refusals of a store. The place (`file`) is the address of the store, without its password."""
 
+from __future__ import annotations
+
 from calib.errors import DataError
 
 

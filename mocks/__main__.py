@@ -3,6 +3,8 @@
 Prints one JSON line per endpoint on standard output. Ends with 0; 2 for a wrong file; 1 for a taken port.
 """
 
+from __future__ import annotations
+
 import argparse
 import asyncio
 import json

@@ -12,6 +12,8 @@
 Answers `{"ok": true, ...}` or `{"ok": false, "error": "..."}`.
 """
 
+from __future__ import annotations
+
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping

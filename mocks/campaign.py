@@ -9,6 +9,8 @@ targets off each other, approach sides drawn independently per joint, an air tem
 the clock, validation rows interleaved in time.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import math

@@ -1,5 +1,7 @@
 """The part that a simulator needs of a `cell.toml` (format truepose-cell/1), read by the simplest means."""
 
+from __future__ import annotations
+
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path

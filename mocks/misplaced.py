@@ -4,6 +4,8 @@ Each is off by `[simulation] misplaced_mm` where it is named there, else by a dr
 not at all.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

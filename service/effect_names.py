@@ -1,5 +1,7 @@
 """Effects before readers: words first, the label second; a class of rivals as all its members, not as one."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from calib.diagnose import Found

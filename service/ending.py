@@ -1,5 +1,7 @@
 """The end of a command that runs until somebody ends it: Ctrl-C or SIGTERM, heard while it waits."""
 
+from __future__ import annotations
+
 import select
 import signal
 import socket

@@ -1,5 +1,7 @@
 """Exit codes of every command."""
 
+from __future__ import annotations
+
 DONE = 0
 FAILED = 1
 USAGE = 2  # wrong command line, or input that cannot be used

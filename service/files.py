@@ -1,5 +1,7 @@
 """JSON for other programs: written whole or not at all, never with a NaN."""
 
+from __future__ import annotations
+
 import json
 import sys
 from collections.abc import Mapping

@@ -1,5 +1,7 @@
 """Garbage is not sought among what stays."""
 
+from __future__ import annotations
+
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager

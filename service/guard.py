@@ -4,6 +4,8 @@ The parent holds the other end of our standard input. When it closes, by intent 
 the command is ended. A signal handler in the parent could not do this: nothing runs after `kill -9`.
 """
 
+from __future__ import annotations
+
 import contextlib
 import os
 import signal

@@ -2,6 +2,8 @@
 database library.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any

@@ -4,6 +4,8 @@ The folder of the job holds `job.json`; it gets `report.html` and then `result.j
 cannot be used.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The folder of a job: the names of its files, and what the job does now."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"

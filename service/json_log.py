@@ -1,5 +1,7 @@
 """A log for programs: one JSON object a line, with `utc`, `level`, `from` and `message`, and what is told beside it."""
 
+from __future__ import annotations
+
 import json
 import logging
 import sys

@@ -3,6 +3,8 @@
 It is read before it is kept, so everything that is kept can be worked with.
 """
 
+from __future__ import annotations
+
 import shutil
 import time
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """Ids of resources: sortable by time, safe as the name of a folder and in a URL."""
 
+from __future__ import annotations
+
 import re
 import secrets
 from datetime import UTC, datetime

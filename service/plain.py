@@ -1,5 +1,7 @@
 """Values as other programs can read them: no NaN in JSON, times as RFC 3339 UTC."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from datetime import UTC, datetime

@@ -3,6 +3,8 @@
 Modes are those of POSIX; on Windows the folder's access list decides, which a folder below the user's own inherits.
 """
 
+from __future__ import annotations
+
 import os
 import stat
 import sys

@@ -5,6 +5,8 @@ Numbers and devices know nothing of each other, so each room has a root error of
 what else they must say: data have a file, a line and a key; a device has its name, a code and an exit code.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 from calib.errors import DataError

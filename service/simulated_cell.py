@@ -1,5 +1,7 @@
 """The simulators of a cell, in a process of their own: started, asked for their addresses, surely ended."""
 
+from __future__ import annotations
+
 import json
 import socket
 import subprocess

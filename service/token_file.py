@@ -4,6 +4,8 @@ Without a choice of the user it lies in the record, is made anew at every start 
 user names keeps its tokens for good; where it is not there it is made.
 """
 
+from __future__ import annotations
+
 import os
 import secrets
 from collections.abc import Iterator

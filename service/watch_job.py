@@ -4,6 +4,8 @@ folder.
 Imports come late, as there.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

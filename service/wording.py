@@ -1,5 +1,7 @@
 """Numbers and findings in words, the same on the terminal, in the report and later on the page."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

@@ -6,6 +6,8 @@ closes, because the service ended or was killed, the process ends at once, in mi
 handler of the service could see to that, nothing runs after `kill -9`.
 """
 
+from __future__ import annotations
+
 import os
 import pickle
 import queue

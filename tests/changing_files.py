@@ -1,5 +1,7 @@
 """Files in a folder that a program writes meanwhile: one that it removes while they are looked at is none of them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path

@@ -10,6 +10,8 @@ is printed with the line that reproduces it. The profile `fuzz` draws 100,000 ne
 `fuzz-short` 2,000 (`make long`).
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import tempfile

@@ -4,6 +4,8 @@ A message is what an error is given where it is raised, and the advice of its cl
 happens. WORD: only files whose name holds it.
 """
 
+from __future__ import annotations
+
 import argparse
 import ast
 import sys

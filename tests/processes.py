@@ -1,5 +1,7 @@
 """Processes below another, as Linux lists them. Threads and processes may end while they are being listed."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 GONE = (FileNotFoundError, ProcessLookupError)

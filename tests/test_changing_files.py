@@ -1,5 +1,7 @@
 """What is looked at while others change it: files that go meanwhile, processes that end meanwhile."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from tests.changing_files import looked_at

@@ -1,5 +1,7 @@
 """Hypothesis draws the same examples in every run, whatever else is loaded."""
 
+from __future__ import annotations
+
 from hypothesis.internal.conjecture.providers import HypothesisProvider
 
 

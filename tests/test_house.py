@@ -1,5 +1,7 @@
 """The rules of every file: it imports no file that imports it in turn, and nobody has to scroll for long."""
 
+from __future__ import annotations
+
 import graphlib
 import re
 import subprocess

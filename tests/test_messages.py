@@ -1,5 +1,7 @@
 """The list of messages that `python -m tests.messages` prints: it is whole, and no message ends in mid-sentence."""
 
+from __future__ import annotations
+
 from tests.messages import Message, messages
 
 

@@ -1,5 +1,7 @@
 """`truepose`, and `python -m truepose`: the command line, once it is sure that its packages are its own."""
 
+from __future__ import annotations
+
 import sys
 
 from truepose.rooms import refuse_foreign

@@ -1,5 +1,7 @@
 """Arguments checked: arrays of joint angles in degrees, single numbers, and what is no model."""
 
+from __future__ import annotations
+
 import math
 import warnings
 from numbers import Real

@@ -1,5 +1,7 @@
 """The rooms of the program: packages with plain names, which a package of somebody else may hide."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Iterable
 from importlib.util import find_spec

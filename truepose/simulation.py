@@ -1,5 +1,7 @@
 """A campaign on the simulated cell: every device speaks its wire protocol, in a process of its own."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from pathlib import Path
 

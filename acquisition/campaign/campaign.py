@@ -4,6 +4,8 @@ Angles deg, lengths mm, times s (campaign time, which a simulated cell runs `tim
 says what; `campaign.blocks` has its kinds of blocks, `campaign.plan` turns it into poses for one cell.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,6 +5,8 @@ pose like any other: 5 deg beside a legal pose it can leave the limits or touch 
 a clear path to the approach point of the next; what is driven in another order is looked at again before it is driven.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,6 +4,8 @@ Each is within the limits and clear, with the side from which every joint arrive
 the opposite side too, both approach points are. Angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,6 +5,8 @@ take and reach is for `campaign.poses`. The sides of approach were drawn with th
 independent of the pose as those of random poses.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

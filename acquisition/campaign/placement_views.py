@@ -3,6 +3,8 @@
 One row a placement, from above and from the side; the places of the tool by the branch of shoulder and elbow.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,6 +6,8 @@ branches. A proof of one placement asks more: approach points, straight moves, a
 the arm. Fixtures that carry a ball move with it. Source: Nubiola, thesis, section 4.2.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

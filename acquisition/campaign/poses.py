@@ -7,6 +7,8 @@ that declare a normal look at the instrument, at the pose. Joints deg, and mm wh
 many mm as deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

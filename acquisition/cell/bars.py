@@ -4,6 +4,8 @@ A QC20-W of 100 mm with bars of 50, 150 and 300 mm reads 100, 150, 250, 300 ... 
 along the tool triangle, 300 mm along the base triangle and the legs. Source: Nubiola, thesis, section 4.2.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import combinations
 

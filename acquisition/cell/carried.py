@@ -1,5 +1,7 @@
 """Fixtures that carry a ball of the base, its cup or its post: they are where the ball is. Lengths mm."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 

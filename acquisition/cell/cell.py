@@ -4,6 +4,8 @@ Lengths mm, angles deg, speeds mm/s and deg/s; joints deg, and mm where they sli
 and key, so that the rest of the program can believe a `Cell`.
 """
 
+from __future__ import annotations
+
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress

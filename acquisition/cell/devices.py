@@ -1,5 +1,7 @@
 """The devices of a cell, opened by the names of its file."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,6 +6,8 @@ found in what the controller says, whatever signs lie between its letters, and m
 may bear any name; there the maker alone counts.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 

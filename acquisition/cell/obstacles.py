@@ -5,6 +5,8 @@ which of the line are nearest to each other, and how far it reaches in a directi
 something is clear: nothing of a convex shape lies beyond the plane that touches it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

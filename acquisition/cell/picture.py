@@ -4,6 +4,8 @@ Parallel projections, in the scale of the picture; the side view looks across th
 What is drawn is where the nominal robot and the cell file have it. Lengths mm.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from html import escape
 

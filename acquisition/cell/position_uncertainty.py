@@ -9,6 +9,8 @@ taught by a robot as it came, and a tool target as turned or milled by drawing. 
 themselves; there a tool target is freed where the cell file says how well it is known.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection, Sequence
 
 from calib.data import LEAST

@@ -1,5 +1,7 @@
 """Joint angles of the controller that put the nominal robot's flange where it is wanted, branch by branch."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from acquisition.cell.cell import Cell

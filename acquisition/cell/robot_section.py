@@ -1,5 +1,7 @@
 """The `[robot]` table of a cell file: which robot, by which driver, how fast and how far it may go."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field

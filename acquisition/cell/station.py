@@ -10,6 +10,8 @@ station and the world frame is made anew; up to it the old one stays, so that no
 Source: the usual test for a change with known covariance (Johnson & Wichern, ch. 5).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -7,6 +7,8 @@ moves between them and home are clear, so there always is one. A robot that is t
 interruption, may rise from there, but not go lower. Angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,6 +4,8 @@ Arm and tool are capsules (`cell.arm`) that keep clear of table, boxes and fixtu
 target whose normal the cell declares is seen within the cone that the instrument accepts. Lengths mm, angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,6 +4,8 @@ The same frame is built from the nests as measured (tracker frame) and as the ce
 mathematics is that of `calib.arm.world_frame`.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 

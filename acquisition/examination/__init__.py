@@ -4,6 +4,8 @@ Robot, instrument and computer are examined at the same time, each to its end ev
 armed, moved or set. While a campaign of this computer moves the robot its devices are left in peace.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed

@@ -5,6 +5,8 @@ the uncertainty. Two readings half a second apart show a clock that is stopped, 
 says; they cannot show a slow crystal. Seconds.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from acquisition.examination.finding import Chart

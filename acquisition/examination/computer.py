@@ -4,6 +4,8 @@ SQLite 3.7.0 to 3.51.2 can damage a write-ahead log that two connections write a
 WAL-reset bug", 2026-03-13). A record has one writer, so it is safe from that; a database browser on it is not.
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import sqlite3

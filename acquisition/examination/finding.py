@@ -5,6 +5,8 @@ note   a campaign can run; somebody should know
 fault  a campaign would be refused or could not be trusted; `code` and `error` are those of `drivers.errors`
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar

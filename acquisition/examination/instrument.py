@@ -4,6 +4,8 @@ Nothing is armed, pointed or set. A tracker's reflector is set when it is armed 
 in which nest is for a person to see.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -3,6 +3,8 @@
 Nothing is armed, moved or set; connecting greets, and nothing more.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

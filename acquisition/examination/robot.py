@@ -4,6 +4,8 @@ Nothing is armed, moved or set. What its protocol does not report is said in one
 good news.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from functools import partial
 

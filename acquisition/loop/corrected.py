@@ -4,6 +4,8 @@ Corrections hold for an approach from one side, and for the time and the air tem
 Angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -5,6 +5,8 @@ and long last moves from either side; `calib.diagnose.follow_up` chooses among t
 pose; poses that share a target and an approach are one block, since the format states these by block. Angles deg.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from typing import Any

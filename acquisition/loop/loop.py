@@ -10,6 +10,8 @@ drift goes on where it was. Corrections hold for an approach from one side, and 
 at which the targets will be measured; where the model follows these, every pose is corrected just before it is driven.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ Both files are written beside the results, so that `truepose campaign run` can r
 Lengths mm, angles deg, times s.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 from collections.abc import Iterator, Mapping

@@ -1,5 +1,7 @@
 """Attempts and prompts of a record: written before the act, closed by its outcome."""
 
+from __future__ import annotations
+
 import json
 import sqlite3
 from collections.abc import Mapping, Sequence

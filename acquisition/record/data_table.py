@@ -1,5 +1,7 @@
 """The data set of a record in memory: the cells as they are written, and what the header says of all of them."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

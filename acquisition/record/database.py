@@ -10,6 +10,8 @@ A file that is not what it was (cut short, overwritten, another program's) is re
 place where errors of SQLite are translated; nothing is written to it, `record.rescue` works on a copy.
 """
 
+from __future__ import annotations
+
 import errno
 import hashlib
 import os

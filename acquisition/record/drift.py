@@ -4,6 +4,8 @@ In the world frame; with one SMR each target is compared with its own first read
 up, or put aside, does not count. Lengths mm.
 """
 
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
 from typing import Any
 

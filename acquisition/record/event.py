@@ -1,5 +1,7 @@
 """An event of a record: what happened, and at which moment."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -10,6 +10,8 @@ A record in which a row no longer agrees with its checksum is refused. `export_e
 lines.
 """
 
+from __future__ import annotations
+
 import io
 import json
 import math

@@ -5,6 +5,8 @@ The instrument has not been moved between them, so its readings stay in the worl
 that it did move, a campaign's own frame holds. Sets stay what they were: validation rows never enter a fit.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The progress of a path: how much of it is driven, and what a program that ended in the middle of it has kept."""
 
+from __future__ import annotations
+
 import sqlite3
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Planned readings of a record, as its rows of `pose` hold them."""
 
+from __future__ import annotations
+
 import json
 import sqlite3
 from collections.abc import Iterable

@@ -3,6 +3,8 @@
 Data set, verification and drift are functions of these rows. Lengths mm, angles deg, times s on the record's clock.
 """
 
+from __future__ import annotations
+
 import json
 import sqlite3
 from dataclasses import dataclass

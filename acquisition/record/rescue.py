@@ -6,6 +6,8 @@ reading is gone, is given up for that reason. Nothing is measured again by itsel
 not believed: a reading whose successor is lost is left out, and a campaign that was going on is paused.
 """
 
+from __future__ import annotations
+
 import json
 import sqlite3
 from collections.abc import Sequence

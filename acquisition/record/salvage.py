@@ -6,6 +6,8 @@ the one with more good readings counts. A file of which only the start was overw
 of its first page says which tables there are. The record itself is never written to.
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import sqlite3

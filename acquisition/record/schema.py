@@ -19,6 +19,8 @@ well (`rot_*`: unit quaternion, instrument's frame), a distance its `length_mm` 
 lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
 """
 
+from __future__ import annotations
+
 from acquisition.record.schema_streams import SCRIPT as _FIFTH
 
 # What stands in two scripts, for the third makes the table of attempts anew. Scripts that files have seen never change:

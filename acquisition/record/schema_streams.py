@@ -9,6 +9,8 @@ robot or x, y, z (mm, own frame) of the instrument. `lost`: before any of them; 
 The last chunk of an attempt says where its stream ends, and the attempt whether that is the end of the path.
 """
 
+from __future__ import annotations
+
 SCRIPT = """
 ALTER TABLE pose ADD COLUMN waypoints TEXT;
 DROP TRIGGER plan_fixed;

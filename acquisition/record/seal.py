@@ -8,6 +8,8 @@ Sealed are the plan (`pose`), what was attempted once it is closed (`attempt`), 
 it was begun with and its world frame. Rows of records older than version 4 have no sum and are taken as they are.
 """
 
+from __future__ import annotations
+
 import hashlib
 import sqlite3
 from collections.abc import Iterator, Mapping

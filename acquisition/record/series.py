@@ -4,6 +4,8 @@ The robot of a data set is one, because its errors are its own: another one is r
 instrument may be another one. Where a device does not report who it is, it is taken for the one of the first data set.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any

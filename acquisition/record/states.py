@@ -1,5 +1,7 @@
 """States of a campaign, their codes, and the table of allowed transitions."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from enum import Enum
 

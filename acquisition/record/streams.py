@@ -4,6 +4,8 @@ Each chunk is one durable transaction: a crash loses what came after the last of
 record says where each stream ends. `export_streams` writes the two files that `truepose align` reads.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 from collections.abc import Iterable, Sequence

@@ -7,6 +7,8 @@ meets the stances of the legs nearer than by any other knowledge of them. Source
 to (4.12). Lengths mm.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

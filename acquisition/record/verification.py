@@ -9,6 +9,8 @@ floor: the RMS distance that a perfect correction would show, from the declared 
 robot's repeatability, sqrt(mean trace(C_tracker + J C_joints J')).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -4,6 +4,8 @@ What its controller reads back is held against the pose that the record will say
 stands where it stands, and the record says that.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from acquisition.campaign.campaign import Campaign

@@ -4,6 +4,8 @@ Injected everywhere, so that a settle time costs nothing in a test and a drift h
 rehearsal. Seconds.
 """
 
+from __future__ import annotations
+
 import threading
 import time
 from typing import Protocol

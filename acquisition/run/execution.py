@@ -1,5 +1,7 @@
 """The execution of a run: what it has only while devices are in use."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from acquisition.run.orders.control import Control

@@ -3,6 +3,8 @@
 Reading a plan of 5,000 poses takes 0.3 s of the interpreter, which a service shares with the thread that stops a robot.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Ctrl-C at the terminal: once pauses after the reading in hand, twice stops the robot now."""
 
+from __future__ import annotations
+
 import signal
 import socket
 import threading

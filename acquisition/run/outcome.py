@@ -1,5 +1,7 @@
 """Outcomes of an execution of a campaign, and why none may begin."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from acquisition.errors import NotResumed

@@ -17,6 +17,8 @@ reading aside and measures it again at once. A calendar that steps pauses: the t
 clock, which does not count while a computer sleeps; on resuming they catch up with the calendar and never go back.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry

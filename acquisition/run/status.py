@@ -1,5 +1,7 @@
 """The state of a run as people and programs see it (the contract's fields)."""
 
+from __future__ import annotations
+
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -4,6 +4,8 @@ What is measured again stays in the record, out of use, and is planned once more
 is skipped with its reason. The sequencer asks the record what comes next, so both hold from the next reading on.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 from acquisition.record.planned import Planned

@@ -5,6 +5,8 @@ about its own axis may as well belong to the link before. Read from the `[[capsu
 whose file has none is taken as thick as `WITHOUT_FILE` of its length, straight from joint to joint. Lengths mm.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -11,6 +11,8 @@ T3, B3 to T1. The tool balls follow one by one, each from three distances (trila
 Source: Nubiola, thesis, sections 3.2 and 4.2 (trilateration: Manolakis 1996).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields, replace
 from itertools import combinations, permutations, product
 

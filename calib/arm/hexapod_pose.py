@@ -11,6 +11,8 @@ Table 3.1 takes t1 and t2 as independent and B2 as exact, and prints other figur
 Lengths mm. Source: Nubiola, thesis, section 3.2; JCGM 100 (GUM), 5.2.2.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import product
 

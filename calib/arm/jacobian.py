@@ -1,5 +1,7 @@
 """The scaled Jacobian of the nominal tool point, and small differences of poses."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.kinematics import Chain, Placement, nominal_values, propagate

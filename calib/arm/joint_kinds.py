@@ -4,6 +4,8 @@ An axis has a name, by which columns are called (`j1_deg`, `e1_mm`): j1, j2, ...
 for external axes (a track, a lifting column, a positioner), which the robot file names.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Joint matrices of a robot file: how the joints that a controller counts turn those of the model."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Masses that load the joints, as the `[[loads]]` of a robot file or of a data set give them."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

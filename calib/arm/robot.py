@@ -6,6 +6,8 @@ conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, an
 A joint that turns adds to theta, one that slides to d.
 """
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

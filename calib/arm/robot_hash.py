@@ -1,5 +1,7 @@
 """The hash of a robot: everything of it that moves it, and nothing that only describes it."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from dataclasses import asdict

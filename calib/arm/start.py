@@ -5,6 +5,8 @@ with the linear solution for them, and Gauss-Newton ends it. Weights (Huber) kee
 their base target by multilateration. Sources: Kabsch 1976; Norrdine 2012 (linear multilateration).
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation

@@ -4,6 +4,8 @@ Nobody measured there; the fitted model takes the place of the arm. A model of g
 regression on absolute positions has never seen its columns move, and a regression on residuals can only add a little.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -4,6 +4,8 @@ By waypoint: in five parts, whole waypoints left out; everything is done again w
 model, the diagnosis, the choice of gamma and lambda. Errors are measured less predicted, in the axes of the world.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

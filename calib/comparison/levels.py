@@ -1,5 +1,7 @@
 """A data set as a level of calibration sees it: what is freed, and what these readings can never show held."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

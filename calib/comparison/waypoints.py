@@ -1,5 +1,7 @@
 """The waypoint of each sample: one waypoint has those between which the robot hardly moved."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array

@@ -4,6 +4,8 @@ For targets that were taught on the real robot and shall be shown, or programmed
 nominal: q_nom = IK_nom(FK_cal(q)). What `calib.compensate.correct` makes of q_nom is q again.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.freedoms import Freedoms

@@ -5,6 +5,8 @@ was changed, a model of another robot, or a fit that went astray. What is compar
 the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -6,6 +6,8 @@ placements), the world is arbitrary, and the identified base frame takes its pla
 A regression that is based on the model shifts every target by what it says of its own point: it knows no turn.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -8,6 +8,8 @@ is: a term is carried if what drives it is the same in every pose, and the table
     loss = |FK_full(q) - FK_carried(q)| of the flange, over random q within the joint limits
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -3,6 +3,8 @@
 The sides that a person states are the controller's; the kinematics and the effects take the model's.
 """
 
+from __future__ import annotations
+
 import itertools
 
 import numpy as np

@@ -10,6 +10,8 @@ target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`
 to T that they lead to; what it cannot move or turn is left, and said.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,5 +1,7 @@
 """Anderson's mixing, batched: fewer rounds to the same fixed point. Source: Walker & Ni 2011."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,5 +1,7 @@
 """Pose targets: corrected in the branch asked for, and handed back as the poses to send to the controller."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

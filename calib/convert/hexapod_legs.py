@@ -8,6 +8,8 @@ fitting the legs themselves also uses visits where some were out of stroke, and 
 Lengths mm. Source: Nubiola, thesis, sections 3.2 and 4.3.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

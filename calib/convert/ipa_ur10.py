@@ -6,6 +6,8 @@ is in the tracker's frame, Euler angles XYZ intrinsic, deg. Where on the flange 
 data set frees the tool. Source: Landgraf et al., IEEE CASE 2021, repository ipa-robot-accuracy (MIT licence).
 """
 
+from __future__ import annotations
+
 import re
 from datetime import datetime
 from pathlib import Path

@@ -4,6 +4,8 @@ As recorded where it is recorded, else derived from the order of the rows of the
 nothing about how the next began.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,6 +3,8 @@
 Rows of `set = validation` never enter a fit or a choice: `fit_rows` leaves them out.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -4,6 +4,8 @@ An error of scale is in proportion to them, never to the measured point, which a
 own prediction. A nominal robot errs by some millimetres; of that, a scale of 10e-6 makes less than 0.0001 mm.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

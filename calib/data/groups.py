@@ -1,5 +1,7 @@
 """Groups of parameters that a data set may ask a base model to free, as `[model] fit` names them, and the levels."""
 
+from __future__ import annotations
+
 GROUPS = (
     "base",
     "geometry",

@@ -1,5 +1,7 @@
 """The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses what it cannot mean."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field

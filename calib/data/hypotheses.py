@@ -6,6 +6,8 @@ hypothesis is the likelier meaning. The tool is taken as the header gives it and
 that a wrong tool explains nothing but itself.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,5 +1,7 @@
 """Columns whose name is hardly other than that of one which is missing: a mistyped `status` lets rejected rows in."""
 
+from __future__ import annotations
+
 import re
 from difflib import get_close_matches
 from itertools import chain

@@ -4,6 +4,8 @@ A tracker's range is better than its angles: sigma along the beam and across it 
 The robot's repeatability enters through the joint Jacobian. Source: Nubiola, thesis 2.2.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

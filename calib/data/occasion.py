@@ -1,5 +1,7 @@
 """The occasion of a data set: when its readings were made, and by whom."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from calib.text.toml_table import TomlTable

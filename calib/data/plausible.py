@@ -6,6 +6,8 @@ clearly better, the readings are refused by that name. `remarks` says what is no
 can show.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain

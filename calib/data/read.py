@@ -3,6 +3,8 @@
 What cannot be trusted is refused by file, line and column.
 """
 
+from __future__ import annotations
+
 import hashlib
 import re
 from dataclasses import replace

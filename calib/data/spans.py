@@ -8,6 +8,8 @@ A ballbar measures them by itself. They have no joint angles, and they tie the p
 every fit (`calib.model.ties`). Source: Nubiola, thesis, section 4.2.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

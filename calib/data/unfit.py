@@ -1,5 +1,7 @@
 """Data sets that cannot be fitted, refused by file, line and column: too few readings, no noise, beyond limits."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.data.dataset import Dataset

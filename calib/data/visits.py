@@ -5,6 +5,8 @@ else they are readings of one pose with no other between them, arrived at by the
 again after the robot has moved begins a new visit; one that is read again without a move does not.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -6,6 +6,8 @@ leans or loads the arm); the same with the base model and the amplitudes of the 
 found.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -11,6 +11,8 @@ acts, pose by pose, and stretch by stretch in time: beside a drift that no law d
 White 1980, Newey and West 1987 (variance of an estimate where noise is not alike, or lasts).
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -4,6 +4,8 @@ The choice, the refit and the screening of rows see calibration rows only. Valid
 end, by the nominal robot in its place, by the base model, and by the model with the effects.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from dataclasses import dataclass, replace

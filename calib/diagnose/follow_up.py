@@ -10,6 +10,8 @@ so far; after each the rival is fitted to what would be seen there (a Kalman ste
 looks elsewhere. Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential form).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

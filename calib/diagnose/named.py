@@ -1,5 +1,7 @@
 """An effect that was found: what it is, how large, and the evidence for it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from calib.array import Array

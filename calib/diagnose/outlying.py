@@ -9,6 +9,8 @@ with functions F the mean of F over the readings left out is compared with that 
 and the smallest p of all drivers with what that is by chance, as for the structure of residuals.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,6 +7,8 @@ it says nothing about poses unlike the measured ones, and no report calls it an 
 Sources: Williams & Seeger 2001 (Nystrom); Khanesar et al. 2022 for regression on what the physical model leaves.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ An error acts at the tool point along the world's axes or the tool's, along the 
 arm, tilts the base (or the instrument beside it), or turns one joint.
 """
 
+from __future__ import annotations
+
 from functools import partial
 from itertools import combinations
 

@@ -6,6 +6,8 @@ raises the fall of the residual squares by lambda = b'A b / s^2, and a claim nee
 Johnson, Kotz and Balakrishnan ch. 29.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 

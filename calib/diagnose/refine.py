@@ -1,5 +1,7 @@
 """Refinement of what was scanned, off the places of the scan: every effect by the family that offered it."""
 
+from __future__ import annotations
+
 from calib.effects import Survey, offers
 from calib.model.effect import Effect
 from calib.scan.harmonics import one_order

@@ -6,6 +6,8 @@ Sources: the lack-of-fit F test, Draper and Smith ch. 2; degrees of
 freedom of rows that belong together, Satterthwaite 1946.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc

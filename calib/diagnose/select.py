@@ -5,6 +5,8 @@ scanned orders are refined. When nothing more enters, effects that no longer pas
 that another candidate explains better are swapped; then forward again, until nothing changes.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

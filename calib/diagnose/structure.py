@@ -13,6 +13,8 @@ Places that one would look at first (`likely`) share half of the chance of an al
 half. Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

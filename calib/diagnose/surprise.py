@@ -11,6 +11,8 @@ is a chi-square over the rows held out. What exceeds it is neither: the model do
 faulty. It decides nothing and is only said. Source: Rao 1973, 4a.7 (prediction); Woodbury 1950 (the inverse).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

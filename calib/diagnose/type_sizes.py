@@ -6,6 +6,8 @@ What lay outside the type while the model lacked an effect may lie within it now
 compliance), so every prior row is there again, and is taken out where this robot lies outside (`calib.fit.of_type`).
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

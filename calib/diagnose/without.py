@@ -5,6 +5,8 @@ allows. With x the estimate, C its covariance and e the effect's parameters, x -
 the condition that the effect is zero.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

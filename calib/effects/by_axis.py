@@ -4,6 +4,8 @@ Files of the library count joints as links, 1 to N. Of an arm without slides bef
 the two are the same.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 

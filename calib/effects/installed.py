@@ -1,5 +1,7 @@
 """Effects that other packages bring: entry points of the group `truepose.effects`, each a module like those here."""
 
+from __future__ import annotations
+
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any

@@ -3,6 +3,8 @@
 Every file of the library names its kinds; reports and follow-ups ask them here, and nothing else knows an effect.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 OTHER_SIDE = "visit the same poses from the other side, after moves of other lengths."

@@ -1,5 +1,7 @@
 """A fit taken up again: its readings, its estimate, and what took no part in it."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.data.dataset import Dataset

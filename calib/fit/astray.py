@@ -1,5 +1,7 @@
 """Distances between balls of one body that the rest of a fit does not bear out: another bar, or a ball that moved."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.fit.least_squares import Solution

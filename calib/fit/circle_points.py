@@ -7,6 +7,8 @@ which axes meet is asked of the nominal robot alone, so both conventions are ser
 point analysis; Mooring, Roth and Driels 1991).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cache
 

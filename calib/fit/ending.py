@@ -1,5 +1,7 @@
 """The ending of a fit's iterations."""
 
+from __future__ import annotations
+
 from enum import StrEnum
 
 

@@ -1,5 +1,7 @@
 """The errors of a model on readings, as people judge them: how far the point, or the distance, is from measured."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

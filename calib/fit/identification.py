@@ -1,5 +1,7 @@
 """The result of an identification: immutable, and everything else (report, prediction, export) a function of it."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from dataclasses import dataclass

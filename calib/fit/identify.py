@@ -5,6 +5,8 @@ start again with Huber's weights, then the bisquare; rows that do not belong are
 squares on the rest. Only `fit_rows` of the data set take part.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

@@ -13,6 +13,8 @@ which the readings cannot distinguish from it, has their sizes beside its own (`
 scaled columns; a step that does not lower the cost is halved.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,5 +1,7 @@
 """The readings that a fit left out: which they are, and by how much each misses what the model says."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Readings that no parameter brings near the robot: of another robot, or columns that are not what they say."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.data.dataset import Dataset

@@ -17,6 +17,8 @@ member of the type, and the whole prior is left out: a fit that is not sure of i
 Source: Box 1980 (prior and readings in conflict); Cook and Weisberg 1982 (deletion of rows).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

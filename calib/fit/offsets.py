@@ -11,6 +11,8 @@ it, so that one cup out of place does not accuse its neighbours. Source: the tes
 Kirubarajan 2001, section 5.4).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -8,6 +8,8 @@ unknown and reaches as far as the arm, and the poses are few: alignment and aver
 `place_nominal` fits base and tool alone: the nominal robot at its best, the yardstick of every report.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

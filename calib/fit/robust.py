@@ -6,6 +6,8 @@ say, so that a tenth of the readings may be wrong, while a structure that moves 
 is not mistaken for a crowd of outliers. Source: Huber 1981; Beaton and Tukey 1974 (bisquare).
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import numpy as np

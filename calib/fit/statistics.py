@@ -1,5 +1,7 @@
 """Position errors as people judge them: n, RMS, mean, 95 %, maximum of distances in mm."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ never measured. It holds what the readings did not determine, not what the model
 propagation.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.array import Array

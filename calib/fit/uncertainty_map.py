@@ -5,6 +5,8 @@ hardly loaded, a parameter that only its prior holds, shows as a large U outside
 compliance was never loaded threw a pose 27 mm off and gave no sign.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Foreign files and their map become a data set, which its nominal robot has been held against."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,6 +4,8 @@ Groups as the data set's `[model] fit` names them. Expected sizes are wide: they
 nothing about. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache

@@ -1,5 +1,7 @@
 """`check_effect`: the conformance check that every effect, ours or a user's, passes before it is trusted."""
 
+from __future__ import annotations
+
 import json
 
 import numpy as np

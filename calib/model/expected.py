@@ -6,6 +6,8 @@ type needs less evidence, everything else twice as much, and claims on robots th
 Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

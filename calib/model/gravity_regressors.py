@@ -1,5 +1,7 @@
 """Regressors of gravity: torques about the joints and moments that bend the arm, with the loads of the readings."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

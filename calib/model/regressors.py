@@ -5,6 +5,8 @@ fields are its shape: joint, harmonic order, change point, time constant. Joints
 has an axis of its own it says which (`drawn_over`).
 """
 
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Protocol
 

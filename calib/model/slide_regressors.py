@@ -1,5 +1,7 @@
 """Regressors of joints that slide: smooth curves over the travel, and the travel times the warmth of the air."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ joints (gravity torque, the joints before the last move) is rebuilt for every po
 was stated (side of approach, temperature, time, "after the last step") stays.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

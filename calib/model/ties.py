@@ -6,6 +6,8 @@ p and q are the positions of the two balls as the model has them: nominal and, w
 estimate. The arm takes no part. Lengths mm.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.array import Array

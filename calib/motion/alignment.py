@@ -5,6 +5,8 @@ the arm is. One least-squares problem holds both (`calib.motion.solve`); speeds 
 start. Its residuals say whether a clock was set while both were running.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -5,6 +5,8 @@ offsets differ by no more than the gap is long, and to the side that it allows, 
 samples were lost. A clock that was set back makes times that decrease: those streams are refused when they are read.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ of the clocks to some hundredths of a second, that of windows their rate, and wh
 were running; `calib.motion.alignment` does the rest.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """The jump of a clock that was set while both were running: their offset, along a recording, has a step."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The likeness of the speeds of two streams, by the lag between them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

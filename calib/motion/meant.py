@@ -1,6 +1,8 @@
 """The likelier meaning of two streams that do not fit together: another sign, order or unit, a mirrored frame, another
 robot. The hypotheses are those about data sets (`calib.data.hypotheses`)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from itertools import chain
 

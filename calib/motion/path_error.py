@@ -8,6 +8,8 @@ its change with speed is seen here. ISO 9283, 8.2, judges a path by its largest 
 maximum.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

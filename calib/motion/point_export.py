@@ -9,6 +9,8 @@ time stamp, is left: offsets, tolerances, uncertainties, comments. Only Cartesia
 the maker's manual (SA User Manual, "Exporting ASCII Formatted Points"), not tried on a file of every version.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from pathlib import Path

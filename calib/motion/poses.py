@@ -9,6 +9,8 @@ samples, less where they hang together from one to the next; v the mean velocity
 in every sample is not in it: the fit scales the noise by what it finds.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,6 +5,8 @@ Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a reco
 `actual_q_0` .., rad) is known by its names.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -7,6 +7,8 @@ stream. Gauss-Newton; the column of the offset is the velocity of the point. Wei
 residual of the last round. Geometry has its usual sizes as priors.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The rests of a moving robot: samples slower than a limit, gathered into poses, numbered as waypoints."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

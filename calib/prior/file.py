@@ -6,6 +6,8 @@ learnt it, and a hash of the whole. A prior that this version does not understan
 spread that is none: a parameter without spread would be decided before anything was measured.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -10,6 +10,8 @@ m_i the means that were held to. So robots that learnt from others do not teach 
 the base model are learnt from those robots in which they were found.
 """
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

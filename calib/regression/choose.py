@@ -6,6 +6,8 @@ first one rho_1, all others rho_2 = (1 + lambda) rho_1. The turn keeps squares, 
 is the first output's error at rho_1 plus the others' at rho_2: one scan over rho serves all pairs.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

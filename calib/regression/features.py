@@ -17,6 +17,8 @@ with some forty waypoints they learn by heart.
 The constant is in none of the sets: the regression has an offset of its own for every output.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

@@ -17,6 +17,8 @@ A Gaussian kernel has no features that can be written down; its columns, one a s
 of V: the kernel at new features times U/k are their coordinates.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,6 +4,8 @@ Reach, wrist, parallel axes, named postures and which inverse kinematics applies
 nearly meet, a zero pose outside the limits, a length in metres.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,6 +4,8 @@ Columns are found by the usual words, in any order; angles may be in deg or rad 
 that neither the header nor the numbers show is asked for; what was taken is said.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

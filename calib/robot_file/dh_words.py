@@ -1,5 +1,7 @@
 """The words with which DH tables name their columns, and what their cells hold: `90`, `-pi/2`, `q2 + 90`, `12,5`."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """A robot file that is written: what it shall hold, and its text with a comment wherever a person has to look."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

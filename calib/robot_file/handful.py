@@ -4,6 +4,8 @@ A data set has a header beside it; of it only the tool targets and the joint mat
 matters before a fit. Without a header, or where it frees the tool, they are unknown and come out of the readings.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Line numbers in a robot file: that of a key of a link, so that a message names the line to change."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from pathlib import Path

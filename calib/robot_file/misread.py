@@ -5,6 +5,8 @@ explains the readings, the joints are tried in every combination of directions, 
 neighbours: a controller that counts otherwise than the table seldom differs in one joint only.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, product

@@ -9,6 +9,8 @@ so that gravity in the base frame stays what it is; behind the last it stands wh
 Sources: Denavit, Hartenberg 1955 (common normals); Craig, chapter 3 (the frames).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

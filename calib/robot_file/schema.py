@@ -4,6 +4,8 @@ What a schema cannot say, the reader does: limits in order, matrices that can be
 test holds both against each other, key by key.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 from calib.arm import FARTHEST_MM

@@ -1,5 +1,7 @@
 """A serial chain out of a tree: the joints from one link to another, fixed ones folded in, mimic joints by name."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

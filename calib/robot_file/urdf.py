@@ -5,6 +5,8 @@ An angle that is a multiple of 45 deg rounded to a few digits (1.5708) is taken 
 are parallel but for a rounding have no common normal near the robot. Source: the URDF specification (joint, link).
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from dataclasses import dataclass

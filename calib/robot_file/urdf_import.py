@@ -1,6 +1,8 @@
 """A robot file out of a URDF: exact, whatever the axes, up to a constant frame before the first joint and one behind
 the last, both of which are said."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

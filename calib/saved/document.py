@@ -5,6 +5,8 @@ regressors; covariance; hashes of the data, of the robot and of the whole file; 
 holds; the held-out error.
 """
 
+from __future__ import annotations
+
 from dataclasses import asdict
 from typing import Any
 

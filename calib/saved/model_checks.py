@@ -4,6 +4,8 @@ A file may have been damaged, edited by hand, or made for another robot; a joint
 parameter is in it twice is not noticed by looking at the numbers.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -5,6 +5,8 @@ not converge is refused: nobody should drive a robot with it. A regression that 
 same file, under the same hash (`calib.saved.regression`).
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

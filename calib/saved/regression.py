@@ -1,5 +1,7 @@
 """A regression in a model file: its choices, the joint angles that it was trained at, and its weights."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -4,6 +4,8 @@ What was not looked at again (data, conditions, held-out error, regression) stay
 newer, oldest first; `measured` is that of the readings it was updated by.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -8,6 +8,8 @@ charges what a column can really do. With the tries counted, nothing is claimed 
 BIC claims in 40 to 95 % of them). Source: Chen and Chen 2008 (extended BIC); MacKay 1992 (Occam factor).
 """
 
+from __future__ import annotations
+
 import math
 
 from scipy.special import fdtrc

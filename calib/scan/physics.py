@@ -4,6 +4,8 @@ A gap below nothing, a gear that turns against its load: the readings then show 
 its noise of the bound an estimate stays. The bounds are those that each effect declares in its own file.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

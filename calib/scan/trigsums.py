@@ -5,6 +5,8 @@ narrow Gaussian, the grid is transformed, and the Gaussian is divided out. The w
 with the orders, not with their product. Source: Greengard and Lee, SIAM Review 46 (2004), section 3.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray

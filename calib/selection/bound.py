@@ -7,6 +7,8 @@ log det M + m log(max d_i / m), the maximum over all candidates, is above every 
 M^-1/2 M' M^-1/2): so the figure given is a bound however far the steps have come.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,6 +6,8 @@ most a fifth of the list is spent so (`share`). What this costs is given beside 
 The list keeps the order in which the candidates were drawn: a random order of visits.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ backlash beyond a sign of the torque) is seen only where a joint has been: so th
 equal bins, and each bin that some candidate reaches has to hold a pose.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

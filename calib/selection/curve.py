@@ -6,6 +6,8 @@ far, X the derivative of a target, R its covariance by the repeatability of the 
 direction) is where the robot will be by a model that is complete; R is what no calibration lowers.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ spread^2. The poses are chosen without it, since a robot that lies outside its t
 are then taken away, the one that costs least first, until the largest U with the prior is that of all of them without.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

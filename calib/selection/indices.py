@@ -7,6 +7,8 @@ Sources: Borm and Menq 1991 (O1), Driels and Pathre 1990 (O2), Nahvi et al. 1994
 (O4), Sun and Hollerbach 2008 (O5); Nubiola 2.5.2.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ the repeatability of the robot, which the targets of a pose share. Parameters th
 determine are dropped and named; the columns of the others are scaled so that their mean square a candidate is one.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

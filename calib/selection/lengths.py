@@ -6,6 +6,8 @@ a covariance, which is carried to places of the workspace: U (k = 2, along the w
 complete.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -6,6 +6,8 @@ centre open. So both are fitted, each weighted by the scatter that it leaves: a 
 in full, one that errs much keeps its angles out. The two directions of the sweep have an angle of their own.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

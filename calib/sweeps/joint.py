@@ -7,6 +7,8 @@ the joint comes to rest beyond its target, negative where it stops short. Both h
 gravity winds up the joints before it too. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15; ISO 230-2 (reversal value).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

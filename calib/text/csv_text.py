@@ -1,5 +1,7 @@
 """CSV as this program takes it: rows with their line numbers, lines and columns bounded."""
 
+from __future__ import annotations
+
 import csv
 import io
 from collections import Counter

@@ -1,5 +1,7 @@
 """Files that are whole or not there: written beside their place first, synced, then renamed."""
 
+from __future__ import annotations
+
 import os
 import secrets
 from pathlib import Path

@@ -3,6 +3,8 @@
 Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
 """
 
+from __future__ import annotations
+
 _BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 

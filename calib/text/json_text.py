@@ -1,5 +1,7 @@
 """JSON as this program takes it: bounded, finite, every key once. All JSON from files and requests is read here."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,7 @@
 """Values that JSON and TOML have and arithmetic cannot hold: integers of hundreds of digits, NaN, endless nesting."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 from typing import Any

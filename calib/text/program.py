@@ -1,5 +1,7 @@
 """The name that this program signs its documents with."""
 
+from __future__ import annotations
+
 from functools import cache
 from importlib import metadata
 

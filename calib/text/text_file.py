@@ -4,6 +4,8 @@ Everything that is read goes through `read_text`: it refuses folders, devices, f
 each with the reason. A byte order mark is taken off; lines may end as on any system and end with LF from here on.
 """
 
+from __future__ import annotations
+
 import os
 import stat
 from pathlib import Path

@@ -1,5 +1,7 @@
 """TOML as this program takes it: bounded, finite, of a few levels. All TOML from files and requests is read here."""
 
+from __future__ import annotations
+
 import re
 import tomllib
 from pathlib import Path

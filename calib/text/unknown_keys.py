@@ -1,5 +1,7 @@
 """Keys that nobody reads: a mistyped one would be ignored, and its default taken instead."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path

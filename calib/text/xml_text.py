@@ -4,6 +4,8 @@ Whoever may declare an entity can let ten lines become gigabytes, or have a file
 is read here needs one.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat

@@ -13,6 +13,8 @@ Sources: ISO 7870-2 and NIST/SEMATECH e-Handbook 6.3.2.2 (moving range); Roberts
 Cryer and Ryan 1990 (variance of the mean moving range).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

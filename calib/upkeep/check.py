@@ -1,5 +1,7 @@
 """A check: what was found on a day, how sure it is, and how long the robot had been used by then."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime

@@ -11,6 +11,8 @@ Source: ILAC-G24:2022 / OIML D 10:2022, 6.3 (drift and dispersion from the plot,
 that of a weighted least squares.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

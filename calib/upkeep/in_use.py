@@ -6,6 +6,8 @@ days stays, since feet settle and tools are bumped by the calendar too.
 Source: ILAC-G24:2022 / OIML D 10:2022, 6.4 ("in-use" time).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

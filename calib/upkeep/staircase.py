@@ -12,6 +12,8 @@ time that has passed.
 Sources: ILAC-G24:2022 / OIML D 10:2022, 6.2 (automatic adjustment, 80 %); NCSLI RP-1, method A1 (the two factors).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,6 +6,8 @@ more than once at the same pose. The error grows with the distance from the poin
 Figure 4.7. Lengths mm. Source: Nubiola, thesis, 2.6.3 and 4.4.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -13,6 +13,8 @@ The product of the three has, up to one sign a robot, the sign of the Jacobian's
 Nubiola, thesis 4; elsewhere 'up' may be named otherwise.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.kinematics import Chain, Placement, nominal_values, propagate

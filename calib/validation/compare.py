@@ -10,6 +10,8 @@ differ where predictions agree, since readings hold only some combinations of th
 2.6 (the comparison); ISO 13528 (E_n).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ A grouping gives every reading a name; a group is summarised as a whole is. Figu
 grouping by distance.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -10,6 +10,8 @@ The readings that may enter a fit are split again, five times by each rule, and 
 All visits of one pose fall together, except in time. Rows of `set = validation` take no part at all.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 

@@ -18,6 +18,8 @@ the world. The command is where a model expects the tool target for the commande
 every figure.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from dataclasses import dataclass

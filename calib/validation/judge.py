@@ -1,5 +1,7 @@
 """A calibration judged on readings: positions, orientations, all pairs, groups, and ISO 9283 where poses repeat."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Orientation error: the angle of the rotation from the predicted to the measured orientation (its log map)."""
 
+from __future__ import annotations
+
 from scipy.spatial.transform import Rotation
 
 from calib.array import Array

@@ -9,6 +9,8 @@ by Gauss-Newton with Huber weights, from the start that the identification uses.
 gross errors: what is left after a calibration is the robot's, not the instrument's.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -3,6 +3,8 @@
 `calib.fit.statistics.ErrorStatistics` is what the JSON of `diagnose` holds; this one says more.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

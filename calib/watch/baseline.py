@@ -1,5 +1,7 @@
 """The baseline as a watch uses it: what it says of readings that were taken after all that its campaign saw."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """One cause of a change: how large it is by some readings, through the exact chain, and what may be said of it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

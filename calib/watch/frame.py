@@ -7,6 +7,8 @@ A frame that is fitted to nests at a_i, each measured with the covariance N_i, i
 and so is the one of the calibration. Both together are what a watch may be off by with nothing changed.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,6 +5,8 @@ readings, of the baseline and of the poses: only lines of the same baseline and 
 holds a data set already is never written again.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 from dataclasses import dataclass

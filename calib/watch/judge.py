@@ -1,5 +1,7 @@
 """The verdict on a robot that was measured again: unchanged, or changed by what, and what to do."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

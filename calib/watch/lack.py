@@ -6,6 +6,8 @@ each as the mean square of a reading, of its point where points were measured, e
 is mostly angles; a slide is taken to lack as many mm as others deg.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

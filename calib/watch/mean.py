@@ -8,6 +8,8 @@ and stays as it is. The covariance of each mean is known, so its chi-squared hol
 watch, not an average run length. Source: Lowry et al. 1992.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,6 +6,8 @@ d_i: direction of the error e_i; N_i: what the instrument scatters by; F: covari
 The robot's own repeatability and what the model lacks are errors, and in no U.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ difference over 2 s^2 is at most chi-squared with 3 degrees of freedom; the rate
 (Bonferroni).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -3,6 +3,8 @@
 The rest of the frame is small then, and free by its derivative (`calib.watch.seen`). Source: Kabsch 1976.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

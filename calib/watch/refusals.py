@@ -1,5 +1,7 @@
 """Refusals by name, before anything is judged, of readings that are no watch of a baseline."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

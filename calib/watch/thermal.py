@@ -10,6 +10,8 @@ of false alarms. Only where they do not, x is estimated, and added to the parame
 A model that warms up follows a clock that began with a cold robot, so the readings must be on that clock (`later`).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

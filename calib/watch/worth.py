@@ -5,6 +5,8 @@ baseline did not know and adds what few readings leave open of the change; at th
 are, so it is asked elsewhere: at random poses within the limits of the robot.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

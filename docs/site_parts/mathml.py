@@ -3,6 +3,8 @@
 The usual script is loaded from elsewhere, and a cell has no internet. The conversion is that of docutils.
 """
 
+from __future__ import annotations
+
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml

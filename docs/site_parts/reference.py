@@ -1,5 +1,7 @@
 """Pages of the reference that are made from the program: commands, HTTP, effects."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

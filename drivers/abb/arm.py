@@ -12,6 +12,8 @@ port (5001) answers while the robot moves or is in an emergency stop, and stops 
 controller yet.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import re

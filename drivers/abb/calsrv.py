@@ -8,6 +8,8 @@ The robot moves when the sum that comes with `go` is that of the request 201 as 
 damaged on its way moves nothing: this side sees it in the answer, the other side by the sum.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Unpack

@@ -7,6 +7,8 @@ left on the wire then meets the wrong code and closes the link.
 CALSRV, codes from 200 on: `<code> 1 <seq> <data> #` LF, or `<code> 0 <errno> <seq> #` LF when refused.
 """
 
+from __future__ import annotations
+
 import itertools
 import re
 import threading

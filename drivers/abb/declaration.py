@@ -1,5 +1,7 @@
 """The drivers of ABB robots declared: RAPID sockets and simple_message. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from drivers.abb.arm import AbbArm
 from drivers.abb.simple import AbbSimpleArm
 from drivers.abb.simple_packets import parse_state

@@ -20,6 +20,8 @@ The state port is two above that of the address, or `tcp://192.168.125.1:11000?s
 Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import threading

@@ -4,6 +4,8 @@ A second client is accepted and not heard, and what it sent is carried out when 
 counts as open when a stop was answered on it; a stop moves nothing and clears what an earlier client left behind.
 """
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Callable, Sequence

@@ -10,6 +10,8 @@ Source: ros-industrial/abb_driver, `rapid/ROS_messages.sys`, `ROS_motionServer.m
 carries a number, a time or a sum: what is believed of it is the business of `drivers.abb.simple`.
 """
 
+from __future__ import annotations
+
 import math
 import struct
 from collections.abc import Sequence

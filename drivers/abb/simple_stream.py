@@ -6,6 +6,8 @@ fault ends the thread, closes the link and is what the next question meets. The 
 were used; all of them would be 20 MB an hour.
 """
 
+from __future__ import annotations
+
 import threading
 from dataclasses import dataclass
 

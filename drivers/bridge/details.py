@@ -1,5 +1,7 @@
 """Details that a bridge gives of its instrument beyond the common status: its clock (PING) and battery (STATUS)."""
 
+from __future__ import annotations
+
 from typing import Protocol
 
 from drivers.bridge import mbp

@@ -10,6 +10,8 @@ stamp that came before is refused always, also on a new connection: it is the sa
 between the acknowledgement and the answer voids the reading whatever its stamp says.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import threading

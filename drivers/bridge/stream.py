@@ -4,6 +4,8 @@ The bridge counts its samples; one that the tracker does not have, because the b
 number. Nothing else is asked meanwhile but PING, without which a bridge drops its client after 30 s.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -6,6 +6,8 @@ scattered, a point at the origin (what a failed vendor call returns), polar and 
 the beam lost within the averaging time.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

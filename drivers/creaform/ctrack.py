@@ -8,6 +8,8 @@ means when the clock steps: `drivers.bridge.session`).
 Millimetres, quaternion scalar first.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence

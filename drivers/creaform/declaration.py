@@ -1,5 +1,7 @@
 """The driver of Creaform's C-Track declared. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from drivers.bridge.details import battery_of, clock_of

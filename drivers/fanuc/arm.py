@@ -12,6 +12,8 @@ followed by readings until two of them, some time apart, agree with each other a
 reading is taken twice as well, so that a damaged digit does not pass. Nothing here was tried on a controller yet.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import threading

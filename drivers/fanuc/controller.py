@@ -4,6 +4,8 @@ Angles are the controller's own (deg): its joint 3 is counted from the horizonta
 a kinematic model is the joint matrix `fanuc-j23` of the robot file and happens where a model is used, never here.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass

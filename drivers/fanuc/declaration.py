@@ -1,5 +1,7 @@
 """The driver of Fanuc robots declared. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from drivers.declaration import RobotDriver
 from drivers.details import Details
 from drivers.fanuc.arm import FanucArm

@@ -12,6 +12,8 @@ Our own server (`robot_side`: CALSRV.kl, CALLOG.kl) answers numbered questions w
     calgo:NNNN:SSS                    0:c=NNNN,r=R,k=SSS;            the sum of that request lets the robot go
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 import re

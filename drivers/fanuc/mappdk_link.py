@@ -5,6 +5,8 @@ Answers have no end mark and no number: one is complete when it has exactly its 
 form and closes the link.
 """
 
+from __future__ import annotations
+
 import re
 import threading
 from collections.abc import Callable, Iterable

@@ -11,6 +11,8 @@ number back as done. Unused addresses of a Fanuc read 0 and swallow writes witho
 finds as well.
 """
 
+from __future__ import annotations
+
 import re
 import threading
 import time

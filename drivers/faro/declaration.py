@@ -1,5 +1,7 @@
 """The driver of FARO trackers declared. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from drivers.bridge.details import battery_of, clock_of
 from drivers.declaration import InstrumentDriver
 from drivers.faro.ion import FaroTracker

@@ -4,6 +4,8 @@ Points are in the tracker's own frame, in mm. The conversation is `drivers.bridg
 be taken as a point is `drivers.bridge.tracker`.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Sequence
 

@@ -6,6 +6,8 @@ reflector is sent to the bridge and must come back as sent, for its offset is in
 speak emScon (AT901, AT401, AT402) need no bridge: `drivers.leica.emscon`.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager

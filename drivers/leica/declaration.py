@@ -1,5 +1,7 @@
 """The drivers of Leica trackers declared: behind a bridge, and over emScon packets. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from drivers.bridge.details import battery_of, clock_of
 from drivers.declaration import InstrumentDriver, Option
 from drivers.details import Details

@@ -6,6 +6,8 @@ connection, as does every packet that is not the next one expected. The packet c
 clock of this computer, and a reading exactly like the one before is refused as stale. Millimetres, degrees.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import threading

@@ -10,6 +10,8 @@ An answer names its command and nothing else, so only one command may be outstan
 against the kind of packet before anything of it is believed.
 """
 
+from __future__ import annotations
+
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -8,6 +8,8 @@ robot is not where it should be, or the angles were mistyped, and the question i
 Nothing moves by itself, and nothing can be stopped: `can_stop` is False, `stop` ends the waiting and says so.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

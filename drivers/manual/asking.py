@@ -1,5 +1,7 @@
 """Questions of the manual drivers to a person; an entry that cannot be right is asked for again."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """The drivers for devices without one declared: a person drives the robot, or reads the instrument."""
 
+from __future__ import annotations
+
 from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
 from drivers.manual.arm import RESOLUTION_DEG, ManualArm
 from drivers.manual.meter import ManualMeter

@@ -5,6 +5,8 @@ be (`drivers.manual.prediction`) is asked for again with the slip of the hand th
 again, or confirmed, it is taken.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Callable, Sequence

@@ -5,6 +5,8 @@ are off by as a whole: the rigid motion that carries predicted points onto them 
 remains then is the robot's own error and the tool's, and a point that is off by much more was mistyped. mm.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,6 +7,8 @@
 A slip is only named where the numbers are off, and would be within the tolerance without it.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ What could mean two things is refused with what is wrong, never guessed: thousan
 numbers without a blank, another count than asked for, another unit.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,6 +5,8 @@ the features of the analysis by name, value and kind of unit. Which element hold
 unknown: they are not read. Values keep the unit of the file (`Feature.unit`).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The driver of Renishaw's ballbar declared. Not run against hardware yet."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from drivers.bridge import mbp

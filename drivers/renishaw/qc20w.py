@@ -11,6 +11,8 @@ when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), 
 within its time. mm, s, degC.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -12,6 +12,8 @@ given as an option (`realtime`, `secondary`, `dashboard`), and `feed=realtime` d
 Nothing here was tried on a controller yet.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import threading

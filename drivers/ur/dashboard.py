@@ -4,6 +4,8 @@ Only the serial number is read here; a controller whose dashboard is closed work
 "Dashboard server", command `get serial number` (software 3.12 and 5.6 or later).
 """
 
+from __future__ import annotations
+
 import re
 
 from drivers.errors import LinkError

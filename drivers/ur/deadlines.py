@@ -1,5 +1,7 @@
 """Named waits of the UR driver, seconds."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 

@@ -1,5 +1,7 @@
 """The driver of UR arms declared. Not run against hardware yet."""
 
+from __future__ import annotations
+
 import struct
 
 from drivers.declaration import RobotDriver

@@ -8,6 +8,8 @@ URScript: Universal Robots, "The URScript Programming Language", movej, stopj, r
 write_output_float_register, write_output_integer_register, read_input_integer_register.
 """
 
+from __future__ import annotations
+
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence

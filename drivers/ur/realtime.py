@@ -6,6 +6,8 @@ arrives on it was sent after it was asked for. Length and offsets by version: Un
 via TCP/IP", sheet of the real-time interface; read from 3.2 on, where the program state is part of it.
 """
 
+from __future__ import annotations
+
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -10,6 +10,8 @@ program waits for it; as output it brings back the number of the last program be
 what that program was given, and it moves when input 47 holds its number (`drivers.ur.motion`).
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import struct

@@ -8,6 +8,8 @@ arm, calibrated at the factory). Universal Robots, "Remote control via TCP/IP", 
 types as its `RobotType`.
 """
 
+from __future__ import annotations
+
 import math
 import struct
 from dataclasses import dataclass

@@ -8,6 +8,8 @@ So is a step of that clock within one question; between two questions it is not 
 Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

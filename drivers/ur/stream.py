@@ -4,6 +4,8 @@ A state is doubted where the speeds of the joints do not lead to it from the one
 that were lost between the two. Nothing here was tried on a controller yet.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """Addresses: of a scheduler, and of a store as workers can use it."""
 
+from __future__ import annotations
+
 from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import SplitResult, urlsplit

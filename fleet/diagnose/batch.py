@@ -3,6 +3,8 @@
 What a worker has finished survives the worker, its scheduler and the command that asked for it.
 """
 
+from __future__ import annotations
+
 import json
 import threading
 import time

@@ -1,5 +1,7 @@
 """One call of the engine: Dask is imported here and nowhere before, so that a cell PC can do without."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress

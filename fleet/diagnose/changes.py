@@ -3,6 +3,8 @@
 The readings are the same, so nothing here is chance: whatever differs comes from the program.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

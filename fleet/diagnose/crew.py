@@ -4,6 +4,8 @@ It is asked when it is first seen, also when it joins in the middle, and then of
 for; a worker of another program offers none, so the scheduler gives it nothing. `batch.work_off` looks once more.
 """
 
+from __future__ import annotations
+
 import os
 from dataclasses import dataclass
 from typing import Any

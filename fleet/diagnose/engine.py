@@ -5,6 +5,8 @@ processes of this computer speak TLS with a key that lives as long as the comman
 address elsewhere that is not tls:// is said.
 """
 
+from __future__ import annotations
+
 import logging
 import os
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """The refusal of the engine that computes."""
 
+from __future__ import annotations
+
 from calib.errors import DataError
 
 

@@ -3,6 +3,8 @@
 A database that is restarted or out of reach for an hour shall not end the work of a night.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 

@@ -4,6 +4,8 @@ Two builds may bear one version, and a worker of the other one gives other resul
 needs numpy: a worker is asked before it loads any.
 """
 
+from __future__ import annotations
+
 import hashlib
 from functools import cache
 from importlib import metadata

@@ -4,6 +4,8 @@ What is done stands in the store, written by the workers; this end only deals ou
 the same call later does what is left.
 """
 
+from __future__ import annotations
+
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence

@@ -3,6 +3,8 @@
 A job carries this reference, never the readings: a scheduler that passes on a hundred thousand data sets holds names.
 """
 
+from __future__ import annotations
+
 import hashlib
 import tomllib
 from collections.abc import Iterator, Sequence

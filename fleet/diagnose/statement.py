@@ -4,6 +4,8 @@ used.
 Values are in the units of files and screens; null stands for what there is not.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,5 +1,7 @@
 """The progress of a call, and its cost."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 

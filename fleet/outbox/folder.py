@@ -5,6 +5,8 @@ once: again only when its size or time has changed. What cannot be sent is told 
 rest. Whose robot it is stands in the document itself (`device`), and when it was measured (`measured`).
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

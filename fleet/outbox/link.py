@@ -10,6 +10,8 @@
 An upload may be sent any number of times: what arrives twice is kept once. Standard library alone.
 """
 
+from __future__ import annotations
+
 import http.client
 import io
 import json

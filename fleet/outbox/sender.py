@@ -7,6 +7,8 @@ everything; a document whose own uploads fail holds up nobody: it has waiting ti
 time: an outbox without a network waits for weeks. Clock, chance and pauses come from outside.
 """
 
+from __future__ import annotations
+
 import hashlib
 import random
 import time

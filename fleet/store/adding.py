@@ -1,6 +1,8 @@
 """The way of documents into the tables: what is there already is looked for, the rest is inserted in a few
 statements."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any

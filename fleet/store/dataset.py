@@ -1,5 +1,7 @@
 """A data set as one document (`truepose-fleet-dataset/1`): its table and its header, which are two files, in one."""
 
+from __future__ import annotations
+
 import json
 
 from calib.errors import DataError

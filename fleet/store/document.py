@@ -1,5 +1,7 @@
 """The documents of a store: the statements of a cell about one robot, byte for byte, with what they say of it."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -1,5 +1,7 @@
 """The database of a store: an SQLite file or a PostgreSQL, the same from here on; its errors as refusals of ours."""
 
+from __future__ import annotations
+
 import sqlite3
 import time
 from collections.abc import Iterator

@@ -7,6 +7,8 @@ that hangs, or a network that swallows everything, ends nothing: so this end giv
 connection, since nobody knows what state it is in.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import psycopg

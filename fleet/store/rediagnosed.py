@@ -4,6 +4,8 @@ It says of the same readings what the cell's own model said, by another version:
 (`Store.trend`), and no measurement is shown twice. Of several versions the result that was finished last counts.
 """
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Mapping

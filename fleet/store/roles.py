@@ -6,6 +6,8 @@
 Whoever runs the migrations owns the tables. An SQLite file has no roles: who may open it may write it.
 """
 
+from __future__ import annotations
+
 import sqlalchemy as sa
 
 from fleet.errors import StoreError

@@ -3,6 +3,8 @@
 Only what is named here is read; the document itself is kept whole. Of a data set nothing is read: it is data.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

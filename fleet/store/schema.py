@@ -1,5 +1,7 @@
 """The version of a store: which migrations it has seen, and what is done where they are not those of this program."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import sqlalchemy as sa

@@ -12,6 +12,8 @@
 Lengths, angles and temperatures are in the unit that stands beside them; U has k = 2.
 """
 
+from __future__ import annotations
+
 from datetime import UTC, datetime
 from typing import Any
 

@@ -5,6 +5,8 @@ settings. A claim ends by itself, so that the job of a lost worker is done by an
 result finds it there.
 """
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -7,6 +7,8 @@ client is accepted by the network and never answered; read-back has 2 decimals (
 superset, codes below 100 are answered byte for byte as by open_abb.
 """
 
+from __future__ import annotations
+
 import asyncio
 import time
 from contextlib import suppress

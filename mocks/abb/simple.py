@@ -6,6 +6,8 @@ client does not; a second client is accepted by the network and not read until t
 trajectory point ends the server's program, and the connection stays open and silent.
 """
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 import math

@@ -8,6 +8,8 @@ one a nest (9), each with its frame parallel to the flange, to the world for a n
 p_reference = R^T (p_world - origin); the noise of an averaged pose is 0.02 mm per axis and 0.05 mrad.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

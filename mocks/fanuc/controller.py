@@ -4,6 +4,8 @@ The arm of the cell turns by the angles of the kinematic model; a Fanuc counts j
 joints 4 to 6 the other way round (`Robot.counting`). Its limits hold for its own angles.
 """
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Sequence

@@ -8,6 +8,8 @@ second port; on the first it moves in two steps, `calset` with the target and `c
 of that request, ends moves FINE and answers every one.
 """
 
+from __future__ import annotations
+
 import asyncio
 import re
 import time

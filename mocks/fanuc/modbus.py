@@ -6,6 +6,8 @@ I/O option over the KAREL program CALIO: only 16-bit words, inputs of the robot 
 Written from the description of the options, not from the driver.
 """
 
+from __future__ import annotations
+
 import asyncio
 import struct
 import time

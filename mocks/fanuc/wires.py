@@ -1,5 +1,7 @@
 """Simulated Fanuc with all of its wires: MAPPDK on two neighbouring ports, Modbus TCP in two register layouts."""
 
+from __future__ import annotations
+
 from mocks.fanuc.controller import FanucController
 from mocks.fanuc.mappdk import MappdkServer
 from mocks.fanuc.modbus import HmiImage, IoImage, ModbusServer

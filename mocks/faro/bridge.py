@@ -1,5 +1,7 @@
 """Simulated bridge of a FARO ION: MBP/1 lines on TCP over a TrackerDevice."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

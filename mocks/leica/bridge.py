@@ -1,5 +1,7 @@
 """Simulated bridge of a Leica AT960 (beside LMF): MBP/1 lines on TCP over a LeicaDevice."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -9,6 +9,8 @@ warms up, and a wrong weather makes every distance too long or too short:
     s = 1e-6 (-0.95 (T - T_set) + 0.27 (P - P_set))    T in degC, P in hPa
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 

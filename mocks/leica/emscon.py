@@ -5,6 +5,8 @@ stationary measurement answers at once and sends its result packet later; a beam
 error packet instead. Changes of settings are told to the client (unsolicited packets of type 8).
 """
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 from collections.abc import Callable

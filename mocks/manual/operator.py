@@ -6,6 +6,8 @@ What to do is taken from the words, as a person does: the postures named there a
 the cell file lets it, mm where a joint slides, and where `within_deg` allows it the hand is off by up to half of that.
 """
 
+from __future__ import annotations
+
 import asyncio
 import json
 import math

@@ -6,6 +6,8 @@ less the bar's length, which grows with the temperature, plus a zero that creeps
 names: it sits there, whatever is asked (the operator's mix-up).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -3,6 +3,8 @@
 Windows has none; imported where one is asked for.
 """
 
+from __future__ import annotations
+
 import asyncio
 import os
 import tty

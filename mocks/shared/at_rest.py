@@ -4,6 +4,8 @@ The robot's repeatability belongs to a move (`World.arrival_error`): whatever is
 Adding it to the angles of the state gives the place and turn of the flange as it stands.
 """
 
+from __future__ import annotations
+
 from itertools import pairwise
 
 import numpy as np

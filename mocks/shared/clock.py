@@ -3,6 +3,8 @@
 On a `SteppedClock` they pass only while somebody waits for them: what happens then does not depend on the machine.
 """
 
+from __future__ import annotations
+
 import asyncio
 import threading
 import time

@@ -5,6 +5,8 @@ From a posture near it, joint angles q change by the shortest way, with p(q) the
     dq = pinv(dp/dq) (cup - p(q))
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

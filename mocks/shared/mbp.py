@@ -1,5 +1,7 @@
 """MBP/1 lines as the bridge's side writes and reads them; the sum is computed bit by bit."""
 
+from __future__ import annotations
+
 import math
 import re
 

@@ -9,6 +9,8 @@ does not take, or that the instrument does not have, is left out and its number 
 stream running for whoever comes next, as a careless bridge does.
 """
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping

@@ -5,6 +5,8 @@ Meanwhile words wait in its sockets, and moves are over that nobody has ended. S
 between two turns of the loop: what is due comes first, and turns that were lost count for one piece.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Callable
 

@@ -1,5 +1,7 @@
 """TCP servers of the simulators on loopback: started, listed and closed in one place."""
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping

@@ -8,6 +8,8 @@ seed. p_tracker = R^T (p_world - station). World frame and tracker meet only thr
 name is asked for, the beam measures where that SMR really is (the operator's mislabelled reading).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 

@@ -6,6 +6,8 @@ without a word; all streams go on in every stop; the program ends while the join
 stop leaves the program paused; a target beyond the joint limits is a protective stop.
 """
 
+from __future__ import annotations
+
 import asyncio
 import math
 from collections.abc import Callable, Sequence

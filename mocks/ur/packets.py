@@ -4,6 +4,8 @@
 sub-packages, `>IB` size and type, with the version message first.
 """
 
+from __future__ import annotations
+
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,6 +3,8 @@
 Kept on purpose: an input belongs to one client at a time, and is free again when that client is gone.
 """
 
+from __future__ import annotations
+
 import asyncio
 import time
 from collections.abc import Callable, Iterable, Sequence

@@ -4,6 +4,8 @@ Kept on purpose: recipes belong to one connection; nothing is refused for pausin
 answered by a text message.
 """
 
+from __future__ import annotations
+
 import asyncio
 import struct
 from collections.abc import Callable

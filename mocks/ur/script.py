@@ -5,6 +5,8 @@ lists of them; and a loop that does nothing but wait for an input register. Anyt
 which then does not run, as on a controller.
 """
 
+from __future__ import annotations
+
 import ast
 import re
 from collections.abc import Iterator

@@ -5,6 +5,8 @@ controller has ended its program while the arm still creeps the last tenths of a
 is wrong. Read back in steps of `COUNT_RAD`, a choice of this simulator.
 """
 
+from __future__ import annotations
+
 import math
 
 from mocks.shared.arm_device import ArmDevice

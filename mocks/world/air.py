@@ -1,5 +1,7 @@
 """Air temperature of the hall: two slow sines, of periods that keep it from following the clock."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """One reading of the arm: what is known about it, and the working copy that hidden effects act on."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

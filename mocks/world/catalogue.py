@@ -13,6 +13,8 @@
 `outside:joint_field`, `outside:workspace_field` and `outside:time_wander` are no law at all.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

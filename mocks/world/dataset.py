@@ -3,6 +3,8 @@
 Units stand in the columns' names. Written here a second time, without the reader that it will meet.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 import os

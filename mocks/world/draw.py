@@ -1,5 +1,7 @@
 """The draws of a seed: the true robot, and the material from which an effect is drawn."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,6 +4,8 @@ Group: frames_and_tool; the two steps are of group procedure (somebody bumped so
 in the flange frame, base numbers in the world.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

@@ -5,6 +5,8 @@ c_j centre of a load, o_i and z_i origin and axis of joint i, g = (0, 0, -9.81) 
 direction gravity pushes (equal to -dU/dq). Nominal geometry at the commanded angles, as in Nubiola's thesis.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,6 +3,8 @@
 t is the time since the start of the campaign; a drift is given per hour.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 

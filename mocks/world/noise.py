@@ -3,6 +3,8 @@
 sigma = fixed + ppm x distance, normal and independent along the beam and in two directions across it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

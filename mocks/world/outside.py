@@ -4,6 +4,8 @@ Each component of the displacement is a sum of cosines of random direction, wave
 Fourier features of a Gaussian kernel, Rahimi and Recht 2007), of unit variance times `rms` mm.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

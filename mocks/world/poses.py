@@ -1,5 +1,7 @@
 """Random poses of a campaign: joint ranges, the table, the approach."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import numpy as np

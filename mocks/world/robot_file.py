@@ -3,6 +3,8 @@
 What a file does not say is chosen here. Compliances are such that gravity turns a joint by `SAG_DEG` at the most.
 """
 
+from __future__ import annotations
+
 import math
 import tomllib
 from collections.abc import Mapping, Sequence

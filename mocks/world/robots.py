@@ -10,6 +10,8 @@ parameters for calculations of kinematics and dynamics" (mass and centre of mass
 Lengths mm, angles deg, masses kg, compliances rad/(N.mm).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """How large an effect is: the RMS per axis of the displacement it causes, over that of the noise."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from typing import Protocol

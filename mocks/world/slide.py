@@ -1,5 +1,7 @@
 """Hidden effects of joints that slide: mm added to the travel q of the model. Group: transmission."""
 
+from __future__ import annotations
+
 from mocks.world.arm import Arm
 from mocks.world.draw import Material
 from mocks.world.effect import Effect, Values, joint_number

@@ -3,6 +3,8 @@
 M is the gravity moment (N.mm) at the joint, x the axis about which alpha_K turns. Group: structure.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from mocks.world.arm import Arm

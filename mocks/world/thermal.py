@@ -1,5 +1,7 @@
 """Hidden effects of temperature. T is the air temperature of the reading, T- its mean. Group: thermal."""
 
+from __future__ import annotations
+
 import math
 
 from mocks.world.arm import Arm

@@ -1,5 +1,7 @@
 """Homogeneous 4x4 transforms, one function per elementary motion. Lengths mm, angles rad."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

@@ -5,6 +5,8 @@ settling is of group procedure (the pause before the reading was too short). Wha
 compliances and lags are never negative.
 """
 
+from __future__ import annotations
+
 import math
 
 from mocks.world.arm import Arm

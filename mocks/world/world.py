@@ -5,6 +5,8 @@ World -> base -> links 1..N -> flange -> target. Joint = commanded joint + c tau
 thesis, Annex I), with the true loads. Lengths mm, angles deg in states and rad inside.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache

@@ -1,6 +1,8 @@
 """The commands of `truepose`: one file each, imported when it is called, so that none waits for what another computes
 with."""
 
+from __future__ import annotations
+
 from importlib import import_module, metadata
 from typing import Annotated, Any
 

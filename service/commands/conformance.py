@@ -1,5 +1,7 @@
 """`truepose conformance`: what a driver of another package keeps of the promises of drivers, on its own simulator."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Annotated

@@ -7,6 +7,8 @@ door afterwards, to be shown beside what was found. `--narrow` makes a start tha
 `--in-memory` leaves devices and correction out: a simulated campaign as files, and its diagnosis.
 """
 
+from __future__ import annotations
+
 import json as json_module
 import shutil
 import socket

@@ -1,5 +1,7 @@
 """`truepose docs`: the documentation that came with the program, in the browser or in the terminal."""
 
+from __future__ import annotations
+
 import webbrowser
 from importlib import metadata
 from pathlib import Path

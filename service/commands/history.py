@@ -1,5 +1,7 @@
 """`truepose history`: what is kept of robots over the years; trends, charts, and when the next check is due."""
 
+from __future__ import annotations
+
 import socket
 from enum import StrEnum
 from pathlib import Path

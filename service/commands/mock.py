@@ -1,5 +1,7 @@
 """`truepose mock`: simulated devices on their real wire protocols, until a signal ends them."""
 
+from __future__ import annotations
+
 import contextlib
 import signal
 import subprocess

@@ -1,5 +1,7 @@
 """Options that several commands share, and what they check."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterable, Mapping

@@ -1,5 +1,7 @@
 """Options that every server of the program has."""
 
+from __future__ import annotations
+
 from typing import Annotated
 
 import typer

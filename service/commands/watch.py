@@ -1,5 +1,7 @@
 """`truepose watch`: is this robot still the robot that was calibrated; what has changed, and what to do."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -4,6 +4,8 @@ A package of drivers names its benches under the entry point group `truepose.ben
 of `RobotBench` and `InstrumentBench`. `truepose conformance NAME` tries the driver NAME and says what holds.
 """
 
+from __future__ import annotations
+
 from service.conformance.bench import (
     InstrumentBench,
     RobotBench,

@@ -1,5 +1,7 @@
 """The bench of a driver, which its package declares: its simulator, and how the suite has to read the two."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field

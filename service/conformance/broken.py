@@ -1,5 +1,7 @@
 """The end of a promise that does not hold."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 from drivers import AcquisitionError

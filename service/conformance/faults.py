@@ -3,6 +3,8 @@
 Faults of answers are those of `mocks.faultproxy.FAULTS`, faults of requests those of `REQUEST_FAULTS`.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Sequence
 

@@ -1,5 +1,7 @@
 """The promises of an instrument's driver beyond the faults of its wire: when it measures, and which target."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager

@@ -3,6 +3,8 @@
 A rig asks questions whose right answers all differ, so that an answer to another question shows.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

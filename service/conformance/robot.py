@@ -1,5 +1,7 @@
 """The promises of a robot's driver beyond the faults of its wire: when it moves, where it stops, what it believes."""
 
+from __future__ import annotations
+
 import math
 import threading
 import time

@@ -3,6 +3,8 @@
 They are tried in a process of their own: a driver that waits for ever, or takes its process with it, is a finding.
 """
 
+from __future__ import annotations
+
 import logging
 import multiprocessing
 import time

@@ -10,6 +10,8 @@ Angles roll, pitch, yaw turn about the fixed x, y, z axes: R = Rz(yaw) Ry(pitch)
 specification (joint, origin); the UR driver's kinematics files.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """A model written in another program's format, with what that format leaves out and the error that this leaves."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The application: what answers under which path. Nothing moves because it starts."""
 
+from __future__ import annotations
+
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version

@@ -1,5 +1,7 @@
 """The server says where it is on standard output, and pauses a campaign as soon as it is asked to end."""
 
+from __future__ import annotations
+
 import errno
 import gc
 import signal

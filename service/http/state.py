@@ -1,5 +1,7 @@
 """The state of one running service, made when it starts and given up when it ends; lives in `app.state`."""
 
+from __future__ import annotations
+
 import asyncio
 import socket
 import time

@@ -5,6 +5,8 @@ Gate, problems and tokens are those of a cell's service. The token of a cell put
 lies on a cell PC; the viewer's reads everything and writes nothing.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from importlib.metadata import version

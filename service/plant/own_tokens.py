@@ -5,6 +5,8 @@ changed, so that a token taken away is worth nothing from the next request on. A
 in.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import secrets

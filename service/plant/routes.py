@@ -1,5 +1,7 @@
 """The routes of a fleet's server."""
 
+from __future__ import annotations
+
 import asyncio
 from datetime import datetime
 from importlib.metadata import version

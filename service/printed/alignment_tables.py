@@ -1,5 +1,7 @@
 """Aligned streams as tables for people on a terminal."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 from rich.console import RenderableType

@@ -1,5 +1,7 @@
 """Foreign files as tables for people: what every column was read as, what is open, how the robot fits."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 from rich.console import RenderableType

@@ -1,5 +1,7 @@
 """Many data sets diagnosed, as tables on a terminal, and how far they are."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 from rich.console import RenderableType

@@ -1,5 +1,7 @@
 """The history of robots as tables for people on a terminal."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 

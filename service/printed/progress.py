@@ -1,5 +1,7 @@
 """A campaign as it is seen at a terminal: how far, how long still, and what a person is asked."""
 
+from __future__ import annotations
+
 import os
 import sys
 from collections.abc import Iterator, Mapping

@@ -1,5 +1,7 @@
 """The output of `regress` on a terminal: the table of errors, and what it finds."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 from rich import box

@@ -1,5 +1,7 @@
 """Tables of a robot file for people, and the same as a document: links, postures and what the arm is like."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The sweeps of single joints as tables for people on a terminal."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 
 from rich.console import RenderableType

@@ -1,5 +1,7 @@
 """Results as tables for people on a terminal."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Tables of the robots of one type: the spread that was learnt, and what decided every parameter of a fit."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

@@ -1,5 +1,7 @@
 """The output of `validate` on a terminal: one table a question, models side by side."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 

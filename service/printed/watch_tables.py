@@ -1,5 +1,7 @@
 """The plan and the verdict of a watch as tables of a terminal."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from rich.console import RenderableType

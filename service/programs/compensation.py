@@ -4,6 +4,8 @@ What the written file means is taken from reading it back as the controller will
 went wrong in writing, shows in the figures. Sources of the correction: `calib.compensate`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

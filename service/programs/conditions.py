@@ -9,6 +9,8 @@
 What is not stated is taken from the model: the side of approach and the mean temperature it was identified at.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any

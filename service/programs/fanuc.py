@@ -12,6 +12,8 @@ origin the robot file names; neither frame nor tool is in the file. Three decima
 Source: the maker's ASCII program listing.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -4,6 +4,8 @@ W, P, R turn about the fixed x, y and z axes in this order: R = Rz(R) Ry(P) Rx(W
 names without holding them come from the command line in the same form.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

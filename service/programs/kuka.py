@@ -11,6 +11,8 @@ the FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the fla
 stands without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

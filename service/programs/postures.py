@@ -1,5 +1,7 @@
 """Postures of the nominal robot at the targets of a program: the joints that its controller would find for them."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Sequence
 
 import numpy as np

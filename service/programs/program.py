@@ -5,6 +5,8 @@ controller counts them, or a pose with the branch and the turns that the program
 dialect; no dialect knows a model.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -4,6 +4,8 @@ Only declarations of data and motion instructions are looked at; routines, struc
 pass by unread. Instructions and their arguments: the maker's reference, as sections of the `MOTIONS` table.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,5 +1,7 @@
 """The dialect of a program, by its name's ending, and whether the robot understands it."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

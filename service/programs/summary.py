@@ -1,5 +1,7 @@
 """The summary of a corrected program: a table for people, a document for programs."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from typing import Any

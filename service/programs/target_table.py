@@ -5,6 +5,8 @@ in the base frame with the branch it is meant in (`front/up/noflip`; `right` of 
 spreadsheet would work out is written as text (`without_formulas`) and read as it was meant.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator, Sequence

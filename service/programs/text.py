@@ -4,6 +4,8 @@ Controllers write UTF-8, Latin-1 or anything else: bytes that are not UTF-8 trav
 tabs and a byte order mark stay as they are.
 """
 
+from __future__ import annotations
+
 import re
 from bisect import bisect_left
 from collections.abc import Iterable

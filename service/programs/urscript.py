@@ -8,6 +8,8 @@ this reader, from the waypoint before. The tool is that of `set_tcp`, or of the 
 manual, module motion.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -10,6 +10,8 @@ XML at large: elements of other kinds, and everything between, is text that stay
 tried on a controller.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -12,6 +12,8 @@ controller. Base and station axes (BC, EC) are kept. Source: descriptions of the
 a controller.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Puts a report together: numbers in words, figures, and the template."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime

@@ -1,5 +1,7 @@
 """The marks of a report that can be filed and signed: its number, who measured and when, program and hashes."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Iterable, Mapping

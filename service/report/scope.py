@@ -1,5 +1,7 @@
 """The scope of a report's figures: poses, side of approach, temperature, load, time and noise of the data."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

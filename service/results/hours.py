@@ -4,6 +4,8 @@ Between two readings of a counter the robot is taken to have been used evenly; b
 nobody knows.
 """
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ The files of the record are the truth and nothing else is needed: what has not b
 store keeps the same content once.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The origin of a verdict: by it a store knows of which robot it is, and from when."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from calib.data import Dataset

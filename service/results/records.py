@@ -1,5 +1,7 @@
 """The record of a campaign as documents of a fleet: its readings as a data set, and what was measured when by whom."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory

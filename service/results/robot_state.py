@@ -1,5 +1,7 @@
 """The state of a robot by its history: its calibration, what the last watch says, and that a change is due now."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from calib.upkeep import Due

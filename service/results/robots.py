@@ -4,6 +4,8 @@ Every function opens the store at an address, asks and closes it: it is called i
 a database.
 """
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The part of a type in the documents of results: the source that decided every parameter of a fit."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The files of a plan of a watch: the campaign of its check poses, or the data set that a person fills in."""
 
+from __future__ import annotations
+
 import csv
 import io
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """The question of a plan of a watch: how many check poses, of what kind, and how they are approached."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 

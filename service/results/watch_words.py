@@ -1,5 +1,7 @@
 """The plan of a watch in a sentence: what it shows, or what would show the rest."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from calib.watch import REPEATS, SEEN, TIMES, Plan, Proposal, Smallest

@@ -1,5 +1,7 @@
 """Distances of an arm by search instead of by formula, at many instants of a move instead of over all of it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """A stage for every test of a run that needs no other: its record is closed behind it."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path

@@ -3,6 +3,8 @@
 Faults are ordered by the number of the device call at which they happen, over all devices together.
 """
 
+from __future__ import annotations
+
 import itertools
 import threading
 from collections.abc import Callable, Sequence

@@ -6,6 +6,8 @@ was written after that any subset of sectors, in any order (`Platter.cut`). `con
 (sqlite.org/testing.html, 3.3 crash testing), which do the same below a modified VFS.
 """
 
+from __future__ import annotations
+
 import random
 import sqlite3
 import uuid

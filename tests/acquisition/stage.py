@@ -1,5 +1,7 @@
 """A run on fakes: what the tests of the sequencer set up."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path

@@ -1,5 +1,7 @@
 """A ballbar campaign: hands and robot take turns, the zero is kept, and what was out of stroke comes again."""
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing

@@ -2,6 +2,8 @@
 an empty battery that ends the campaign, and an arm that leaves its pose for either with the bar on.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
 

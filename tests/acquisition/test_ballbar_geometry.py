@@ -2,6 +2,8 @@
 the one that fits, a zero of another bar, a distance that goes to the data set as a leg, and one taken anew on resuming.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace

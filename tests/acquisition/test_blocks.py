@@ -1,5 +1,7 @@
 """Kinds of blocks: what every plan keeps to, and that those who read the rows recognise them."""
 
+from __future__ import annotations
+
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Blocks that are refused: by the key that is wrong, or because this cell cannot do them."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import pytest

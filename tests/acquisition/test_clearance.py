@@ -5,6 +5,8 @@ distance to a box that forgets its edges and corners, a mounting that hides a re
 margin and are refused.
 """
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,7 @@
 """What the instrument saw is checked against what it was asked for, and devices are met before the warm-up."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise

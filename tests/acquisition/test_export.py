@@ -1,5 +1,7 @@
 """What leaves a record: readings that count, those that do not and why, where the instrument stood, what happened."""
 
+from __future__ import annotations
+
 import csv
 import json
 from contextlib import closing

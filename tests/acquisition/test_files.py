@@ -1,5 +1,7 @@
 """Cell and campaign files: what is believed, and what is refused by file and key."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -2,6 +2,8 @@
 length of approach that gets lost between choice and campaign file, and a file that cannot be read back.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """How long a campaign takes: counted by hand for a few moves, and scaled by how it really comes on."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Gates in mid-campaign: the arm warms up, the nests are checked, the instrument is set up anew, the arm settles."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence

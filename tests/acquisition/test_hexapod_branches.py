@@ -2,6 +2,8 @@
 turns, a branch that the block does not name, and poses to judge by that a fit has seen.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -4,6 +4,8 @@ These would catch: a resumed campaign, a reconnect or a verification that takes 
 serial number, or without a reason; readings of two robots or two instruments as one series.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Ctrl-C pauses, twice stops; and the clock that all waits go through."""
 
+from __future__ import annotations
+
 import signal
 import sys
 import threading

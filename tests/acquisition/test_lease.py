@@ -1,5 +1,7 @@
 """The robot moves only while its owner is heard of."""
 
+from __future__ import annotations
+
 from contextlib import closing
 from pathlib import Path
 

@@ -4,6 +4,8 @@ Hypothesis plays operator, bad luck and power cut. A crash closes the record's c
 whatever is going on, as the end of the process would; the fakes remember the truth.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import shutil

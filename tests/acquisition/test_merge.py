@@ -2,6 +2,8 @@
 frame of nests measured again, rows that change their set, and campaigns of two cells poured together.
 """
 
+from __future__ import annotations
+
 import tomllib
 from pathlib import Path
 

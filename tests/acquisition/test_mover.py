@@ -4,6 +4,8 @@ These would catch: a lock on the text of the url, a lock that does not know the 
 that is kept after the campaign.
 """
 
+from __future__ import annotations
+
 import socket
 import subprocess
 import sys

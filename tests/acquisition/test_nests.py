@@ -1,5 +1,7 @@
 """Nests that disagree, that have moved, that noise alone moves: what becomes of the world frame."""
 
+from __future__ import annotations
+
 from contextlib import closing
 from pathlib import Path
 from typing import Any

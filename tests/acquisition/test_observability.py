@@ -1,5 +1,7 @@
 """Poses selected by observability, and poses whose targets look at the instrument."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

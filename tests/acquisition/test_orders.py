@@ -1,5 +1,7 @@
 """What people order and answer while a campaign runs: pause, stop, redo, skip, and prompts from anywhere."""
 
+from __future__ import annotations
+
 import threading
 from pathlib import Path
 

@@ -4,6 +4,8 @@ These would catch: a record that nobody can go on with elsewhere, a data set who
 passes for a robot of the library.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -5,6 +5,8 @@ has to hold: every sample up to the last motion, under an attempt that does not 
 from the first waypoint to the last.
 """
 
+from __future__ import annotations
+
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """Paths before the first motion: what is refused, in words, and what is counted as lost."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

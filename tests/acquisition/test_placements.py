@@ -2,6 +2,8 @@
 ones, cups left behind or fixtures carried off, a leg through the arm, and an uncertainty of lengths not measured.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 from pathlib import Path

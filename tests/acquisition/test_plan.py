@@ -1,5 +1,7 @@
 """The plan and its check: what may be driven is known before anything moves."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

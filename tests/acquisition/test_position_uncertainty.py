@@ -2,6 +2,8 @@
 misread, lost or given to another name, a cup exported as exact that nobody vouched for, and old records refused.
 """
 
+from __future__ import annotations
+
 import tomllib
 from contextlib import closing
 from pathlib import Path

@@ -5,6 +5,8 @@ paper, hundreds of times, and what is left of the files is opened as a person wo
 `TRUEPOSE_CUTS` sets how often between commits (300).
 """
 
+from __future__ import annotations
+
 import os
 import random
 import sqlite3

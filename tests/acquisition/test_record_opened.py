@@ -1,5 +1,7 @@
 """A record that is opened, by one owner or beside it: an old version, a newer one, a full disk, what is open."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import sqlite3

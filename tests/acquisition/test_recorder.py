@@ -1,6 +1,8 @@
 """The recorder of streams. It would catch: a device that disarmed itself while its stream was closed, because another
 error was on its way, and that nobody arms again; the next attempt would be lost too."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

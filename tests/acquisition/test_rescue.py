@@ -4,6 +4,8 @@ These would catch: a traceback, a record that is written to, a reading that is s
 can be read, and a foreign file that is taken away.
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import sqlite3

@@ -4,6 +4,8 @@ These would catch: a checksum that leaves a column out, one that is not looked a
 merge, one that holds for a row of another record, and older records that can no longer be read.
 """
 
+from __future__ import annotations
+
 import sqlite3
 import struct
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """What the sequencer does about every class of error, about people, and in which order it does its work."""
 
+from __future__ import annotations
+
 import io
 import os
 from collections.abc import Sequence

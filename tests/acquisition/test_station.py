@@ -1,5 +1,7 @@
 """Whether the instrument was moved, from nests measured twice: false alarms as rare as stated, real moves seen."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 

@@ -4,6 +4,8 @@ These would catch: a stop that answers "nothing to complain of" while the robot 
 the robot to be given up, and a complaint about a robot that nobody has set moving.
 """
 
+from __future__ import annotations
+
 import threading
 from concurrent.futures import Future
 

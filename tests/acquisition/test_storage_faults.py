@@ -1,6 +1,8 @@
 """Disk full, disk broken, record locked, two programs on one record or one robot, a calendar that jumps: the
 campaign pauses with a reason and nothing that was acknowledged is lost."""
 
+from __future__ import annotations
+
 import os
 import random
 import sqlite3

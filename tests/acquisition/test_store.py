@@ -1,5 +1,7 @@
 """The record: states, append-only attempts, one good reading a pose, one owner, what a crash leaves behind."""
 
+from __future__ import annotations
+
 import itertools
 import json
 import sqlite3

@@ -4,6 +4,8 @@ Each of these was asked for by a small change of `acquisition/record/store.py` t
 (tests/sabotage/mutants.py).
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -3,6 +3,8 @@ another cup or by another ball that is believed, one that the sides of the trian
 for where the cups are not, and a data set that has the cups elsewhere than the poses.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path

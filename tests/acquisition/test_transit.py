@@ -1,5 +1,7 @@
 """Ways between stands: never through the table, always one for what the program draws, else a person is asked."""
 
+from __future__ import annotations
+
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The world frame from three nests."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given

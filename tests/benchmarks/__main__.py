@@ -4,6 +4,8 @@ Without a name all but the demos and the peers run. Every figure is a ratio with
 campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
 """
 
+from __future__ import annotations
+
 import argparse
 import os
 import sys

@@ -4,6 +4,8 @@
 Then the same of arms that bend and that have worn gears, also where they go to 8 waypoints only, slowly.
 """
 
+from __future__ import annotations
+
 import tempfile
 import time
 from functools import partial

@@ -4,6 +4,8 @@ No line of it is shared with the chain under test; `tests/calib/chain.py`, slowe
 Slots are named as there. Angles rad, lengths mm, torques N.mm.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

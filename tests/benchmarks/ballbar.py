@@ -16,6 +16,8 @@ predicted points: within 200 mm of the point above the cups, and over all front/
 the cell allow above the table.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache

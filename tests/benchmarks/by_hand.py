@@ -6,6 +6,8 @@ repeatability of the joints, solved by normal equations with a ridge that nobody
 reading belongs, that these parameters are determined, and that its start is near.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.array import Array

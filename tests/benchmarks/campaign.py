@@ -10,6 +10,8 @@ and for whatever else the machine does, is shown: the best `BLOCK` poses in a ro
 bare commits.
 """
 
+from __future__ import annotations
+
 import os
 import random
 import sqlite3

@@ -3,6 +3,8 @@
 Held to: no move that fine sampling finds touching passes for clear, and none that passes by 2 mm is refused.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Time of a call: the least of some tries, in seconds of processor time, which a busy machine disturbs least."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 

@@ -6,6 +6,8 @@ no part, by the ellipsoid of `Identification.predict_with_covariance`. Of parame
 the truth keeps those at nominal that the program drops: only the combination has a true value.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 

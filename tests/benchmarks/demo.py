@@ -5,6 +5,8 @@ verified within 1.3 of what noise and repeatability allow (every seed), each dem
 Demos mostly wait for simulated time, so `PARALLEL` of them run at once.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

@@ -5,6 +5,8 @@ what was told is judged by `diagnosis_judge`. An effect counts where the data ca
 and gap > 30). Every miss is printed with its seed.
 """
 
+from __future__ import annotations
+
 import argparse
 import functools
 import itertools

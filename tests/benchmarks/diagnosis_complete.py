@@ -5,6 +5,8 @@ times the instrument's noise; three targets read in every visit, which share its
 once. Every alarm is printed with its seed.
 """
 
+from __future__ import annotations
+
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass

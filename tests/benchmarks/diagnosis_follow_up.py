@@ -4,6 +4,8 @@ All poses of the start lie within 35 % of every joint's range. Where the diagnos
 measured in the same world, after everything else, and all readings together are diagnosed again.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

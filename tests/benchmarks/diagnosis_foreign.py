@@ -5,6 +5,8 @@ counts where the readings can show the law beside the base model (lambda > 200) 
 the library (gap > 60): what one name explains to the noise cannot be told from it. Every set is printed.
 """
 
+from __future__ import annotations
+
 import os
 from collections import Counter
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """One data set diagnosed and judged against its truth: which names are right, which are wrong, how good the fit is."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -5,6 +5,8 @@ or 1000, sizes spread evenly in their logarithm from 0.5 to 5 times the noise. F
 then its joint, order, target or partner, so that no kind is drowned by the many orders of the periodic errors.
 """
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -12,6 +12,8 @@ has one true column each. Rivals are all other labels, periodic errors with ever
 any slope over a joint does, and is not held against it.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -8,6 +8,8 @@ The data sets have a gear error each, of eight kinds of chance; beyond eight a r
 which costs the same work. Every run has a store of its own.
 """
 
+from __future__ import annotations
+
 import os
 import tempfile
 import time

@@ -6,6 +6,8 @@ effect); of the others the reading is what is done, for they hold none and are r
 claims and store. Every statement of a worker is noted beside the store, so that work done twice is seen.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

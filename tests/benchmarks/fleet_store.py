@@ -6,6 +6,8 @@ longest tells of the neighbours on a busy machine: it is printed. At the end eve
 diagnosed again by three versions, which stand in the place of the models.
 """
 
+from __future__ import annotations
+
 import json
 import random
 import statistics

@@ -5,6 +5,8 @@ average, whatever the poses. At poses that took no part the floor follows from w
 Cramer and Rao, trace(G (J'J)^-1 G') with J and G differences of the second arm at the truth.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,6 +5,8 @@ turns joints counts it in deg, one that moves the point in mm. Beside each stand
 by the beginning of the driver's name.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from typing import Any

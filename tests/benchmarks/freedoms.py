@@ -1,5 +1,7 @@
 """Arms with other freedoms than six: inverse kinematics on 10,000 poses. Corrected targets: `machines`."""
 
+from __future__ import annotations
+
 import tempfile
 from pathlib import Path
 

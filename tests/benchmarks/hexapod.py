@@ -1,5 +1,7 @@
 """Direct kinematics of the ballbar hexapod: solutions a second, in all assembly modes, alone and with covariance."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.hexapod_pose import MODES, solve_pose

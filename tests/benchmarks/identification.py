@@ -6,6 +6,8 @@ chain, `numpy.linalg.lstsq`, until the step no longer counts. It is not robust, 
 and takes the model, the whitening and the noise for granted.
 """
 
+from __future__ import annotations
+
 import tempfile
 import time
 from pathlib import Path

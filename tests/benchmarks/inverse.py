@@ -5,6 +5,8 @@ within 1e-6 mm, 98 % of those not refused after 4 iterations. All branches of a 
 solution by roboticstoolbox's numerical solver, which is compiled, on the same poses; installed on first use.
 """
 
+from __future__ import annotations
+
 import json
 import tempfile
 from pathlib import Path

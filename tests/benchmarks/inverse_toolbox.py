@@ -4,6 +4,8 @@ python inverse_toolbox.py ANSWER.json CASE.json
 """
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 import json
 import sys
 import time

@@ -1,5 +1,7 @@
 """Kinematics of 10,000 configurations at once against the same function called one by one: at least 100 times."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib import forward, load_robot

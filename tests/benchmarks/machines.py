@@ -6,6 +6,8 @@ that is wrong in one thing that no base model has; new targets are corrected by 
 and driven on the simulated machine. The floor is the noise of one reading alone.
 """
 
+from __future__ import annotations
+
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,6 +4,8 @@ A mistake counts as named where the readings are refused, exit code 2, with the 
 mistake (zero tools, tilted bases, one-joint sweeps, narrow workspaces, distances only) must all be read.
 """
 
+from __future__ import annotations
+
 import copy
 import re
 import tomllib

@@ -7,6 +7,8 @@ within 200 mm of the point above the cups, against the simulated arm, as a track
 own, laid over the predicted points.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

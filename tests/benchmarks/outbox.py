@@ -5,6 +5,8 @@ Server and sender are processes of their own, killed by SIGKILL wherever they ar
 would wait, so that the time is that of the work.
 """
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys

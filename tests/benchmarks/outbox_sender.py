@@ -1,5 +1,7 @@
 """`python -m tests.benchmarks.outbox_sender OUTBOX PORT TOKEN`: sends until nothing waits, on a clock that jumps."""
 
+from __future__ import annotations
+
 import sys
 import threading
 from contextlib import closing

@@ -5,6 +5,8 @@ loopback, opening a connection where the driver opened one. Both threads are tim
 neither the simulator nor a busy machine is in the figure. Below 1 ms a reading for every driver.
 """
 
+from __future__ import annotations
+
 import math
 import socket
 import threading

@@ -5,6 +5,8 @@ deviation, RMS, 95 % and maximum on the way. Told beside it: the ratio to one pd
 all. Elapsed time counts, since ours runs on all processors; on a machine that is busy with other work it says little.
 """
 
+from __future__ import annotations
+
 import time
 import tracemalloc
 from collections.abc import Callable

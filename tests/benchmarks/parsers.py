@@ -4,6 +4,8 @@
 counts as 0. At most 1.35 is taken, which no square reaches and noise seldom does.
 """
 
+from __future__ import annotations
+
 import gc
 import math
 import tempfile

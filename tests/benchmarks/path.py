@@ -4,6 +4,8 @@ It is exported and aligned by the commands of the example's README, and its cloc
 simulated devices. A minute or two on the wall.
 """
 
+from __future__ import annotations
+
 import json
 import tempfile
 from pathlib import Path

@@ -3,6 +3,8 @@
 The shortest of some tries: what else runs on the machine lengthens processor time, too.
 """
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

@@ -6,6 +6,8 @@ two series, judged on the rest of B. Each is diagnosed in a process of its own, 
 in the folder that UR10_DATA names, or else in a usual place beside the repository.
 """
 
+from __future__ import annotations
+
 import os
 import resource
 import tempfile

@@ -5,6 +5,8 @@ fast as real devices, which makes 4 x 125 and 4 x 250 samples a second on the wa
 it on a machine with nothing else to do: a simulator that is more than a quarter of a second late leaves samples out.
 """
 
+from __future__ import annotations
+
 import os
 import sys
 import time

@@ -5,6 +5,8 @@ Figures are medians over the sets (mean absolute error, mean of the axes), with 
 which the middle half of the sets lies: sets differ in how much of their arm's errors the products can follow.
 """
 
+from __future__ import annotations
+
 import tempfile
 import time
 from pathlib import Path

@@ -4,6 +4,8 @@ Night A with a random fifth held out, as in `real_data`. The shortest of some tr
 lengthens processor time, too.
 """
 
+from __future__ import annotations
+
 import tempfile
 import time
 from pathlib import Path

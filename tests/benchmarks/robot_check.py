@@ -6,6 +6,8 @@ readings equally well, so that they cannot tell more. How often it is the first,
 is printed too.
 """
 
+from __future__ import annotations
+
 import re
 from collections import Counter
 from collections.abc import Iterator

@@ -6,6 +6,8 @@ O1. The naive exchange takes the singular values of the whole Jacobian for
 every candidate that could take a place, as the thesis describes it.
 """
 
+from __future__ import annotations
+
 import time
 
 import numpy as np

@@ -5,6 +5,8 @@ arrival at its pose to the reading, less the shortest such time of the campaign.
 three programs.
 """
 
+from __future__ import annotations
+
 import asyncio
 import json
 import tempfile

@@ -6,6 +6,8 @@ Answers below 100 ms, the command at the controller below 300 ms, in each of 20 
 machine itself takes is shown beside it: the simulators, another program that hardly computes, are asked something.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import statistics

@@ -3,6 +3,8 @@
 {"do": "halted"} -> {"ok": true, "at_s": 1234.5}     on the steady clock, which all programs of a computer share
 """
 
+from __future__ import annotations
+
 import asyncio
 import sys
 import time

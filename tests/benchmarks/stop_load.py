@@ -5,6 +5,8 @@ again as soon as it is answered, a refused one half a second later. Until the in
 answered, and what part of a core the clients themselves took.
 """
 
+from __future__ import annotations
+
 import asyncio
 import json
 import random

@@ -7,6 +7,8 @@ against the true points, beside that on a day just like the calibration's. Count
 refused with nothing else changed, and after a tool was bumped.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -8,6 +8,8 @@ are those of the linear odds, many watches at once; the first of each kind goes 
 updated, and the arm is calibrated anew as it was at first (with its tool freed where that moved).
 """
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace

@@ -7,6 +7,8 @@ changed, and arms of which one joint has lost its zero, or has play, by the very
 95 %.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -4,6 +4,8 @@ turn, and have play.
 Written a second time, by 4x4 matrices: nothing of `calib` is in it. Masses: the maker's published table.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Data sets for the tests: simulated campaigns on their way through the files, as the program would meet them."""
 
+from __future__ import annotations
+
 import copy
 import csv
 from collections.abc import Mapping, Sequence

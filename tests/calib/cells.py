@@ -2,6 +2,8 @@
 `tests.benchmarks.arm`, which shares no line with the chain under test.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,6 +4,8 @@ With complex numbers a derivative is exact to the last digit: f'(x) = Im f(x + i
 the chain under test.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

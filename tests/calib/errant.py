@@ -3,6 +3,8 @@
 Nothing of `calib.compensate` and no regressor takes part in the landing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

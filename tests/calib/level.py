@@ -1,5 +1,7 @@
 """Machines of `tests.calib.machines`, how their controllers count, and random postures of them."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

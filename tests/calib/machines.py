@@ -1,5 +1,7 @@
 """Robot files of machines that are no six turning joints, as their users would write them. The numbers are made up."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 

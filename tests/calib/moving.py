@@ -4,6 +4,8 @@ Written a second time, by 4x4 matrices and the DH table of Khanesar et al. (2022
 joints are functions of true time, so both streams are exact but for what is put into them.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

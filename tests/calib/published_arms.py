@@ -5,6 +5,8 @@ or slides along, in the frame that the joints before it have made. Sources: thos
 are those of the description, which are the controller's but for `with_j2`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

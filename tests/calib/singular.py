@@ -1,5 +1,7 @@
 """The distance of poses from singular ones, for tests that keep away from them."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.jacobian import nominal_jacobian

@@ -1,5 +1,7 @@
 """Sides of approach where a controller's joints are coupled: a model joint may stand still while two turn."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Files that are none, or not text, or not the tables of a data set: refused by file and line."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest

@@ -2,6 +2,8 @@
 messages are checked by what an engineer would look for in them, not word by word.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -3,6 +3,8 @@ since their answers come from a second implementation in fifty digits that share
 would catch a reference that is itself wrong, against vectors of the thesis's model, the truth, and its own files.
 """
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys

@@ -2,6 +2,8 @@
 another frame, sweeps that are missed or made up, gross errors that bend an axis, and a start that is of no use.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -4,6 +4,8 @@ the target moves, a branch or a limit that is not kept, singular targets that ar
 other, and targets judged by the very chain that made them (the landing is computed by another one).
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

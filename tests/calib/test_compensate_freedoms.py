@@ -3,6 +3,8 @@ position that is given up for an orientation, what is left not said or said too 
 wanders, and limits that are no longer kept. The landing is computed by another chain.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

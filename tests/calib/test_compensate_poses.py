@@ -3,6 +3,8 @@ another branch or turn than asked for, a tool applied on the wrong side, a limit
 out of reach that is driven, and an inverse direction that is not the inverse.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

@@ -2,6 +2,8 @@
 wrongly, a hold-out that is not what it says, and foreign files that are taken for the published ones.
 """
 
+from __future__ import annotations
+
 import csv
 import math
 from collections.abc import Callable

@@ -3,6 +3,8 @@ prior that weighs twice, a declared uncertainty that is forgotten, a scale that 
 Jacobian that is nearly right. `python -m tests.benchmarks coverage` does it with 300 campaigns of every kind.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from scipy.stats import binom

@@ -3,6 +3,8 @@ taken from the wrong row, validation rows that count as calibration rows, reject
 that brings a traceback instead of a sentence.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 from pathlib import Path

@@ -1,6 +1,8 @@
 """Robot files out of DH tables as people export them. These would catch: a column taken for another, a unit guessed
 without being said or guessed where nothing shows it, and a cell that is no number read as one."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 

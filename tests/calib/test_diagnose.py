@@ -3,6 +3,8 @@ effect that is missed, misnamed or of the wrong size, claims on sets that lack n
 a choice, a step dated wrongly, and silence that is sold as absence.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

@@ -4,6 +4,8 @@ missed or misnamed, a claim on a set that lacks nothing, a guess where no law ex
 made worse, and follow-up poses that settle nothing.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """A misspelt name is answered with the names that may be meant, not with all there are."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest

@@ -3,6 +3,8 @@ of what it does, that acts at zero, whose unit or slot does not exist or that JS
 correction leave it out or put it in wrongly; and a check that lets any of these through.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -3,6 +3,8 @@ told as something else, a leaning base whose first joint is never loaded, and a 
 whole model instead of being named.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path

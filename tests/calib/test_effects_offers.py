@@ -3,6 +3,8 @@ or cannot act, a kind or a joint that is left out, a parameter of the base model
 shape constant that follows the readings instead of staying with the effect.
 """
 
+from __future__ import annotations
+
 import json
 from collections import Counter
 from dataclasses import replace

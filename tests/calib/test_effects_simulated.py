@@ -3,6 +3,8 @@ catch: a moment about the wrong axis or origin, a bearing or pedestal that tilts
 a torque of the wrong load, lengths that grow by the wrong share, and conditions that the files lost on their way.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

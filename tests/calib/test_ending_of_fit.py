@@ -2,6 +2,8 @@
 other's reason.
 """
 
+from __future__ import annotations
+
 from functools import cached_property
 from pathlib import Path
 

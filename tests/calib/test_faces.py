@@ -1,5 +1,7 @@
 """The faces of calib: every name they promise is there, and none hides a room."""
 
+from __future__ import annotations
+
 from importlib import import_module
 from pathlib import Path
 

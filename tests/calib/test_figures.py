@@ -1,5 +1,7 @@
 """The figures in which errors and uncertainties are told, on numbers that can be counted by hand."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 

@@ -4,6 +4,8 @@ These would catch: a separator, decimal, encoding, unit, convention, target or p
 guessed in place of asked, and a cell that is passed over in silence.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Curves of gears: two joints err by thirty orders each, one of them by a single strong order besides."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 

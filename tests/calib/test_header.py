@@ -2,6 +2,8 @@
 moves, a prior that weighs on another one, and keys that are misspelt and passed over without a word.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

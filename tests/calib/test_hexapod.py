@@ -1,5 +1,7 @@
 """The ballbar as a 6D instrument: the stances of the thesis, and trilateration undone by distances."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given

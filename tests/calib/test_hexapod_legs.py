@@ -3,6 +3,8 @@ mode, a frame beside that of the stated cups, sides of a triangle that are state
 uncertainty that is not the legs', and a leg under another label that passes for a pose.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

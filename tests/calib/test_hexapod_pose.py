@@ -2,6 +2,8 @@
 to other balls than its name says, an uncertainty that leaves out the triangles, and a pose of legs that do not meet.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

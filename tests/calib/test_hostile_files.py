@@ -4,6 +4,8 @@ These would catch: a workbook of kilobytes that becomes gigabytes of cells, one 
 parser whose time grows with the square of a line (each text here would take it minutes), links that carry one another.
 """
 
+from __future__ import annotations
+
 import json
 import zipfile
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Files that mean something else than they say are refused by the name of what they mean; odd ones are read."""
 
+from __future__ import annotations
+
 import copy
 import re
 from itertools import islice

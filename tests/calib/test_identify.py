@@ -2,6 +2,8 @@
 that share what they must not, groups that cannot be chosen, and a start that finds no base.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -2,6 +2,8 @@
 is not that of the documented cost, standard errors of the wrong size, and a chain that is walked twice.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any

@@ -2,6 +2,8 @@
 on the order of rows, on names, on validation rows, or on where the world frame lies.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -3,6 +3,8 @@
 said to be, a turn beyond a limit, a structure taken for one it is not, and rows that influence each other.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -3,6 +3,8 @@ twice, joints that do not stand in the pose, an order or sense of axes that is t
 elbow that leaves its half-plane, and a pose that the arm cannot tilt to and is said to reach.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

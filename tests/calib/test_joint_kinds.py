@@ -3,6 +3,8 @@ axis that shifts the numbers of the arm's joints, a key of another format that i
 another end in the other convention, and a DH number freed that no reading can show.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -3,6 +3,8 @@ was measured, starts that miss a world lying anywhere, a declared uncertainty th
 that should stand.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

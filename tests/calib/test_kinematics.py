@@ -3,6 +3,8 @@ thesis's d_1 on the wrong side of the base rotations, a unit of the compliances,
 the wrong sign, a twist that is not the derivative of its slot, and rows of a batch that influence each other.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import time

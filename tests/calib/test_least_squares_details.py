@@ -4,6 +4,8 @@ These would catch: a prior that pulls the wrong way or with the wrong worth, a s
 that says it has converged too soon or too late, standard errors of another noise.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 

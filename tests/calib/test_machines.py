@@ -5,6 +5,8 @@ called by the number of its link, a model file that forgets what a joint does, a
 The floor itself, with all machines and seeds, is `python -m tests.benchmarks machines`.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

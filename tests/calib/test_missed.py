@@ -1,5 +1,7 @@
 """The error at the check poses, and its U against drawn noise and drawn frames."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

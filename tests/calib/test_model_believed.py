@@ -2,6 +2,8 @@
 another robot's name, wider limits, a number changed by hand, and shapes that end in a fault of our own.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from pathlib import Path

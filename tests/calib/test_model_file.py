@@ -2,6 +2,8 @@
 way, and foreign or broken files that are taken for models.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

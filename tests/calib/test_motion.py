@@ -3,6 +3,8 @@ taken across a gap, standstills or waypoints miscounted, one waypoint on both si
 is not that of the rows, and a stream that cannot be aligned but is.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -3,6 +3,8 @@ else than they say and are refused without a name, samples missing one by one th
 for a jump, a joint that wraps, and a sample written twice that stops everything.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,6 +3,8 @@ instrument would show, a covariance that is put together wrongly, rows that were
 and a column that is not the derivative of the residual.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

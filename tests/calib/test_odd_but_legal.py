@@ -1,5 +1,7 @@
 """Data sets that are odd but legal. Each of these once gave a wrong number without a word."""
 
+from __future__ import annotations
+
 from itertools import islice
 from pathlib import Path
 

@@ -3,6 +3,8 @@ exact or free, a cup out of place that nobody names or that accuses its neighbou
 stated, a uncertainty by name that goes to another name, and one nobody stated that passes without a word.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -3,6 +3,8 @@ candidate that is ruled out although noise explains its sign, an equal column th
 label or its number of columns, and a certainty that nobody has.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -2,6 +2,8 @@
 the other way round, an offset behind the coordinates taken for one, a date misread, a line that is no point but passes.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,7 @@
 """What robots of one type share: learnt without what each was held to, and a prior that the readings can overrule."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """A diagnosis that knows the type of its robot: sizes of effects, tries of the search, and no claim on a prior."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

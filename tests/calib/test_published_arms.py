@@ -3,6 +3,8 @@ than the controller counts, a zero, a coupling, a flange that looks elsewhere, a
 cannot be inverted, and an arm without a published description.
 """
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

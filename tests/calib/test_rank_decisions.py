@@ -4,6 +4,8 @@ These would catch: the wrong one of two that are confounded given up, a threshol
 base model that an effect overturns, stand-ins with the wrong share.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 

@@ -3,6 +3,8 @@ simulator cannot tell, since nobody wrote it down beforehand. It would catch a s
 works on simulated campaigns alone.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -2,6 +2,8 @@
 judged on; a regression that is asked where it knows nothing, or that speaks otherwise once it was saved.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 from pathlib import Path

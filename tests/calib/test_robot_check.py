@@ -3,6 +3,8 @@ to change that does not mend the file, and a good file that is accused. The benc
 arms.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -3,6 +3,8 @@ of the user's own that is accepted although it lacks or garbles something, a ref
 and a joint matrix that is applied the wrong way round.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The JSON schema of robot files is held against the reader: the same keys, the same files taken and refused."""
 
+from __future__ import annotations
+
 import copy
 import tomllib
 from collections.abc import Callable

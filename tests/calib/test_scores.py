@@ -3,6 +3,8 @@ that forgets the priors or a part of the model, gains that are not the fall of t
 or leaving that is not what fitting anew would give.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

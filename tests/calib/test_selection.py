@@ -1,5 +1,7 @@
 """Exchange, bound and indices on plain matrices: against brute force, recomputation and known optima."""
 
+from __future__ import annotations
+
 from itertools import combinations
 
 import numpy as np

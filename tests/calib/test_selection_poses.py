@@ -1,5 +1,7 @@
 """Selection of real poses: what a candidate tells, what the list holds, what it will be worth."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

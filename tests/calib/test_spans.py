@@ -3,6 +3,8 @@ fit as if the arm had measured it, one that is read and not used, one with its s
 wrong bar or an impossible triangle that is fitted, and one that steers the positions without a word.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Mapping, Sequence

@@ -3,6 +3,8 @@ axes than those in which a bearing tilts, an overturning moment of half the arm,
 mass and centre, a validation reading that moves its own expected point, and a robot that is placed in the wrong world.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

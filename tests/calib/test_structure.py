@@ -3,6 +3,8 @@ does not explain, structure that is found where none is or told at the wrong pla
 independent, a hold-out that splits a pose, and a promise of power that the diagnosis does not keep.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -3,6 +3,8 @@ told as noise, targets of one visit counted as independent, noise that one readi
 hides in the readings left out, and an effect claimed although left-out blocks lose by it.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from itertools import pairwise
 

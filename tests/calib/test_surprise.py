@@ -3,6 +3,8 @@ would catch: few readings told as extrapolation, a verdict that passes over held
 effect told by how little of it is seen, and a memory of the move before the last that has no place.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -2,6 +2,8 @@
 range that the reversal inflates, an axis compared with that of another joint, and sweeps made up where there are none.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -2,6 +2,8 @@
 hundreds of digits, deep nesting, long cells, devices and foreign encodings; and a key that is given twice.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Control charts and due dates: against printed examples, hand computation, and draws of steady parameters."""
 
+from __future__ import annotations
+
 from datetime import UTC, datetime, timedelta
 
 import numpy as np

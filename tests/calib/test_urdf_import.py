@@ -5,6 +5,8 @@ passed over.
 The URDF is put together here by other code, from its XML, as ROS does.
 """
 
+from __future__ import annotations
+
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path

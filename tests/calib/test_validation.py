@@ -1,5 +1,7 @@
 """Placing, judging, groups, hold-outs and the comparison of two calibrations, on simulated campaigns."""
 
+from __future__ import annotations
+
 import copy
 from dataclasses import replace
 from pathlib import Path

@@ -2,6 +2,8 @@
 pass for a sphere, scatter of repeated distances that is not pooled, and a growth of error from another point.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

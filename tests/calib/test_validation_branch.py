@@ -1,5 +1,7 @@
 """Branches of the inverse kinematics, by which validation groups its readings."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """ISO 9283 by hand: visits whose squares come out even, worked out in fractions, with n - 1."""
 
+from __future__ import annotations
+
 import math
 from fractions import Fraction
 

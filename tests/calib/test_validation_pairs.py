@@ -1,5 +1,7 @@
 """All pairs: equal to the plain way for any tile, blind to rigid motions, accurate where points nearly coincide."""
 
+from __future__ import annotations
+
 import tracemalloc
 
 import numpy as np

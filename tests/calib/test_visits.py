@@ -4,6 +4,8 @@ a single reading treated otherwise than before, one that does not belong and dra
 visits that are no visits.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The watch: chance, causes and their twins, updates, means, frames, and what is no watch of the baseline."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

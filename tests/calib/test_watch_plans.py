@@ -1,5 +1,7 @@
 """Check poses of other instruments, several visits, nests, and what it would take to see more."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The warmth of the arm between watches: what upkeep updates, and what it refuses."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

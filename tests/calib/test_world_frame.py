@@ -2,6 +2,8 @@
 a fit that leaves more than it must, and a corrected triangle with other sides, or in another place, than the thesis's.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

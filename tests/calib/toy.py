@@ -1,5 +1,7 @@
 """Readings that are plain numbers, for the fit itself: no arm, no chain, a prediction that a test states."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,5 +1,7 @@
 """A saved model updated in memory, as `truepose watch --update` writes it to a file."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from calib.saved import SavedModel

@@ -5,6 +5,8 @@ Every joint stops beside where it says, anew at every waypoint: 38 errors, not 2
 own errors is tuned to the floor and to the uncalibrated figure of the paper's Table 3.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any, cast
 

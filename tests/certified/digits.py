@@ -4,6 +4,8 @@ The problems are pure least squares, so the model's priors are taken out; its pa
 in the nominal place, where the repeatability of the joints is whitened too. Source of the measure: NIST StRD.
 """
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Iterable

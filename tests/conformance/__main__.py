@@ -6,6 +6,8 @@ and how often the robot was sent elsewhere, which only those do that move on one
 reading, for an unplanned motion of any other, and for a question that outlived its deadlines.
 """
 
+from __future__ import annotations
+
 import argparse
 import os
 import sys

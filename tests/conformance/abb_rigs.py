@@ -1,5 +1,7 @@
 """Rigs of the ABB: open_abb with a stock server and with ours, and abb_driver with the proxy before either port."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

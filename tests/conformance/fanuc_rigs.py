@@ -1,5 +1,7 @@
 """Rigs of the Fanuc: MAPPDK with a stock server and with ours, Modbus with both register layouts."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -1,5 +1,7 @@
 """Rigs of the instruments, behind a bridge and of emScon."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -4,6 +4,8 @@ Of damaged requests also how often the robot was sent where nobody asked it to g
 where a protocol has no checksum and is read once: bracketed, and not counted.
 """
 
+from __future__ import annotations
+
 import logging
 import math
 import time

@@ -1,5 +1,7 @@
 """All rigs of the conformance suite by name."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from contextlib import ExitStack
 

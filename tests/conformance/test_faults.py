@@ -5,6 +5,8 @@ the right class, and working again after a reconnect. Of the three answers of a 
 of driver and fault takes one, another one than its neighbours; `--whole` (`make long`) takes all (decision 91).
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack

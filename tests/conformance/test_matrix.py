@@ -1,5 +1,7 @@
 """The matrix and the wire logs as the commands print them, on few questions."""
 
+from __future__ import annotations
+
 from drivers import INSTRUMENTS, ROBOTS
 from tests.conformance.matrix import Cell, cell, tables
 from tests.conformance.readings import READINGS

@@ -5,6 +5,8 @@ controllers show a target and wait for a go: the arm is never sent where nobody 
 request, so there the arm may go elsewhere; but no reading may say that it stands where it was asked to go.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import ExitStack
 

@@ -1,5 +1,7 @@
 """The suite that is installed: its promises hold for drivers of ours; a bad, a hanging and a dying driver are seen."""
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

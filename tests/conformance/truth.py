@@ -1,5 +1,7 @@
 """What the simulated arms of the rigs truly did."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from mocks.cell import CellThread

@@ -1,5 +1,7 @@
 """Rigs of the UR driver: RTDE behind the proxy, the real-time packet with its programs, and these programs alone."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace

@@ -5,6 +5,8 @@ Robots connect, are armed, move and are read; instruments connect, are armed and
 move or of the reading, and the end are shown.
 """
 
+from __future__ import annotations
+
 import io
 import json
 import logging

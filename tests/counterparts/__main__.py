@@ -3,6 +3,8 @@
 Exit code 1 when one is missing; its tests then skip.
 """
 
+from __future__ import annotations
+
 import argparse
 import shutil
 import subprocess

@@ -6,6 +6,8 @@ Its connection and its packets are used. As published (1.0.0) its module of comm
 answer to GetSystemStatus from the wrong place, though it writes that packet well: `cesapi_server_peer.py` has that one.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import time

@@ -5,6 +5,8 @@ each command as CESAPI understands it, one JSON line of number and arguments. Th
 (1000 k, -200, 50.25).
 """
 
+from __future__ import annotations
+
 import json
 import socket
 import sys

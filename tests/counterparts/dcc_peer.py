@@ -5,6 +5,8 @@ those of the schema 3.3.0, which dccXMLJSONConv carries as tables: a leaf that i
 or one of its enumerations, which have no name there.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import warnings

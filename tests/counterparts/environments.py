@@ -5,6 +5,8 @@ They do not share ours: fanucpy declares a numpy below 2, and ur-rtde holds the 
 set up for; a test whose environment is not there skips and names that command.
 """
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ Called as `.counterparts/fanucpy/bin/python fanucpy_peer.py PORT`: moves the rob
 after each, as one JSON line of joints and pose.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 

@@ -1,5 +1,7 @@
 """emScon both ways round against CESAPI, which nobody here wrote: its client, and its packets as a server."""
 
+from __future__ import annotations
+
 import json
 import math
 import subprocess

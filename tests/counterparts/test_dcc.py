@@ -5,6 +5,8 @@ against the schema as a validator would: the schema is in no package. `tests/ser
 orders, by hand.
 """
 
+from __future__ import annotations
+
 import json
 import subprocess
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The environments of the counterparts: what is pinned, and what happens where one cannot be installed."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

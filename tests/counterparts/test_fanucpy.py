@@ -1,5 +1,7 @@
 """The simulated Fanuc moved by fanucpy, which nobody here wrote."""
 
+from __future__ import annotations
+
 import json
 import math
 import subprocess

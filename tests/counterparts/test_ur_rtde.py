@@ -1,5 +1,7 @@
 """The simulated UR controller read by ur-rtde, which nobody here wrote, while our driver moves it."""
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys

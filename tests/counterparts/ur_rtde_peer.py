@@ -4,6 +4,8 @@ Called as `.counterparts/ur-rtde/bin/python ur_rtde_peer.py`: for every line on 
 from 127.0.0.1:30004, as one JSON line of joints (rad), joint targets (rad), robot mode and safety mode.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 import time

@@ -4,6 +4,8 @@
 they need hardware, minutes, or files of the reader. `python.md` and `extending.md` have tests of their own.
 """
 
+from __future__ import annotations
+
 import re
 import shlex
 from pathlib import Path

@@ -4,6 +4,8 @@ Files are read through tables that note what they are asked for. A key that a re
 a default that changes, and a key that nobody reads any more are noticed.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import tomllib

@@ -1,5 +1,7 @@
 """The documentation is built as a site, without a warning, and needs nothing from elsewhere."""
 
+from __future__ import annotations
+
 import os
 import re
 import subprocess

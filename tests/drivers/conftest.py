@@ -1,5 +1,7 @@
 """A cell with the simulated devices of a test module: its `ROBOT` and its `DEVICES`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 import pytest

@@ -1,5 +1,7 @@
 """Simulated cells with a Fanuc, and drivers for them, over every wire."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

@@ -1,5 +1,7 @@
 """A link whose device gives answers chosen by the test, whatever it is asked, and hangs up."""
 
+from __future__ import annotations
+
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """Every instrument driver on its simulator: what the tests that all of them pass need to know of each."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

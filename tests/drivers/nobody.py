@@ -1,5 +1,7 @@
 """An address at which nobody listens."""
 
+from __future__ import annotations
+
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """The ABB driver against the simulated controller: motion, stop, modes, limits, a second client."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,5 +1,7 @@
 """The driver for abb_driver against the simulated controller: motion, stop, modes, limits, a second client."""
 
+from __future__ import annotations
+
 import io
 import json
 import math

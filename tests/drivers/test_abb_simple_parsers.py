@@ -1,5 +1,7 @@
 """Messages of simple_message fed with anything: only ProtocolError comes out, and what was written reads back."""
 
+from __future__ import annotations
+
 import math
 import struct
 

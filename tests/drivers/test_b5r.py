@@ -1,5 +1,7 @@
 """Ballbar results: what a file says, what it lacks, and that anything else is refused by name."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest

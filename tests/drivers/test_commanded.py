@@ -1,5 +1,7 @@
 """What was commanded is what the robot did: shown back before a move, and read back to its resolution after it."""
 
+from __future__ import annotations
+
 import logging
 import math
 from collections.abc import Callable, Sequence

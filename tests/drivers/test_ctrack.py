@@ -1,5 +1,7 @@
 """The C-Track driver against its simulated bridge: poses, reflectors, reference, odd poses, golden transcript."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 

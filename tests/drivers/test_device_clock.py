@@ -1,5 +1,7 @@
 """What drivers behind a bridge make of a clock that steps, stands still or begins anew, and of foreign samples."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 

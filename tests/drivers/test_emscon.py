@@ -1,5 +1,7 @@
 """The emScon driver against its simulated server, packet by packet and whole."""
 
+from __future__ import annotations
+
 import math
 import struct
 from collections.abc import Iterator

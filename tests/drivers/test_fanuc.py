@@ -1,5 +1,7 @@
 """The Fanuc driver against the simulated controller, over all of its wires: motion, stop, alarms, limits, clients."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from contextlib import suppress

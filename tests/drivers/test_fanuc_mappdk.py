@@ -1,5 +1,7 @@
 """The Fanuc driver over MAPPDK against the simulated controller: what the stock server of ROS-Industrial cannot do."""
 
+from __future__ import annotations
+
 import io
 import json
 

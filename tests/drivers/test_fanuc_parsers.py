@@ -1,5 +1,7 @@
 """Answers of a Fanuc fed with anything: only errors of ours come out, and only whole answers are believed."""
 
+from __future__ import annotations
+
 import struct
 from collections.abc import Callable
 

@@ -1,5 +1,7 @@
 """The simulated Fanuc as a process of its own: one JSON line per endpoint, alone and in a cell."""
 
+from __future__ import annotations
+
 import json
 import signal
 import subprocess

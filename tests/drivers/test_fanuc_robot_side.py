@@ -1,5 +1,7 @@
 """The programs for a Fanuc as text: what can be checked of them without a controller or a KAREL translator."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

@@ -6,6 +6,8 @@ its KAREL server writes them (CNV_REAL_STR(x, 8, 3), `none` for missing axes); t
 c1a2 0000, sent low word first.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import replace

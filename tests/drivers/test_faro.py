@@ -1,5 +1,7 @@
 """The FARO driver against the simulated bridge: frames, targets, beam, odd readings, abort, second client."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 

@@ -1,5 +1,7 @@
 """What every instrument driver does alike, whichever wire it speaks: arming, states, odd readings, stop."""
 
+from __future__ import annotations
+
 import logging
 import math
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """The AT960 driver against its simulated bridge: cones, beam and PowerLock, weather, reflector, faces, transcript."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 

@@ -1,5 +1,7 @@
 """The reference bridge of `examples/bridge` against our drivers: one page of protocol is enough for both sides."""
 
+from __future__ import annotations
+
 import importlib.util
 import math
 import socket

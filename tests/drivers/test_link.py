@@ -1,5 +1,7 @@
 """The link layer: any fault closes, nothing unread before asking, exact ends, named deadlines, wire log."""
 
+from __future__ import annotations
+
 import io
 import json
 import re

@@ -3,6 +3,8 @@
 Each of these was asked for by a small change of `drivers/link.py` that nothing had noticed (tests/sabotage/mutants.py).
 """
 
+from __future__ import annotations
+
 import io
 import itertools
 import json

@@ -1,5 +1,7 @@
 """What a person types is taken as it is, asked for again where it cannot be right, and doubted where it looks wrong."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Any
 

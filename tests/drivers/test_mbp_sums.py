@@ -1,5 +1,7 @@
 """Checksums of MBP/1 on TCP: asked for always, insisted on once promised, and missed aloud where a bridge has none."""
 
+from __future__ import annotations
+
 import logging
 
 import pytest

@@ -1,5 +1,7 @@
 """The operator as a device: never a confirmation that nobody gave."""
 
+from __future__ import annotations
+
 import io
 
 import pytest

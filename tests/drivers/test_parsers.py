@@ -1,5 +1,7 @@
 """Parsers fed with anything: only errors of ours come out, and what was written reads back."""
 
+from __future__ import annotations
+
 import string
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The cell as a process of its own: one JSON line per endpoint, clean end, exit codes, back door."""
 
+from __future__ import annotations
+
 import json
 import signal
 import socket

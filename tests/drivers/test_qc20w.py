@@ -1,5 +1,7 @@
 """The ballbar driver against its simulated bridge, on TCP, a pseudo-terminal and a pyserial URL."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """The instruments' simulators as processes of their own: one JSON line per endpoint, served until a signal."""
 
+from __future__ import annotations
+
 import json
 import signal
 import subprocess

@@ -1,5 +1,7 @@
 """A robot that ends its move a little beside its target has not arrived, whatever its controller says."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

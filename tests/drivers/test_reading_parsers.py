@@ -2,6 +2,8 @@
 of ours.
 """
 
+from __future__ import annotations
+
 import math
 import struct
 from collections.abc import Callable, Mapping

@@ -1,5 +1,7 @@
 """The table of drivers: each declares itself, and a device is opened by the name that it declares."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """What every robot driver does alike, whichever wire it speaks: arming, limits, stop, disconnect, false arrivals."""
 
+from __future__ import annotations
+
 import logging
 import math
 from collections.abc import Iterator

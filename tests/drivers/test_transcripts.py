@@ -1,5 +1,7 @@
 """Golden conversations of the three dialects, played against the driver and against the simulator."""
 
+from __future__ import annotations
+
 import pytest
 
 from drivers import AbbArm, CannotStop

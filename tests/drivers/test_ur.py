@@ -1,5 +1,7 @@
 """The UR driver against the simulated controller: motion, stop, safety stops, modes, limits, other clients."""
 
+from __future__ import annotations
+
 import logging
 import math
 import socket

@@ -1,5 +1,7 @@
 """Parsers of the UR driver fed with anything, and the rule by which a state is believed."""
 
+from __future__ import annotations
+
 import math
 import struct
 

@@ -1,5 +1,7 @@
 """Whatever ends a move of the UR driver early, the arm stands: stop, disconnect, watchdog, a link that was cut."""
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

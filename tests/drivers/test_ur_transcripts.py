@@ -4,6 +4,8 @@ Written by hand from the maker's guide: lengths, types and numbers are literal, 
 together with them.
 """
 
+from __future__ import annotations
+
 import socket
 import struct
 

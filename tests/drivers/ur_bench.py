@@ -1,5 +1,7 @@
 """Cells with a simulated UR, and the driver connected to them."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

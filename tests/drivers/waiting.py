@@ -1,5 +1,7 @@
 """Waiting for a condition with a deadline, and running a verb that blocks in a thread of its own."""
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Callable, Sequence

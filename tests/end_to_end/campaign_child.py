@@ -5,6 +5,8 @@ python campaign_child.py create|resume RECORD CELL CAMPAIGN PORTS
 PORTS: where the simulated devices listen, JSON by name.
 """
 
+from __future__ import annotations
+
 import json
 import sys
 from pathlib import Path

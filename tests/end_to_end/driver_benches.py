@@ -1,5 +1,7 @@
 """Every driver before its own simulator, with deadlines that a simulator keeps on a busy machine too."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """A fit to the data set of a simulated campaign, whose noise is known."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib import Dataset, identify

@@ -1,5 +1,7 @@
 """Campaigns on a simulated cell whose program is killed again and again, and what their records hold in the end."""
 
+from __future__ import annotations
+
 import json
 import os
 import random

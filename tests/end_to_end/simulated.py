@@ -1,5 +1,7 @@
 """A simulated cell in a process of its own, as a person would start it, and its back door."""
 
+from __future__ import annotations
+
 import json
 import re
 import socket

@@ -5,6 +5,8 @@ weather station, wrong reflector, wrong extension bar, points at zero, NaN. `tes
 and others than the cell file names.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """Cell and campaign files -> simulated cell over its sockets -> record -> data set -> identification."""
 
+from __future__ import annotations
+
 import csv
 import threading
 from pathlib import Path

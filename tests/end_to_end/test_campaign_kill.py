@@ -4,6 +4,8 @@ The children acknowledge a reading by a line on their standard output, written a
 `TRUEPOSE_KILLS` sets how often (20); `python -m tests.benchmarks.campaign` does it 200 times.
 """
 
+from __future__ import annotations
+
 import os
 import random
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`truepose mock ur`, and a small campaign of the UR5 on its simulator through the command line."""
 
+from __future__ import annotations
+
 import json
 import signal
 import subprocess

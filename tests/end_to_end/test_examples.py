@@ -1,5 +1,7 @@
 """The examples: every plan can be driven, and every campaign whose devices there are runs on its simulated cell."""
 
+from __future__ import annotations
+
 import tomllib
 from collections import Counter
 from collections.abc import Mapping

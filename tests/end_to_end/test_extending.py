@@ -1,5 +1,7 @@
 """`docs/extending.md` is followed word by word, each section in a copy of the sources."""
 
+from __future__ import annotations
+
 import os
 import re
 import shlex

@@ -1,5 +1,7 @@
 """A campaign on a Fanuc cell: its own angles go over the wire and into the data set, the model's come out of it."""
 
+from __future__ import annotations
+
 import csv
 from pathlib import Path
 

@@ -4,6 +4,8 @@ campaign 2, a drift that is sent to the robot or left in the readings that judge
 uncorrected targets mixed up, and a floor that is not what noise allows.
 """
 
+from __future__ import annotations
+
 import pickle
 import threading
 from collections.abc import Callable

@@ -4,6 +4,8 @@ These would catch: poses that tell nothing apart, a second campaign on a clock o
 that slip into the fit, and corrections that still stand on the first diagnosis.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -4,6 +4,8 @@ These would catch: a trend of the wrong sign or length, a floor that counts one 
 rows mixed up, and an instrument that was moved between the campaigns without anybody saying so.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -4,6 +4,8 @@ These would catch: planned angles filed instead of those that the pendant showed
 point that is expected where the robot does not stand, a slip of the hand that goes into the record.
 """
 
+from __future__ import annotations
+
 import csv
 import json
 import tomllib

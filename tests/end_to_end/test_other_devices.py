@@ -1,5 +1,7 @@
 """Nobody, or somebody else, at the address: another device, another version, another robot than the cell file says."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -3,6 +3,8 @@
 The simulators sample 8 times as fast as real devices do, so that a path of half a minute takes some seconds.
 """
 
+from __future__ import annotations
+
 import json
 import sqlite3
 import subprocess

@@ -1,5 +1,7 @@
 """A cell PC drives a campaign by REST alone over the simulated cell; the command line measures the same."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json

@@ -4,6 +4,8 @@ These would catch: a run that goes on for a holder who has lost the lease, one t
 takeover that is not in the events, a stop that a viewer is refused, and a record that others on the computer can read.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import stat

@@ -4,6 +4,8 @@ These would catch: a loop that forgets what it knew while it was paused, runs th
 robot lent to two, a motion without a lease, a loop begun twice for one key, and results that are nobody's.
 """
 
+from __future__ import annotations
+
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path

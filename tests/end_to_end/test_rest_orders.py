@@ -1,5 +1,7 @@
 """Orders by REST in mid-run: reasons beside answers, a new station of the instrument, runs merged, the event log."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json

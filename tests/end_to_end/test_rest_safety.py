@@ -1,5 +1,7 @@
 """The service at a cell that is not its own child: stop in mid-move, a silent holder, `kill -9`, restart."""
 
+from __future__ import annotations
+
 import time
 import tomllib
 from collections.abc import Iterator

@@ -5,6 +5,8 @@ nobody's, an upkeep that takes a bump for warmth, readings judged by the model o
 a watch that does not enter the history by itself.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 from pathlib import Path

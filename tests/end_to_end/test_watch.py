@@ -4,6 +4,8 @@ These would catch: readings of cameras that a watch cannot judge, an unchanged r
 not named, an update that corrected targets do not feel, a warm arm that upkeep follows the wrong way.
 """
 
+from __future__ import annotations
+
 import csv
 import json
 from collections.abc import Mapping

@@ -6,6 +6,8 @@ tests reach). Without WHAT only the page is written. What breaks off is not ente
 that is missed is entered like any other.
 """
 
+from __future__ import annotations
+
 import argparse
 import os
 import subprocess

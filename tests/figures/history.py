@@ -1,5 +1,7 @@
 """The figures that were measured, one line of a command's output a row, in `history.csv` beside this file."""
 
+from __future__ import annotations
+
 import csv
 import os
 import subprocess

@@ -1,5 +1,7 @@
 """The page of the documentation that shows the history: each command's newest figures, and how they went."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator, Sequence
 

@@ -1,5 +1,7 @@
 """Measured figures are entered as printed, and nothing else is."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Both databases for the tests of this folder: an SQLite file, and a PostgreSQL started once a session."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit

@@ -1,5 +1,7 @@
 """Documents as cells write them, as small as they can be."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta

@@ -10,6 +10,8 @@ Of every request it draws what becomes of it:
 `away` is the server that nobody has started again yet: then connections end at once.
 """
 
+from __future__ import annotations
+
 import http.client
 import random
 import threading

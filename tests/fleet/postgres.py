@@ -4,6 +4,8 @@ The programs are the pinned ones of `.counterparts/postgres`, else the system's 
 refuses to be run by root: it is then run by another user of the machine, who owns the folder.
 """
 
+from __future__ import annotations
+
 import os
 import secrets
 import shutil

@@ -4,6 +4,8 @@ These would catch: an exit code that hides documents that were not sent, a sende
 an option that there is no more.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import re

@@ -2,6 +2,8 @@
 sent twice or never, a document under the wrong robot or time, and one bad file that stops the rest.
 """
 
+from __future__ import annotations
+
 import json
 import os
 from collections.abc import Iterator, Mapping

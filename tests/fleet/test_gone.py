@@ -1,6 +1,8 @@
 """A database that is away, full, locked or killed in the middle: a refusal of ours, nothing kept by half, and on it
 goes."""
 
+from __future__ import annotations
+
 import json
 import pickle
 import secrets

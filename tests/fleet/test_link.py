@@ -2,6 +2,8 @@
 acknowledgement, a full server that sets documents aside, and a refusal that is asked again for ever.
 """
 
+from __future__ import annotations
+
 import json
 import socket
 import threading

@@ -3,6 +3,8 @@ undoes, a content that leaves before its acknowledgement, a document that is tak
 file that ends in a traceback.
 """
 
+from __future__ import annotations
+
 import random
 import signal
 import sqlite3

@@ -3,6 +3,8 @@ and sender are started again. These would catch: a document that is lost, one th
 that is taken for a contradiction. `python -m tests.benchmarks outbox` does it with 10,000 and kill -9.
 """
 
+from __future__ import annotations
+
 import random
 import socket
 import threading

@@ -1,6 +1,8 @@
 """A token for each cell. These would catch: a cell that sends under another's name, a token that is worth something
 after it was taken away, and a file that tells the tokens."""
 
+from __future__ import annotations
+
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path

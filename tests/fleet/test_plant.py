@@ -2,6 +2,8 @@
 is overwritten or not told, a store that is away and sets a cell's documents aside, and a token that may too much.
 """
 
+from __future__ import annotations
+
 import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable, Iterator

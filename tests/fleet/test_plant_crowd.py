@@ -1,5 +1,7 @@
 """Uploads that do not end, and more of them than the server has room for."""
 
+from __future__ import annotations
+
 import asyncio
 import json
 from collections.abc import Awaitable, Callable

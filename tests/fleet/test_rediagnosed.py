@@ -1,5 +1,7 @@
 """A re-diagnosis stands in a trend once, in the place of the model of the same readings, and says by whom."""
 
+from __future__ import annotations
+
 import json
 from datetime import timedelta
 from typing import Any

@@ -1,5 +1,7 @@
 """Versions of the tables: made, carried over, refused; and what a role may do."""
 
+from __future__ import annotations
+
 import sqlite3
 import sys
 from collections.abc import Callable

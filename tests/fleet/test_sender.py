@@ -2,6 +2,8 @@
 that holds up the others, a server that is asked without end, and a content that leaves the outbox unacknowledged.
 """
 
+from __future__ import annotations
+
 import random
 import sqlite3
 from collections.abc import Callable, Iterator

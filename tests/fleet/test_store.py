@@ -1,5 +1,7 @@
 """A store on SQLite and on PostgreSQL: what is put in is there, once, and what it says is found."""
 
+from __future__ import annotations
+
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

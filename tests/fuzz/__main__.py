@@ -4,6 +4,8 @@ Prints every fault once, with the seed that makes it again, and how many cases w
 one, or when a file took longer than `SLOW_S`.
 """
 
+from __future__ import annotations
+
 import argparse
 import os
 import sys

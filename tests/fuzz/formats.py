@@ -1,5 +1,7 @@
 """Every file that people or other programs give us: a good example, how it is spoiled, and who reads it."""
 
+from __future__ import annotations
+
 import io
 import json
 import tomllib

@@ -3,6 +3,8 @@
 Everything is drawn from a `random.Random`, so that a number names the case.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 import json

@@ -1,5 +1,7 @@
 """Requests drawn from the OpenAPI document, and spoiled: paths, queries, headers, and bodies of JSON and forms."""
 
+from __future__ import annotations
+
 import json
 import re
 import tomllib

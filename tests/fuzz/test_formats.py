@@ -3,6 +3,8 @@
 A short run by the seed in the suite, 100,000 cases a format by `make fuzz`. Warnings of the arithmetic are faults too.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from random import Random
 

@@ -4,6 +4,8 @@ The service has the cell of an example and no devices: nothing that is sent here
 for a connection. A short run by the seed in the suite, 100,000 requests by `make fuzz`.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from random import Random

@@ -1,5 +1,7 @@
 """The simulated data set: columns, header, design of the campaign, files, command line."""
 
+from __future__ import annotations
+
 import csv
 import itertools
 import json

@@ -1,5 +1,7 @@
 """What a simulated controller shows of an instant is what it was then, however late it is asked."""
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Callable
 

@@ -1,5 +1,7 @@
 """Every hidden effect: absent at zero, as large as asked, named, and like its law."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

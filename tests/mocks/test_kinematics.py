@@ -1,5 +1,7 @@
 """Forward kinematics and gravity torques against numbers computed by another program."""
 
+from __future__ import annotations
+
 import json
 import math
 from pathlib import Path

@@ -2,6 +2,8 @@
 offsets that change with the seed's other draws, and a ballbar, tracker or camera that never sees them.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

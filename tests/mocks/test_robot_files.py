@@ -3,6 +3,8 @@
 These would catch: a joint that slides and is turned, a zero or a coupling lost, limits of the wrong side.
 """
 
+from __future__ import annotations
+
 import tomllib
 
 import numpy as np

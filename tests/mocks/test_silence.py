@@ -1,5 +1,7 @@
 """The watchdog of a simulated controller barks at a client that is silent, and not because the machine is busy."""
 
+from __future__ import annotations
+
 import asyncio
 
 import pytest

@@ -1,5 +1,7 @@
 """The true robot, the tracker and its noise."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

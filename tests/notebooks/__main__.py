@@ -3,6 +3,8 @@
 One whose measurements are not on this machine is left as it is, and named.
 """
 
+from __future__ import annotations
+
 import argparse
 import sys
 

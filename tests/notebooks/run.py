@@ -1,5 +1,7 @@
 """A notebook of the documentation run from its first cell to its last, in a kernel and a folder of its own."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 from tempfile import TemporaryDirectory

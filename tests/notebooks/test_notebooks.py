@@ -1,5 +1,7 @@
 """The notebooks: what is kept was run in order, without a fault, on no machine in particular; the short ones run."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

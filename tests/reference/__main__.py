@@ -1,5 +1,7 @@
 """`python -m tests.reference [NAME ...]` makes the certified problems again; `--table` counts the program's digits."""
 
+from __future__ import annotations
+
 import argparse
 import sys
 import time

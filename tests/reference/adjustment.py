@@ -5,6 +5,8 @@ A step of less than 10^-20 standard errors ends it. Standard errors are those of
 diagonal of (J'J)^-1 at the minimum, J the whitened Jacobian there.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal

@@ -10,6 +10,8 @@
 Gravity turns joint i by c_i tau_i, tau_i = z_i . sum over the loads beyond it of (c - o_i) x m g, at nominal geometry.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from functools import lru_cache, reduce

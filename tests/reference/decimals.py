@@ -4,6 +4,8 @@ A certified number must be right beyond what any program in double precision rea
 are numpy arrays of `decimal.Decimal`; their products and sums are exact to the precision of the context.
 """
 
+from __future__ import annotations
+
 import decimal
 from collections.abc import Callable, Sequence
 from decimal import Decimal

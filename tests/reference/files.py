@@ -4,6 +4,8 @@ Every draw comes from a seed through the standard library and is rounded, so tha
 poses to 0.001 deg, true values to four decimals, noise to six. What was measured has all the digits of a double.
 """
 
+from __future__ import annotations
+
 import csv
 import json
 import random

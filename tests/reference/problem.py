@@ -4,6 +4,8 @@ Numbers become decimals from their text, without rounding. A reading is a list o
 as log(R_measured R') in the world (3), the distance to a base target (1), whichever were measured.
 """
 
+from __future__ import annotations
+
 import csv
 import tomllib
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,7 @@
 """The certified problems: which robot is measured with what, and what is to be found."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -4,6 +4,8 @@ Sources: Nubiola, thesis, Annex I and sections 2.2 and 4 (ABB IRB 120, Fanuc LR 
 of the base rotations); the maker's published DH and dynamics tables (UR10, standard DH).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from decimal import Decimal
 

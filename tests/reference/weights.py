@@ -4,6 +4,8 @@ A tracker's sigma is fixed + ppm x distance, along the beam to the measured poin
 uncertainty overrides what the header declares.
 """
 
+from __future__ import annotations
+
 from decimal import Decimal
 
 import numpy as np

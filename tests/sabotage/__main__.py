@@ -4,6 +4,8 @@ Each change of the list is made in a temporary copy of the checkout, and the tes
 Exit code 1 when one survives that is not explained, when one cannot be made any more, or when tests could not run.
 """
 
+from __future__ import annotations
+
 import argparse
 import sys
 from concurrent.futures import ThreadPoolExecutor

@@ -1,5 +1,7 @@
 """Changes to the arms in the box, and to how they are told apart."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _TABLES = ("tests/calib/test_published_arms.py",)

@@ -1,5 +1,7 @@
 """Changes to the rest of the mathematics: arms, data, effects, compensation, validation, regression."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 from tests.sabotage.fit import COMPENSATE, FIT, OFFSETS, VISITS
 

@@ -1,5 +1,7 @@
 """One change that breaks the program: which text of which file becomes what, and which tests should notice."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Changes to the drivers."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _ABB = (

@@ -1,5 +1,7 @@
 """Changes to the model, its fit and its diagnosis."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 FIT = (

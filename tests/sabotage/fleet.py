@@ -1,5 +1,7 @@
 """Changes to the diagnosis of many robots, and to the way on which their documents come together."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _BATCH = ("tests/fleet/diagnose/test_batch.py",)

@@ -1,5 +1,7 @@
 """Changes to the mathematics of a moving robot."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _MOTION = ("tests/calib/test_motion.py",)

@@ -6,6 +6,8 @@ what nobody did. `--sample` draws so many of a file, at random by `--seed`; with
 fewer than nine in ten are noticed.
 """
 
+from __future__ import annotations
+
 import argparse
 import ast
 import copy

@@ -1,5 +1,7 @@
 """Changes to the outbox of a cell and to the server of a fleet."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _QUEUE = ("tests/fleet/test_outbox.py",)

@@ -1,5 +1,7 @@
 """Changes to what robots of one type share."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _PRIOR = ("tests/calib/test_prior.py",)

@@ -1,5 +1,7 @@
 """Changes to the store of many robots."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _STORE = ("tests/fleet/test_store.py",)

@@ -1,5 +1,7 @@
 """The list of sabotage keeps up with the program: every change can still be made, and its tests are there."""
 
+from __future__ import annotations
+
 import pytest
 
 from tests.sabotage.__main__ import CHANGES

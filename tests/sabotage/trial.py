@@ -1,5 +1,7 @@
 """One change made in a copy of the checkout, and what its tests said."""
 
+from __future__ import annotations
+
 import os
 import queue
 import re

@@ -1,5 +1,7 @@
 """Changes to what is watched between calibrations, and to when the next is due."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _WATCH = ("tests/calib/test_watch.py",)

@@ -1,5 +1,7 @@
 """Changes to the watch."""
 
+from __future__ import annotations
+
 from tests.sabotage.change import Change
 
 _WATCH = ("tests/calib/test_watch.py",)

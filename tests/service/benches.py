@@ -1,5 +1,7 @@
 """Cells of the examples on a bench for `truepose doctor`: simulators in this process, and what was sent to them."""
 
+from __future__ import annotations
+
 import re
 import shutil
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """Simulated data sets for the tests of the service, and small ways to spoil them."""
 
+from __future__ import annotations
+
 import csv
 import io
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """A data set that says when it was measured, and the order of elements in a certificate."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,5 +1,7 @@
 """What several test modules of the service begin with."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
 

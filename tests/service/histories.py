@@ -3,6 +3,8 @@
 One moved its base and wears, one is as it was, one lost the zero of a joint and was calibrated anew.
 """
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """A clock for leases that only goes when it is told to: a lapse in a test takes no time and comes when it is due."""
 
+from __future__ import annotations
+
 import threading
 
 from tests.drivers.waiting import PATIENCE_S

@@ -1,5 +1,7 @@
 """Programs of KUKA, Yaskawa and Staubli, written from the descriptions of the formats around joints that are known."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

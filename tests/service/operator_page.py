@@ -1,5 +1,7 @@
 """A browser at the operator page: how it is entered, and a run to look at."""
 
+from __future__ import annotations
+
 import json
 import tomllib
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """Small programs of every dialect, written from the grammars, and models of robots to correct them with."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

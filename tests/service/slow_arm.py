@@ -1,5 +1,7 @@
 """An arm that is on its way until it is stopped: a test can be in mid-motion for as long as it likes."""
 
+from __future__ import annotations
+
 import threading
 
 from drivers import JointReading, MotionStopped

@@ -1,5 +1,7 @@
 """Another robot at the address of a run: refused by the service, and accepted by its serial number with a reason."""
 
+from __future__ import annotations
+
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path

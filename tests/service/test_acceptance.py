@@ -1,5 +1,7 @@
 """Acceptance: limits held to with guard bands, the same verdict in HTML, JSON and exit code."""
 
+from __future__ import annotations
+
 import html
 import json
 import math

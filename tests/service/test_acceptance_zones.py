@@ -4,6 +4,8 @@ These would catch: a zone judged by readings outside it, an empty zone that pass
 count, boxes taken in the world frame, and a misspelled limit that passes for none.
 """
 
+from __future__ import annotations
+
 import html
 import json
 from dataclasses import asdict, replace

@@ -1,5 +1,7 @@
 """`truepose align` and the same over HTTP: from two files to a data set that `identify` reads, and what is refused."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

@@ -4,6 +4,8 @@ These would catch: a word that stands on another, a length that the robot file d
 than at the flange, and the length of a slide written as if it were the arm's.
 """
 
+from __future__ import annotations
+
 import re
 from itertools import combinations
 from pathlib import Path

@@ -2,6 +2,8 @@
 models that cannot be set side by side on distances alone, and legs that cannot be turned into points.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

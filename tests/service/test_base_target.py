@@ -1,5 +1,7 @@
 """A base ball out of place, from the file to the report: a picture must not ask how far the tool moves by it."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

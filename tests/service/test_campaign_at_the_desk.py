@@ -2,6 +2,8 @@
 progress on a terminal, the event log, and an instrument that is moved.
 """
 
+from __future__ import annotations
+
 import ctypes
 import json
 import os

@@ -1,5 +1,7 @@
 """`truepose campaign`, `mock` and `serve` as a shell sees them: exit codes, streams, Ctrl-C, no operator."""
 
+from __future__ import annotations
+
 import gc
 import json
 import os

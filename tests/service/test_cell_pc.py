@@ -5,6 +5,8 @@ them, a lease that lapses in spite of its heartbeat, an order that waits for the
 twice and done twice.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import re

@@ -4,6 +4,8 @@ These would catch: a figure that differs from the report's, a certificate withou
 out of a name, a simulated campaign that passes for a real one. `tests/counterparts/test_dcc.py` has others read it.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Iterator

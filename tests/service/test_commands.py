@@ -1,5 +1,7 @@
 """The commands: JSON by the contract, predictions, exit codes, what goes to which stream."""
 
+from __future__ import annotations
+
 import json
 import math
 import socket

@@ -1,5 +1,7 @@
 """`truepose compensate`: exit codes, what is written and what is not, conditions, and the document for programs."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json

@@ -1,5 +1,7 @@
 """Completion of words by a shell, as `truepose --install-completion` sets it up."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

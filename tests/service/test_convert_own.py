@@ -4,6 +4,8 @@ These would catch: an open question passed over without a terminal, a map or a d
 was refused, and an answer that is taken for nothing.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import sys

@@ -4,6 +4,8 @@ These would catch: a service that does not start, a list that fails or leaves th
 rescue.
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import sqlite3

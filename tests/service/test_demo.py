@@ -1,5 +1,7 @@
 """`truepose demo` as a person starts it: over sockets, in a process of its own, to its end or to Ctrl-C."""
 
+from __future__ import annotations
+
 import csv
 import json
 import os

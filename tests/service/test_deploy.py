@@ -1,5 +1,7 @@
 """The files of `deploy/`: command lines that the program takes, a unit that systemd takes, an untested script."""
 
+from __future__ import annotations
+
 import json
 import re
 import shlex

@@ -1,5 +1,7 @@
 """`truepose docs`: where the pages are, one of them in the terminal, the site in the browser."""
 
+from __future__ import annotations
+
 import webbrowser
 from pathlib import Path
 

@@ -4,6 +4,8 @@ These would catch: a page that asks anybody else for anything, one that its own 
 request that is tried there and goes without the token.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`truepose doctor` as a shell sees it: healthy examples, a sick one, wrong files; and that it only looks."""
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

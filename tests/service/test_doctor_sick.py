@@ -1,5 +1,7 @@
 """What `truepose doctor` finds in sick cells, device by device: codes, exit codes, and what stays examined."""
 
+from __future__ import annotations
+
 import shutil
 import sqlite3
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ These would catch: an effect of the library that only experts can name, one riva
 certain, and a name that loses the joint or the order it belongs to.
 """
 
+from __future__ import annotations
+
 from types import SimpleNamespace
 from typing import Any
 

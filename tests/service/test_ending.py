@@ -4,6 +4,8 @@ These would catch: a service that computes to the end of a dry run before it end
 also where it was killed and could see to nothing, and clients that are never answered.
 """
 
+from __future__ import annotations
+
 import os
 import tomllib
 from concurrent.futures import Future

@@ -3,6 +3,8 @@ one left out that it can, and an error that is not the file's own. Every file is
 together as its reader would, and compared with the slow second chain.
 """
 
+from __future__ import annotations
+
 import csv
 import json
 import math

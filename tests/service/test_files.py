@@ -1,5 +1,7 @@
 """Files that are whole or not there, under one name only."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 

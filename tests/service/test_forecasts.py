@@ -1,5 +1,7 @@
 """The forecast of a run is made in a worker process, and nothing waits for it."""
 
+from __future__ import annotations
+
 import os
 import threading
 from collections.abc import Callable, Iterator

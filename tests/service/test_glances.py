@@ -4,6 +4,8 @@ These would catch: an answer older than what was written to the record, a time l
 that is not looked at any more, and an answer that costs a reading each.
 """
 
+from __future__ import annotations
+
 import asyncio
 from dataclasses import dataclass
 from pathlib import Path

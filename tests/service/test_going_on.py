@@ -1,5 +1,7 @@
 """What was let go on is never shown as it rested: who waits for its next pause would take the old one for it."""
 
+from __future__ import annotations
+
 import threading
 from concurrent.futures import Future
 from contextlib import closing

@@ -1,5 +1,7 @@
 """The help of every command fits a terminal of 80 and of 60 columns, no line is cut, and none waits for numerics."""
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """`truepose history` and `truepose fleet migrate`: what is put in comes back as tables, JSON, pictures, exit codes."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from datetime import datetime, timedelta

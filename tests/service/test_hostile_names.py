@@ -6,6 +6,8 @@ These would catch: an element or attribute that comes out of a name, JSON that e
 not parse, a picture that fails on a dollar sign, and a cell that a spreadsheet works out.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 import json

@@ -1,5 +1,7 @@
 """The service without devices: who may ask, what is refused and how, what is kept."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from typing import Any

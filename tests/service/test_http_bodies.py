@@ -2,6 +2,8 @@
 two values of `dry_run` make one that moves a robot, and a route that reads its body in another way.
 """
 
+from __future__ import annotations
+
 import gzip
 import re
 import tomllib

@@ -1,5 +1,7 @@
 """Data sets over HTTP: uploaded, refused with their line, identified, diagnosed, reported."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

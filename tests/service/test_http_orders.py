@@ -4,6 +4,8 @@ These would catch: an answer that differs from the command's, a program whose by
 leaves no trail or takes what is in use.
 """
 
+from __future__ import annotations
+
 import base64
 import json
 import tomllib

@@ -1,5 +1,7 @@
 """Parts of the service by themselves: the keys, the gate of addresses, plain values."""
 
+from __future__ import annotations
+
 import json
 import math
 import os

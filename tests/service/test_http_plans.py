@@ -5,6 +5,8 @@ lease, one that is measured again and lost, a price that says leaving poses out 
 file that names a path or a wrong key without saying where.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,5 +1,7 @@
 """How the tests start the service: in a process of its own, on a free port, with a client that has its token."""
 
+from __future__ import annotations
+
 import json
 import os
 import random

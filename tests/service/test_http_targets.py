@@ -1,5 +1,7 @@
 """Targets corrected over HTTP: the same numbers as on the command line, and refusals that name the target."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json

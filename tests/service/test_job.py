@@ -1,5 +1,7 @@
 """A job of the service in its own process. This would catch: follow-up poses that the service's cell cannot take."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

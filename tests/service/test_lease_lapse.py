@@ -4,6 +4,8 @@ These would catch: a second move after the lapse, a reading that is lost or take
 ends the run for good, a prompt that keeps waiting for somebody who has gone, and a stop that asks for the lease.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """Orders to a closed loop between its runs, where nothing moves and nothing else would hear them; and its end."""
 
+from __future__ import annotations
+
 import json
 import os
 import threading

@@ -5,6 +5,8 @@ flange that lands where the tool should, what an arm cannot tilt left unsaid, an
 All machines, with more readings, are `python -m tests.benchmarks machines`.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """What a person reads off a pendant and an instrument, typed on the page: checked, kept, once for one key."""
 
+from __future__ import annotations
+
 import asyncio
 from pathlib import Path
 from typing import Any, cast

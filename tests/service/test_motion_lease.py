@@ -5,6 +5,8 @@ without the secret while another holds the lease, a route that moves and asks fo
 request that came too late, and a takeover that leaves no trace.
 """
 
+from __future__ import annotations
+
 import hmac
 import json
 from collections.abc import Iterator

@@ -4,6 +4,8 @@ These would catch: a field or parameter without words, unit or example; a free o
 states, verdicts or events that the program has outgrown; a campaign that the schema refuses and the reader takes.
 """
 
+from __future__ import annotations
+
 import ast
 import re
 import tomllib

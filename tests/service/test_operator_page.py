@@ -4,6 +4,8 @@ These would catch: a page that loads or sends anything elsewhere, a script its o
 the window, a prompt that a stray Enter answers, a reason that is lost, and a stop that needs the mouse or the lease.
 """
 
+from __future__ import annotations
+
 import json
 import re
 import tomllib

@@ -4,6 +4,8 @@ These would catch: a name that becomes markup in any view or language, a program
 deletion by a single touch or without its reason, and a second touch that answers the next prompt.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from pathlib import Path

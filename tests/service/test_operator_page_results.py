@@ -4,6 +4,8 @@ These would catch: a run that ends in nothing to click, a link that a token cann
 and a viewer who is offered what only an operator may.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -5,6 +5,8 @@ is still "yours", a notice that hides Stop, a page that has to be loaded again w
 is empty because it was opened, or put into another language, meanwhile.
 """
 
+from __future__ import annotations
+
 import signal
 from pathlib import Path
 

@@ -5,6 +5,8 @@ finger cannot follow, a question that a tap answers before it can have been read
 for a dead one, or a late stop for one that was heard.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,6 +5,8 @@ word that one language lacks, markup in a name that becomes markup, a second tab
 service that comes back and moves something.
 """
 
+from __future__ import annotations
+
 import math
 import re
 import signal

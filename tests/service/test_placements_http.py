@@ -2,6 +2,8 @@
 refused only after it was waited for, and a refusal of the worker that nobody can read.
 """
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,5 +1,7 @@
 """Positions known to an uncertainty as people and programs are told of them: terminal, JSON and report."""
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`truepose fleet learn`, and `--prior` of `identify`, `diagnose` and `select`: what is written, said and refused."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """What lets the service hear a stop at once while its workers compute: who stands back, what is not looked through."""
 
+from __future__ import annotations
+
 import gc
 import os
 from collections.abc import Iterator

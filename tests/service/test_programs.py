@@ -3,6 +3,8 @@ that is corrected though nobody knows where it is, text that changes beside the 
 those of the written file. What the robot does with a corrected file is computed here a second time, by hand.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from pathlib import Path

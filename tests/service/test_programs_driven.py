@@ -3,6 +3,8 @@ one that the model's uncertainty predicts, and a fraction of what it was. The ro
 code under test; this would catch any correction that is only consistent with itself.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from pathlib import Path

@@ -2,6 +2,8 @@
 here would take it hours), brackets that exhaust the stack, and numbers that no robot has.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,6 +3,8 @@ to the joints that the model asks for. These would catch an angle convention or 
 is guessed, a number outside of targets that changes, and a comment that is taken for a target.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Programs, tables and frames that cannot be read or corrected: refused with their line and the reason."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

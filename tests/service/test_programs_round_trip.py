@@ -3,6 +3,8 @@ corrected, and change in nothing but the numbers of their targets when something
 swallows or reorders text, a line end or an encoding that changes, and a target that is overlooked.
 """
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,5 +1,7 @@
 """Bad input: every refusal is one sentence that names file and line or key, exit code 2, without a traceback."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """What people are told when the service cannot do all that they ask: too many jobs, a device that did not stop."""
 
+from __future__ import annotations
+
 import asyncio
 import json
 from contextlib import closing

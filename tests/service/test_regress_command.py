@@ -1,5 +1,7 @@
 """`truepose regress`: its table, its document, its report, its model, and what `compensate` then does and refuses."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,7 @@
 """The report: what it says, that it stands by itself, that names cannot break out of it."""
 
+from __future__ import annotations
+
 import html
 import json
 import re

@@ -1,5 +1,7 @@
 """The ladder at the head of a report: every model once, with what each step takes away."""
 
+from __future__ import annotations
+
 import html
 import re
 from dataclasses import replace

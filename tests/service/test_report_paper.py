@@ -1,5 +1,7 @@
 """A report as a paper: its number, when and by whom it was measured, hashes, and where to sign."""
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

@@ -4,6 +4,8 @@ These would catch: a kind of effect without a picture that convinces, an axis or
 that is drawn, and structure drawn in the wrong place.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 from importlib.resources import files

@@ -1,5 +1,7 @@
 """Pose accuracy and repeatability of ISO 9283 in the report, where poses repeat."""
 
+from __future__ import annotations
+
 import html
 from pathlib import Path
 

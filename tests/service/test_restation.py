@@ -4,6 +4,8 @@ These would catch: a pose measured before the nests are, nests measured without 
 a station that is not counted, an order given twice for one key, and readings of before that are turned anew.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -2,6 +2,8 @@
 is no number taken as one, a mistake told with exit code 0, and a picture that is no picture.
 """
 
+from __future__ import annotations
+
 import io
 import json
 import xml.etree.ElementTree as ET

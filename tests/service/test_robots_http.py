@@ -5,6 +5,8 @@ contents for one thing of which one is lost; a verdict on another robot; a store
 rest of the service, with it; a result that no schema describes.
 """
 
+from __future__ import annotations
+
 import json
 import shutil
 from collections.abc import Iterator

@@ -4,6 +4,8 @@ These would catch: a robot that only a mouse reaches, a serial number that becom
 history by itself, a verdict that is looked for in vain, and a list that looks alive while nobody answers.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from tests.drivers.waiting import until

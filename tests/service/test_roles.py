@@ -5,6 +5,8 @@ open to viewers by oversight, a file of tokens that others can read or that outl
 that others could read already.
 """
 
+from __future__ import annotations
+
 import os
 import socket
 import stat

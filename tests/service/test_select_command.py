@@ -1,5 +1,7 @@
 """`truepose select`: the list of poses, the document, and what is refused."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

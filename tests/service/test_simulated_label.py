@@ -3,6 +3,8 @@
 A corrected program is the one file without the label: nothing but its numbers may change. It is said beside it.
 """
 
+from __future__ import annotations
+
 import json
 import tomllib
 from contextlib import closing

@@ -5,6 +5,8 @@ of clients that wait, on any part of its way (the service object, the order itse
 a burst of requests that all take their turn before it.
 """
 
+from __future__ import annotations
+
 import asyncio
 import re
 import threading

@@ -1,5 +1,7 @@
 """`truepose validate`: its tables and its JSON, and what it refuses."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

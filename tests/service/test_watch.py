@@ -1,5 +1,7 @@
 """`truepose watch`: the plan is a campaign, the verdict an exit code, a history one line a watch."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from pathlib import Path

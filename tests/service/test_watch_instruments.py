@@ -1,5 +1,7 @@
 """Watches by other readings, at the command line: touched balls, legs, the warmth of the arm."""
 
+from __future__ import annotations
+
 import csv
 import json
 import tomllib

@@ -4,6 +4,8 @@ These would catch: a start that only programs can read, measures without the tok
 secret or a reason in a log, two lines where somebody put an end of line into a path.
 """
 
+from __future__ import annotations
+
 import json
 import logging
 import os

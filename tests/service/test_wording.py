@@ -1,5 +1,7 @@
 """Numbers in words: rounding by the uncertainty, and JSON that never holds NaN."""
 
+from __future__ import annotations
+
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,5 +1,7 @@
 """A person at the operator page with a keyboard alone, and what is looked at in every view."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

@@ -6,6 +6,8 @@ one likes: each TEST adds a line of JSON when it is through, one that has its li
 the one in hand. Prints which failed how often, those in the log with them; exit code 1 when one did.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import re

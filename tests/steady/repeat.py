@@ -1,5 +1,7 @@
 """A pytest plugin: `--repeat 50` runs every chosen test so many times, each time as a case of its own."""
 
+from __future__ import annotations
+
 import pytest
 
 FIXTURE = "repetition_of_the_test"

@@ -1,5 +1,7 @@
 """The public Python API: its surface, and the loop from readings to corrected targets through it alone."""
 
+from __future__ import annotations
+
 import copy
 import json
 import pickle

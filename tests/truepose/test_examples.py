@@ -4,6 +4,8 @@ These would catch: an example that no longer runs or prints something else, a pu
 with a unit in its name of which the docstring says nothing, a function that does not say what it raises.
 """
 
+from __future__ import annotations
+
 import doctest
 import inspect
 import shutil

@@ -4,6 +4,8 @@ These would catch: a way in from Python that reads other numbers than the comman
 command refuses, and a robot's file that is looked for in another folder than the map's.
 """
 
+from __future__ import annotations
+
 import shutil
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Files that the program brings or creates have names that Windows can store; there is no Windows here to try it on."""
 
+from __future__ import annotations
+
 import ast
 import re
 from collections import Counter

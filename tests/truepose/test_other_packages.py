@@ -1,5 +1,7 @@
 """An effect and a driver of other packages are found by their entry points, and a broken one is named."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

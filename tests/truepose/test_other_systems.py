@@ -3,6 +3,8 @@
 No Windows machine has run the program yet.
 """
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from pathlib import Path

@@ -1,5 +1,7 @@
 """A foreign package in the place of one of ours is noticed at start."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

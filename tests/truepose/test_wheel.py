@@ -1,5 +1,7 @@
 """The wheel: all that the program needs and nothing else, run without the sources beside it."""
 
+from __future__ import annotations
+
 import os
 import shutil
 import subprocess

@@ -1,5 +1,7 @@
 """The blocks of a campaign, one recipe a kind. `read_block` reads one; `KINDS` says what there is."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,6 +9,8 @@ With `touch_with = "T1"` a person jogs that ball of the tool into every cup betw
 three taught points and three sides say where the cups are. Source: Nubiola, thesis, section 4.2.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path

@@ -5,6 +5,8 @@ length (Nubiola, thesis 2.5), the length that of its block or drawn with the pos
 names. Joints deg, and mm where they slide, rounded to what every controller takes; the rounded values are the record.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum

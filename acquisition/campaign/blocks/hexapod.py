@@ -12,6 +12,8 @@ lies outside its stroke is measured after a calibration by what lies within (`ru
 thesis, sections 4.2 to 4.4.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,6 +4,8 @@ Where a calibrated model chose the poses, their legs lie within the stroke, and 
 true of a hexapod holds here: somebody moves the bar, and the robot leaves when it is off.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

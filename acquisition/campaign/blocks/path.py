@@ -5,6 +5,8 @@ rests `rest_s` in every waypoint, the first and the last too, because a clock is
 The robot drives at the speeds of its cell file, or more slowly where the block says so.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`kind = "poses"`: poses of one set, drawn at random, chosen by observability, or given in the file or beside it."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Sequence

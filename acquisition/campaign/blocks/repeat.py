@@ -5,6 +5,8 @@ for which the poses take turns. With `sides = "both"` the sides are drawn for ea
 blocks list with opposite offsets give the multi-directional variation.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

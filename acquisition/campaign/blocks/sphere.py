@@ -6,6 +6,8 @@ the block has an `approach` of its own, every point is reached from the one befo
 Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into rings so that moves are short. Lengths mm.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path

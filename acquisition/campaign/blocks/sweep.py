@@ -6,6 +6,8 @@ points turn joints 1, 2 and the last two, one after the other, from one posture:
 from where the sweep comes, the others from their usual side, so that an interruption changes nothing. Angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -7,6 +7,8 @@
 Lengths mm.
 """
 
+from __future__ import annotations
+
 from functools import cached_property
 from pathlib import Path
 

@@ -7,6 +7,8 @@ A pose keeps its place in the plan, its legs and its branch; one that may not be
 are is left out. Whatever was attempted stays as it was. Source: Nubiola, thesis, section 4.2. Lengths mm, angles deg.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

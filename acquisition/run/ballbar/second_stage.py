@@ -9,6 +9,8 @@ is kept in the folder of the record, `stage1.json`, to say how long the legs of 
 Source: Nubiola, thesis, section 4.4.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 

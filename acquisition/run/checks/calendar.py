@@ -1,5 +1,7 @@
 """The calendar watched against the steady clock: when it steps, the computer slept or its clock was set."""
 
+from __future__ import annotations
+
 from acquisition.errors import ClockJumped
 from acquisition.run.clock import Clock
 

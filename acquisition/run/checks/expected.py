@@ -4,6 +4,8 @@ A tracker that locked on the neighbouring SMR, an SMR in the wrong nest and a bo
 with good readings of the wrong thing. The nominal robot is off by millimetres, targets are centimetres apart.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

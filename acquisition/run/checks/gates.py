@@ -12,6 +12,8 @@
 What is measured anew, the sequencer measures: the gates only say when. Lengths mm, times s.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

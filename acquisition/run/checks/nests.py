@@ -5,6 +5,8 @@ instrument has a new station, and its readings go through a new frame from then 
 the base are the world.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

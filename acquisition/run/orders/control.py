@@ -6,6 +6,8 @@ stop           the order goes to the robot at once, over its own connection, wha
 new station    the instrument is moved: nests before poses
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable
 

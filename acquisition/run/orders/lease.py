@@ -4,6 +4,8 @@ A `Lease` is for an owner who can fall silent without the program ending (a page
 does not, the campaign pauses at the end of the move or measurement under way. Stopping needs none.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

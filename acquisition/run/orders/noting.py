@@ -4,6 +4,8 @@ The thread that ends the run waits for what is being written, so the record says
 is stopped. What could not be written is tried once more then.
 """
 
+from __future__ import annotations
+
 import threading
 
 from acquisition.errors import StorageError

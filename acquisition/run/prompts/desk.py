@@ -4,6 +4,8 @@ Whoever answers first counts. The operator device is asked in a thread of its ow
 hour and a stop may not wait; when the campaign stops waiting, the prompt is void and the thread is left alone.
 """
 
+from __future__ import annotations
+
 import threading
 import uuid
 from contextlib import suppress

@@ -9,6 +9,8 @@ What a person says is checked by what the instrument then sees (`run.checks.expe
 of it still holds is only known within one execution: a new one asks again.
 """
 
+from __future__ import annotations
+
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
 from acquisition.cell.picture import scene

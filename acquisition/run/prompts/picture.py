@@ -1,5 +1,7 @@
 """The picture beside a prompt, in the two forms in which people see one."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,6 +5,8 @@ The nominal robot errs by millimetres and cups stand far from each other, so it 
 cup. Angles deg, lengths mm. Source: Nubiola, thesis, section 4.2.
 """
 
+from __future__ import annotations
+
 from functools import cached_property
 
 import numpy as np

@@ -4,6 +4,8 @@ A pause ends it after the motion in hand, a stop or an error in the middle of it
 hold stays in the record under an attempt that is not good. The next attempt drives the path from its beginning.
 """
 
+from __future__ import annotations
+
 from acquisition.campaign.campaign import Campaign
 from acquisition.cell.transit import Transit
 from acquisition.record.attempts import Attempts

@@ -4,6 +4,8 @@ The drivers' rules: after a LinkError connect and arm; any error of a commanded 
 only ever armed for the move to an approach, so that nothing moves without one.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress

@@ -3,6 +3,8 @@
 For controllers that report the end of a move before the arm has come to rest.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 from drivers.errors import NoisyMeasurement

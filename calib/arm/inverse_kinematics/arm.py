@@ -1,5 +1,7 @@
 """The interface of arms of a known structure: they solve all branches of a batch of poses at once."""
 
+from __future__ import annotations
+
 from typing import Protocol
 
 from calib.arm.inverse_kinematics.solutions import Solutions

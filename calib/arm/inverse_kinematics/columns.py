@@ -1,5 +1,7 @@
 """Vectors as three arrays of components, so that every product runs over all branches and poses at once."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

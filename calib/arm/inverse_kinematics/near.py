@@ -7,6 +7,8 @@ arm has (`calib.arm.freedoms`): what it cannot move or turn is left. Rotations w
 the columns of J comparable.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.freedoms import Freedoms

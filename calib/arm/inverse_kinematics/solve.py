@@ -1,5 +1,7 @@
 """Inverse kinematics of a robot: its structure is found, and all branches of poses are solved."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.inverse_kinematics.arm import Arm

@@ -3,6 +3,8 @@
 The pose is taken back by the motion of the axis that carries the arm; what is left is an arm that is known.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

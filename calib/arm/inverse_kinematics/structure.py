@@ -9,6 +9,8 @@ In both axis 1 is square to axis 2, axis 4 to axis 5 and axis 5 to axis 6. Sourc
 solvable kinds); Murray, Li, Sastry 1994, section 3.2 (axes at the zero pose instead of DH numbers).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 

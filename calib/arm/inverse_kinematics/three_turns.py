@@ -1,5 +1,7 @@
 """Three axes that turn a tool about a point, each square to the next: a wrist, or the shoulder of seven axes."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.inverse_kinematics.columns import Mask, Vector, in_axes

@@ -3,6 +3,8 @@
 The angles may be a model's or a controller's: joint matrices of whole numbers carry whole turns into whole turns.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

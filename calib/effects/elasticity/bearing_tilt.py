@@ -4,6 +4,8 @@ One compliance for both directions, since a bearing is round. Bearings are built
 is an angle under the largest moment.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

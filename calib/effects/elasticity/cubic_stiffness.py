@@ -3,6 +3,8 @@
 Strain-wave gears are soft at small torques (wind-up curves of their makers).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

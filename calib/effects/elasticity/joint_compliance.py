@@ -1,6 +1,8 @@
 """Joint compliance: the gear of a joint yields to gravity, never against it, c tau. Source: Nubiola, Annex I (level
 3)."""
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

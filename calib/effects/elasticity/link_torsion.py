@@ -4,6 +4,8 @@ x is that of frame K-1 in modified DH, before joint K turns, and of frame K in s
 for what they carry: the usual size is an angle under the largest moment.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.arm.robot import Robot

@@ -5,6 +5,8 @@ model as estimated, constants of the effect. They absorb most of a wrong mass (0
 Nubiola, thesis 2.5 (10 % errors of mass and centre).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 from calib.arm.robot import Load

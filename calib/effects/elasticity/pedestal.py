@@ -5,6 +5,8 @@ about the other. It leans about the origin of the base. In Nubiola's robots d_1 
 which therefore turn about a point d_1 above it; the shift that this leaves out is added.
 """
 
+from __future__ import annotations
+
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey

@@ -3,6 +3,8 @@
 The zero of joint 1 is the turn of the base about z, which every model frees.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

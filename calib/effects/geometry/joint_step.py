@@ -4,6 +4,8 @@ A belt that jumps a tooth, a coupling or a resolver that slips, a collision: of 
 `base_shift` move all. The change point is the rank of the first reading after it; it is scanned.
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 from calib.effects.geometry.shift import change_points

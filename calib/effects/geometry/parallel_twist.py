@@ -3,6 +3,8 @@
 On other links the DH numbers hold it already. Source: Hayati 1983.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

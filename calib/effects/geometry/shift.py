@@ -4,6 +4,8 @@ The change point is the rank of the first reading after the step; it is scanned.
 its nest, a loosened clamp, a fork-lift against the pedestal.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.array import Array

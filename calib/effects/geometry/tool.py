@@ -4,6 +4,8 @@ What shifts along the last axis or turns about it is d and theta of the last lin
 turn look the same.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,6 +4,8 @@ Where the base model finds the places of the base targets they are not offered a
 few balls are measured, a ball out of place and a base that is elsewhere share what they do; rank decides.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.effects.kind import Kind

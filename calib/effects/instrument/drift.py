@@ -3,6 +3,8 @@
 Source: trackers warm up and tripods creep; AT960 drifts by tenths of a millimetre in two hours.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Kind

@@ -5,6 +5,8 @@ shifted in proportion, so a distance from another meter stays as it is. The link
 Source: Edlen 1966 (index of air).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_STATION, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -1,5 +1,7 @@
 """Backlash of a slide: the carriage stops half a gap short on the side from which it came, gap/2 x side of approach."""
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

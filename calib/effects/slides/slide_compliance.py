@@ -3,6 +3,8 @@
 Where the axis keeps its direction the force is always the same and its zero has it: then nothing is offered.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_LOAD, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -1,5 +1,7 @@
 """Thermal growth of a slide: rack, screw or scale lengthens with the air, k q (T - T-). Steel: 11 to 12e-6/K."""
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -9,6 +9,8 @@
 Source: ISO 230-1 (straightness, angular and positioning deviations of a linear axis).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect

@@ -1,5 +1,7 @@
 """Scale of a slide: the carriage goes by (1 + k) times what is counted, k q, by the pitch of rack, screw or belt."""
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -4,6 +4,8 @@ It sets in between two campaigns; within one, growth follows the clock (`warm_up
 Source: aluminium grows by 23e-6 a kelvin, steel by 11.5e-6; an arm in production runs 5 to 20 K above the air.
 """
 
+from __future__ import annotations
+
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey

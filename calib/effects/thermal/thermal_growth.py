@@ -3,6 +3,8 @@
 Source: steel 11.5, aluminium 23 (1e-6/K).
 """
 
+from __future__ import annotations
+
 from calib.arm.robot import Robot
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey

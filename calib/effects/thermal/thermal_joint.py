@@ -1,5 +1,7 @@
 """Thermal joint: a joint turns with the air temperature, k (T - T-), as encoder, brake and gear housing warm up."""
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_WARMTH, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

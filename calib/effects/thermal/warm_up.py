@@ -3,6 +3,8 @@
 The time constant T_c is scanned and refined. Nubiola warms up for 1 h (thesis 2.2).
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

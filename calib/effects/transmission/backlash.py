@@ -4,6 +4,8 @@ A gap is never less than nothing. Invisible, not absent, when every reading was 
 Source: Nubiola 2.4.1 and 2.5.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -5,6 +5,8 @@ below nothing. Invisible where every reading was approached from one side. Sourc
 (backlash of an IRB 1600 that changes with the load).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -6,6 +6,8 @@ next, and 4 with 6, since hollow wrists drive joint 6 by a shaft through joints 
 of a hollow wrist; what is left is its error.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

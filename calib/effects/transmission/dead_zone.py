@@ -4,6 +4,8 @@ A gap is never less than nothing. The sign is smoothed, tanh(tau / width), with 
 gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from calib.effects.kind import OTHER_SIDE, Kind

@@ -3,6 +3,8 @@
 Gear ratios are whole numbers and encoders have whole counts: what is left is a belt's pitch, per mille at most.
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

@@ -8,6 +8,8 @@ say (`calib.diagnose.carriers`): where they say nothing the curve stays near zer
 Source: MacKay 1992 (sizes by evidence).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Collection
 

@@ -5,6 +5,8 @@ made: the opposite of `backlash`, by whose law the joint comes to rest on the fa
 is of one length its column is that of `settling`. Source: ISO 230-2 (reversal value).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

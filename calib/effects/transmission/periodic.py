@@ -4,6 +4,8 @@ Gears repeat their error once a turn of each wheel, so H is low (eccentric wheel
 it (strain-wave reducers: 50 to 320 a turn).
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

@@ -5,6 +5,8 @@ The usual size is what four time constants leave, exp(-4): Nubiola waits 4 s bef
 reading (thesis 2.2).
 """
 
+from __future__ import annotations
+
 from calib.effects.kind import OTHER_SIDE, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect

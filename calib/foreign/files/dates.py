@@ -1,6 +1,8 @@
 """Times of day as instruments and robots write them: ISO 8601, MM/DD/YYYY HH:MM:SS with a fraction, AM or PM, or
 DD.MM.YYYY HH:MM:SS."""
 
+from __future__ import annotations
+
 import re
 from datetime import UTC, datetime
 

@@ -5,6 +5,8 @@ a row of units may follow the names, names may stand in two lines (a group over 
 below is left aside and said. Two tables on one sheet are never one.
 """
 
+from __future__ import annotations
+
 import re
 from collections import Counter
 from collections.abc import Sequence

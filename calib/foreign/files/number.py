@@ -4,6 +4,8 @@ Which mark is which is told by all numbers of a table together. Where `1,234` ma
 more, nobody can tell, and the reader of the table has to say it.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterable

@@ -5,6 +5,8 @@ over all of it, a formula that every cell shares. Whoever builds cells first not
 the archive that is XML, keeps nothing of it, and refuses document types: no entity is ever declared.
 """
 
+from __future__ import annotations
+
 import io
 import lzma
 import struct

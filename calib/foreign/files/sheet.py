@@ -4,6 +4,8 @@ Text in any usual encoding, its cells apart by tabs, semicolons, commas, bars or
 (`calib.foreign.files.workbook`).
 """
 
+from __future__ import annotations
+
 import re
 from collections import Counter
 from collections.abc import Mapping

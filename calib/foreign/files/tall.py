@@ -8,6 +8,8 @@ A point begins where its X is; its name may stand on that line alone. What is ne
 diameter) is left.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from calib.errors import DataError

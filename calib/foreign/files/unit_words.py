@@ -1,5 +1,7 @@
 """Words for units, as headers have them: `[mm]`, `(deg)`, `in °`, `Grad`, `_rad`."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 

@@ -5,6 +5,8 @@ formula counts by its saved value; one that was never computed, and an error suc
 dates, also where a spreadsheet has made one of a number.
 """
 
+from __future__ import annotations
+
 import datetime
 import io
 import warnings

@@ -4,6 +4,8 @@ A map of a recording is written in one line, with commas between: `time=Timestam
 a measured file is a file (`calib.foreign.map.map_file`). The unit `date` of a time is a date and a time of day.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

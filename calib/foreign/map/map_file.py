@@ -6,6 +6,8 @@ of the columns that it was made for are in it, and a file with other names is re
 where nobody has decided.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Mapping, Sequence

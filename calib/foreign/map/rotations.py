@@ -5,6 +5,8 @@ the order in which the convention is written. Sources: KUKA (A, B, C about Z, Y'
 Y, Z), Staubli (Rx, Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
 """
 
+from __future__ import annotations
+
 import re
 
 import numpy as np

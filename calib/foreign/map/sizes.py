@@ -1,5 +1,7 @@
 """Sizes that numbers of a robot's measurement can have: radians that are called degrees, metres called millimetres."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

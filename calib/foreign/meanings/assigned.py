@@ -1,5 +1,7 @@
 """The state of one table while its columns are assigned: the map so far, the findings and the open questions."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -5,6 +5,8 @@ numbers leave one possibility (angles above two turns are degrees); where number
 asked as well.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """Columns of words and conditions: names of poses and targets, time, temperature, status, set."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import numpy as np

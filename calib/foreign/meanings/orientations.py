@@ -1,5 +1,7 @@
 """Columns of orientations: quaternions and angles by the conventions that their names tell, or that are asked."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 from calib.foreign.map.map_file import UNDECIDED

@@ -1,6 +1,8 @@
 """The units of columns: what the name, the row of units, the cells or the preamble say; where none does, or where the
 numbers cannot be what is said, it is asked."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import numpy as np

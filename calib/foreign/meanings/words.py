@@ -5,6 +5,8 @@ target; `A`, `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. 
 by the map.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from typing import Literal

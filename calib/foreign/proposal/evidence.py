@@ -5,6 +5,8 @@ extent of the readings and every other answer misses five times as much; for con
 angles. A robot that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -5,6 +5,8 @@ two sets of columns) are tried on it: where exactly one answer lets it reach the
 the reason said. Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

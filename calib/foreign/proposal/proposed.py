@@ -1,5 +1,7 @@
 """A proposal: a map as far as it can be made, with what was found in which column and what is open."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from calib.foreign.files.layout import Layout

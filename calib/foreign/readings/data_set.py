@@ -1,5 +1,7 @@
 """A data set of foreign readings: columns with units in their names, and the header that the map holds."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -5,6 +5,8 @@ readings. By order only where the map says so. By time, a point belongs to the n
 `within_s`.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,6 +1,8 @@
 """The readings of one foreign file by its map. Every cell that the map needs is a number, or the file is refused
 by line and column with what is there; nothing is filled in but what the map says."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -17,6 +17,8 @@ has: the non-centrality of a cause of the size that should be seen (`calib.watch
 which it is seen. The cause that is missed by most counts most.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

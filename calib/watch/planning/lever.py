@@ -1,5 +1,7 @@
 """The distance off the last axis that a target needs for the wrist to show what should be seen."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

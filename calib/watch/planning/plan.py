@@ -1,5 +1,7 @@
 """The plan of a watch: which visits to make from which sides, how much to read in each, and what they will show."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

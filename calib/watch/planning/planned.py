@@ -1,5 +1,7 @@
 """Readings that could be taken: the data set that a baseline would predict in some visits."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -6,6 +6,8 @@ twice as much; so what helps are targets farther off, more targets, more reading
 visits, which cost most.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,6 +7,8 @@ what the baseline does not know, what it lacks, or a frame that is set up anew: 
 from about where the most readings see it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -6,6 +6,8 @@ Named alone: in 80 of 100, counted in draws. Of several parameters of one unit, 
 the direction is the one that is seen worst.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,6 +6,8 @@ calibration found the joints are moved until the legs have their length, by Gaus
     dq = J+ (length - predicted),    J (6, N): u . dp/dq of each leg, u the unit vector from its ball on the base
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

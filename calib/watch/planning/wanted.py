@@ -1,5 +1,7 @@
 """The sizes that a watch should see, and how much readings must say of a cause for that."""
 
+from __future__ import annotations
+
 from scipy import stats
 from scipy.special import chndtrinc
 

@@ -1,6 +1,8 @@
 """The environment that Alembic runs: the steps on the connection that `fleet.store.schema` hands over, in its
 transaction."""
 
+from __future__ import annotations
+
 from alembic import context
 
 context.configure(connection=context.config.attributes["connection"])

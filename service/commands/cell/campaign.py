@@ -1,5 +1,7 @@
 """`truepose campaign`: measure, go on after a pause, look, export. The record in DIR is the state."""
 
+from __future__ import annotations
+
 import sys
 from contextlib import ExitStack
 from pathlib import Path

@@ -3,6 +3,8 @@
 Read-only: nothing is armed, moved or set. One line a check, then one line with the verdict.
 """
 
+from __future__ import annotations
+
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager

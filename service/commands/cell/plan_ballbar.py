@@ -1,5 +1,7 @@
 """`truepose plan-ballbar`: where the base balls of a ballbar hexapod should be."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated

@@ -1,5 +1,7 @@
 """`truepose campaign rescue`: save what can be read of a damaged record."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -1,5 +1,7 @@
 """`truepose select`: which calibration poses to measure in a cell, and how many are worth it."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

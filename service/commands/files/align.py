@@ -1,5 +1,7 @@
 """`truepose align`: two streams of a moving robot on one clock; its standstills become a data set."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 from typing import Annotated

@@ -1,6 +1,8 @@
 """`truepose convert`: a foreign file becomes a data set: a known one by its importer, any other by a map of its
 columns."""
 
+from __future__ import annotations
+
 from enum import Enum
 from pathlib import Path
 from typing import Annotated

@@ -1,5 +1,7 @@
 """`truepose export`: a model as another program reads it, with what that program's format cannot carry."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

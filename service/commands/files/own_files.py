@@ -3,6 +3,8 @@
 Questions are asked where both ends are a terminal; elsewhere they are printed and the command ends with exit code 2.
 """
 
+from __future__ import annotations
+
 import os
 import sys
 from collections.abc import Callable, Sequence

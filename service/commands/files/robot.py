@@ -1,5 +1,7 @@
 """`truepose robot`: robot files are written, imported, checked, listed and shown."""
 
+from __future__ import annotations
+
 import json as notation
 from enum import Enum
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The questions of `truepose robot new`: one question a line, asked again where the answer is none."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """`truepose fleet`: what the cells of a plant know of their robots, sent to one place and kept there."""
 
+from __future__ import annotations
+
 import typer
 
 from service.commands import Group

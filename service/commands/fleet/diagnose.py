@@ -1,5 +1,7 @@
 """`truepose fleet diagnose`: many data sets by many workers, every result once, in the store."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

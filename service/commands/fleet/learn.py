@@ -1,5 +1,7 @@
 """`truepose fleet learn`: what robots of one type share, from their model files."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -1,5 +1,7 @@
 """`truepose fleet migrate`: the tables of a store made, or brought to this program's version."""
 
+from __future__ import annotations
+
 import typer
 
 from fleet.store import READER, WRITER, migrate

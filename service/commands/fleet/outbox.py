@@ -1,5 +1,7 @@
 """`truepose fleet outbox`: what waits to be sent, what the server refused, what was not taken, and why."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

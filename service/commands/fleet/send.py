@@ -1,5 +1,7 @@
 """`truepose fleet send`: what is new in a folder goes into the outbox beside it, and from there to a fleet's server."""
 
+from __future__ import annotations
+
 import socket
 import time
 from contextlib import closing

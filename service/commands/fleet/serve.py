@@ -1,5 +1,7 @@
 """`truepose fleet serve`: the server of a fleet, on loopback unless a token file was chosen."""
 
+from __future__ import annotations
+
 import sys
 from contextlib import closing
 from json import dumps

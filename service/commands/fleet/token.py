@@ -1,5 +1,7 @@
 """`truepose fleet token`: a token for each cell of a plant, taken away one by one."""
 
+from __future__ import annotations
+
 import sys
 from pathlib import Path
 from typing import Annotated

@@ -1,5 +1,7 @@
 """`truepose compensate`: a program whose targets make the real robot land where the program says."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

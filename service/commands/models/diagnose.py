@@ -1,5 +1,7 @@
 """`truepose diagnose`: identify, find what the model lacks, refit, and judge on readings that took no part."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`truepose identify`: the parameters of the base model, without any search for missing effects."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -1,5 +1,7 @@
 """`truepose regress`: MLS-SVR on positions or on what a model leaves, beside the models, in sample and by waypoint."""
 
+from __future__ import annotations
+
 from typing import Annotated
 
 import typer

@@ -1,5 +1,7 @@
 """`truepose sweeps`: error and reversal of every joint that was turned alone, and the axes of their circles."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Annotated
 

@@ -1,5 +1,7 @@
 """`truepose validate`: a saved model judged on readings that took no part, or hold-outs of several kinds compared."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 from typing import Annotated

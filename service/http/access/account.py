@@ -3,6 +3,8 @@
 Neither has query, headers or body: they may hold reasons, names and secrets.
 """
 
+from __future__ import annotations
+
 import logging
 import time
 

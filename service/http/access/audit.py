@@ -4,6 +4,8 @@ One JSON object a line, each synced before what it notes takes effect; lines are
 its own events.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import time

@@ -5,6 +5,8 @@ the Host header must name an address of ours, not a name somebody else controls,
 The role is left in the request's state for those who show it.
 """
 
+from __future__ import annotations
+
 import ipaddress
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -12,6 +12,8 @@ A body that is not an upload is read whole before its request takes its turn: a 
 nobody.
 """
 
+from __future__ import annotations
+
 import asyncio
 import re
 

@@ -10,6 +10,8 @@ use. Stopping needs no lease. Expiry is counted on the steady clock, so a jump o
 it.
 """
 
+from __future__ import annotations
+
 import hmac
 import secrets
 import threading

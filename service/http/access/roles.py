@@ -3,6 +3,8 @@
 It is decided by method and path in one place, so that a route somebody adds is the operator's until it is listed here.
 """
 
+from __future__ import annotations
+
 import hmac
 import re
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """The settings that the service was started with."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Campaign files, uploaded as they are: TOML, which a browser cannot read."""
 
+from __future__ import annotations
+
 import hashlib
 from typing import Annotated, Any
 

@@ -1,5 +1,7 @@
 """Campaigns: kept, listed, given back."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from fastapi import APIRouter

@@ -1,5 +1,7 @@
 """Health, the cell, and its motion lease."""
 
+from __future__ import annotations
+
 from importlib.metadata import version
 from typing import Any
 

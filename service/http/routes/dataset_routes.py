@@ -1,5 +1,7 @@
 """Data sets: uploaded, listed, given back."""
 
+from __future__ import annotations
+
 import hashlib
 from typing import Annotated, Any
 

@@ -1,5 +1,7 @@
 """Deletions: of runs, data sets, campaigns and results, each for a reason that stays."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query

@@ -1,5 +1,7 @@
 """The history of robots: a list, one robot, trends, documents, as `truepose history` has them."""
 
+from __future__ import annotations
+
 import hashlib
 from typing import Annotated, Any, Literal
 

@@ -4,6 +4,8 @@ Of two `dry_run` in one body the usual reader takes the last, and a robot may mo
 router with bodies is made with `route_class=JsonRoute`; `tests/service/test_http_bodies.py` looks whether one is not.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Coroutine
 from typing import Any
 

@@ -7,6 +7,8 @@ One thread at a time uses the robot: that of a run, or that of a closed loop wit
 Nothing is executed when the book is opened: runs that were going on when the program ended come back paused.
 """
 
+from __future__ import annotations
+
 import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence

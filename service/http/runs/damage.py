@@ -1,5 +1,7 @@
 """Runs whose record is damaged: listed like any other, with what can be saved of them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -3,6 +3,8 @@
 Planning takes seconds to minutes: what plans here is called in a worker process.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,7 @@
 """An execution uses the robot: one thread at a time, that of a run, or that of a closed loop with its runs."""
 
+from __future__ import annotations
+
 import threading
 from dataclasses import dataclass, field
 

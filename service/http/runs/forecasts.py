@@ -1,5 +1,7 @@
 """Forecasts of runs, made in a worker process as soon as one is free. The runs begin meanwhile."""
 
+from __future__ import annotations
+
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 

@@ -5,6 +5,8 @@ measures has to wait for. While nothing has been written to the record the answe
 left; so two hundred clients a second cost four readings a second, and each otherwise an answer out of the event loop.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The status of a closed loop, as `loop.json` and the interface have it."""
 
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
 from typing import Any
 

@@ -7,6 +7,8 @@ While it is paused it keeps what it knows and its clock, and goes on where it wa
 the runs do, the loop is begun anew.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -4,6 +4,8 @@ Their campaigns are runs like any others (`RECORD/runs/ID-campaign1`). A loop th
 service has failed; its runs come back paused.
 """
 
+from __future__ import annotations
+
 import shutil
 import time
 from collections.abc import Callable, Mapping

@@ -1,5 +1,7 @@
 """The refusals of the book of runs: what cannot be done now, and what to do."""
 
+from __future__ import annotations
+
 from service.http.runs.execution import Execution
 from service.http.wire.problems import Problem
 

@@ -1,5 +1,7 @@
 """The document of a run, whatever has become of it: measured, only checked, or damaged."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from acquisition import RunStatus

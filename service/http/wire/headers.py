@@ -1,5 +1,7 @@
 """Headers, query and path parameters that several routes share."""
 
+from __future__ import annotations
+
 from typing import Annotated
 
 from fastapi import Header, Path, Query

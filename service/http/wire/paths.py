@@ -1,5 +1,7 @@
 """The path under which the interface answers."""
 
+from __future__ import annotations
+
 PREFIX = "/api/v1"
 
 

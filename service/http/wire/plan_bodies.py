@@ -3,6 +3,8 @@
 Lengths mm, world frame; angles deg, as the controller counts them; times s of the campaign.
 """
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from pydantic import Field

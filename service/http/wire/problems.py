@@ -4,6 +4,8 @@ Beside the standard members: `code` (that of `drivers.errors`, or 8xxx for the s
 (what happened, one sentence) and `what_to_do` (one sentence for the person at the cell).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any

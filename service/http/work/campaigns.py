@@ -1,5 +1,7 @@
 """Campaigns that were sent: checked, and kept as `RECORD/campaigns/ID.json`."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Mapping
 from pathlib import Path

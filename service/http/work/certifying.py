@@ -3,6 +3,8 @@
 The service that asks for it does without the libraries of the report, which take long to import.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Correcting the targets, or the program, of a request with a model that was found; called in a worker process."""
 
+from __future__ import annotations
+
 import base64
 import csv
 import io

@@ -1,5 +1,7 @@
 """Data sets: uploaded, or exported from a run; `RECORD/datasets/ID/data.csv`, `data.toml`, `about.json`."""
 
+from __future__ import annotations
+
 import shutil
 from collections.abc import Sequence
 from pathlib import Path

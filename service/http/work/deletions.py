@@ -3,6 +3,8 @@
 The line is durable before anything is gone; lines are only ever added.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import os

@@ -1,5 +1,7 @@
 """A model in another program's format, for a request; called in a worker process."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -6,6 +6,8 @@
 The store is asked in processes of its own: a database that does not answer holds up nobody who plans or stops.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import threading

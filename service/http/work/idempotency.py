@@ -5,6 +5,8 @@ whose work was begun by a program that ended is refused, because nobody knows ho
 robot is never moved a second time on a guess.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import os

@@ -8,6 +8,8 @@ process.
 The folder is the state: a job without an outcome that nobody works on was cut off.
 """
 
+from __future__ import annotations
+
 import hashlib
 import queue
 import threading

@@ -1,5 +1,7 @@
 """Documents that the service keeps as files of the record, read back: whole, or reported as damaged."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any

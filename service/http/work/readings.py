@@ -4,6 +4,8 @@ Documents come from SQLite and JSON files and cost milliseconds of the interpret
 one that stops the robot; so a few threads read, and two hundred clients who look at one run cost little more than one.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Callable
 from typing import Any, TypeVar

@@ -5,6 +5,8 @@ link with its length, mm, once: in the view that sees it longest. Words move asi
 library is asked: it is lines and circles, and ids that could clash are not needed. z up, x to the right in front.
 """
 
+from __future__ import annotations
+
 import html
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product

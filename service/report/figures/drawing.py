@@ -1,5 +1,7 @@
 """The look of figures, and their inline SVG: small, without ids that clash, readable by screen readers."""
 
+from __future__ import annotations
+
 import html
 import io
 import re

@@ -1,5 +1,7 @@
 """Figures of the position error on held-out readings: histogram on common bins, and cumulative curve."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

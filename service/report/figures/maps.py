@@ -1,5 +1,7 @@
 """Maps of what is left: means in squares of two quantities, one map for every third of a third quantity."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

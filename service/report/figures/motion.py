@@ -1,6 +1,8 @@
 """Picture of two aligned streams: the speeds by each one's clock, on one clock, and the error along and across the path
 by speed."""
 
+from __future__ import annotations
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray

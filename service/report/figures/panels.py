@@ -6,6 +6,8 @@ drifts, the temperature for growth, torque and moment for what bends. An effect 
 drawn over the displacement that it should cause: readings that follow it lie on the diagonal.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

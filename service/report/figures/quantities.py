@@ -1,5 +1,7 @@
 """The quantity over which a place of structure is drawn: an angle, a load, a time, where gravity points on the tool."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """Pictures of what is left: over one quantity, by group, as arrows in the workspace, and what was left out."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Draws panels: dots, weighted means with k = 2 bars, and the fitted law."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,6 +6,8 @@ means of bins, or as arrows at their place, means of the readings near it. Pure 
 arrows point anywhere. Where the readings that the fit left out lie together, they are drawn among the others.
 """
 
+from __future__ import annotations
+
 from itertools import combinations
 
 import numpy as np

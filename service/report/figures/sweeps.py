@@ -1,5 +1,7 @@
 """Picture of single joints: the tangential error over the angle, up and down, one panel a sweep."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The picture of a trend: every value with its U, the centre of its control chart, and the limits of every value."""
 
+from __future__ import annotations
+
 import io
 
 import matplotlib

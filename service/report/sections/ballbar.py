@@ -1,5 +1,7 @@
 """The section of a ballbar in a report: sphere tests, errors of the distances, and how they grow from the fixture."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

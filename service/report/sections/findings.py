@@ -1,5 +1,7 @@
 """The findings for the template, every effect and every place where structure is left: words, figures, pictures."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The follow-up sections: what to measure next, and in a closed loop what was ambiguous and what became of it."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import Any
 

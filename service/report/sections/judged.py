@@ -4,6 +4,8 @@ Arrows are measured less predicted points in the world, many times their size, e
 own: what is left after a calibration would else be dots beside what was there before it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

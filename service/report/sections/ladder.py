@@ -1,5 +1,7 @@
 """The ladder at the head of a report: the error of every model, from the robot as found to the robot verified."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

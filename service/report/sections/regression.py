@@ -1,5 +1,7 @@
 """The panel of a regression: its table, and its errors in sample and on waypoints left out as a picture."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

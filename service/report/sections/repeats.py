@@ -1,5 +1,7 @@
 """The section of repeated poses: pose accuracy and repeatability of ISO 9283, where poses were visited again."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import Any

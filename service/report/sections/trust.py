@@ -1,5 +1,7 @@
 """The trust in a model: predicted uncertainty over the workspace, and what the fit leans on."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

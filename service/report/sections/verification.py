@@ -1,5 +1,7 @@
 """The verification section: where the robot really landed with corrected targets, beside what was predicted."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any

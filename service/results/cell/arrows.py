@@ -3,6 +3,8 @@
 Lengths mm, world frame.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The document of an examination of a cell's devices, and its verdict in one line."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from acquisition.examination import Examination

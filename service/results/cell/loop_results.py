@@ -3,6 +3,8 @@
 result.json  model.json  targets.csv  report.html, beside data.csv and data.toml of the loop
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -3,6 +3,8 @@
 Lengths mm, world frame, of the nominal robot; angles deg, times s of the campaign.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path

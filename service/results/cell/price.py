@@ -5,6 +5,8 @@ over the joint limits of the cell; mm. A reading that is measured again takes th
 as planned.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -3,6 +3,8 @@
 Lengths mm, world frame; angles deg, as the controller counts them. Numbers are rounded to 0.1 mm: nobody sees less.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Two streams of a moving robot on one clock, for the command and for the service: what is asked, done and reported."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

@@ -1,5 +1,7 @@
 """The order for an alignment of two streams: the service keeps and checks it, and aligns in a worker."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 HOLDOUT, SEED = 0.2, 1

@@ -1,5 +1,7 @@
 """The outcome of a conversion of foreign files, for people and for programs."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

@@ -3,6 +3,8 @@
 Every table of the command line is in it, and nothing that is not.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -10,6 +10,8 @@
 A reading belongs to every zone in which the judged model expects its target.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,6 +4,8 @@ Values are in the units of files and screens; NaN never occurs (null instead); r
 are numbers.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict
 from typing import Any

@@ -1,5 +1,7 @@
 """The parameters of an identified model as rows: change from nominal, standard error, what was dropped and why."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Targets whose positions were known to an uncertainty, as a fit found them: for JSON, terminal and report."""
 
+from __future__ import annotations
+
 import math
 from itertools import combinations
 from typing import Any

@@ -1,5 +1,7 @@
 """`--predictions P.csv`: where every validation row should read, with and without the diagnosed effects."""
 
+from __future__ import annotations
+
 import csv
 import io
 

@@ -4,6 +4,8 @@ Errors are in micrometres, as in the table of Khanesar et al. 2022: along x, y a
 mean of RMS values is quadratic.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The document of `truepose sweeps`: error, reversal and axis of every joint that was turned alone."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

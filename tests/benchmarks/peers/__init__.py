@@ -3,6 +3,8 @@
 The first run installs them under `.bench/`; one that cannot be installed counts as missed, and the others run.
 """
 
+from __future__ import annotations
+
 from tests.benchmarks.peers import identification, selection
 
 

@@ -4,6 +4,8 @@ ABB IRB 120 in modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta + q) Tz(d
 with one target on the flange, off axis 6. rad, mm. Source of the nominal numbers: Nubiola, thesis, Annex I.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,6 +3,8 @@
 Nothing is robust, nothing is weighed, no parameter is tested: the 27 that these readings can tell are taken as known.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from tests.benchmarks.peers.arm import SIGMA_MM, Arm, Array, Readings

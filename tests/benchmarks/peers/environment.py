@@ -3,6 +3,8 @@
 Installed once, by pip and whatever index it is set up for; the versions are pinned.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

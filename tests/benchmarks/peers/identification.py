@@ -5,6 +5,8 @@ from parallel as well ("beta"). Ours includes all it does for any data set: a st
 robust weights, outliers, covariance. Whether the error is what noise allows is asked over several campaigns.
 """
 
+from __future__ import annotations
+
 import tempfile
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The readings as data sets of ours, by way of their files."""
 
+from __future__ import annotations
+
 import csv
 import tempfile
 from pathlib import Path

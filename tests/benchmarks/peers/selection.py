@@ -3,6 +3,8 @@
 Wanted: log det as high or higher, in a thirtieth of the time or less.
 """
 
+from __future__ import annotations
+
 import tempfile
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Exports as workbooks, and what people add to tables: means, notes, rows that are lost, other numbers."""
 
+from __future__ import annotations
+
 import re
 import zipfile
 from collections.abc import Sequence

@@ -5,6 +5,8 @@ forms follow the descriptions of the programs' exports and spreadsheets as they 
 file.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

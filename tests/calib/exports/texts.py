@@ -1,5 +1,7 @@
 """Exports as text: separators, units, turns in their many forms, targets, and joints and points in two files."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """An authority and a certificate of it, as a plant would make them with openssl, in files."""
 
+from __future__ import annotations
+
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Of a worker (`dask worker --preload`): what it says of a data set is noted in a file, a line each."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 from typing import Any

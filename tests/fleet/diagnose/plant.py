@@ -1,5 +1,7 @@
 """Schedulers and workers of a plant as programs of their own, with certificates as docs/fleet-engine.md has them."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 """A worker whose build can be told, as a program of its own: it does not restart. Certificates by Dask's settings."""
 
+from __future__ import annotations
+
 import asyncio
 import sys
 

@@ -1,6 +1,8 @@
 """Small data sets: one that a diagnosis takes a third of a second for, with a remark that makes each another; and files
 that cannot be used, which take none."""
 
+from __future__ import annotations
+
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory

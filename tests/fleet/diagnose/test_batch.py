@@ -1,5 +1,7 @@
 """A batch as a worker does it: every result once, at once, and only where it says something about the data."""
 
+from __future__ import annotations
+
 import json
 import sqlite3
 from collections.abc import Callable

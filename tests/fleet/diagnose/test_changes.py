@@ -1,5 +1,7 @@
 """What another version says of the same data sets."""
 
+from __future__ import annotations
+
 import json
 from datetime import UTC, datetime, timedelta
 from typing import Any

@@ -1,5 +1,7 @@
 """`truepose fleet diagnose` as a person and a timer call it."""
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys

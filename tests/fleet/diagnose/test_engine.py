@@ -1,5 +1,7 @@
 """Data sets diagnosed by real processes: what comes of it when workers and schedulers are killed."""
 
+from __future__ import annotations
+
 import os
 import signal
 from collections import Counter

@@ -1,5 +1,7 @@
 """A store that is away while work is under way: waited for, told once, given up in the end."""
 
+from __future__ import annotations
+
 import pytest
 
 from fleet.diagnose.patience import FIRST_S, MOST_S, STORE_S, Patience

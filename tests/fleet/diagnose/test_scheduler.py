@@ -1,6 +1,8 @@
 """A scheduler of its own, with TLS and a PostgreSQL, as a plant has them: workers of another program get nothing, and
 what is killed or away costs nothing that was done."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from contextlib import ExitStack

@@ -1,5 +1,7 @@
 """Where data sets are, which program computes, and addresses: references that mean the same to everybody."""
 
+from __future__ import annotations
+
 import hashlib
 import re
 from pathlib import Path

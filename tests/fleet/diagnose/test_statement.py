@@ -1,5 +1,7 @@
 """A kept diagnosis in which a figure is none."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
 from pathlib import Path

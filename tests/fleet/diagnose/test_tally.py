@@ -1,5 +1,7 @@
 """The share that a worker is given at a time, and the progress of a call."""
 
+from __future__ import annotations
+
 import pytest
 
 from fleet.diagnose.run import AHEAD, BATCH_S, size_of

@@ -5,6 +5,8 @@ It holds nothing of the cell and needs no token; what is tried is asked with the
 Source: Content Security Policy Level 3 (W3C).
 """
 
+from __future__ import annotations
+
 from importlib.resources import files
 from pathlib import Path
 

@@ -4,6 +4,8 @@ The token is needed, a viewer's will do (`authorization: credentials_file` of a 
 Source: Prometheus exposition format 0.0.4.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from importlib.metadata import version
 

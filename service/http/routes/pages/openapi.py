@@ -1,5 +1,7 @@
 """The OpenAPI document: FastAPI's own, with the problems that every route has and the tokens that open it."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from fastapi import FastAPI

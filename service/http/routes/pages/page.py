@@ -6,6 +6,8 @@ for every answer: what somebody writes into the page does not know it. Modules t
 Source: Content Security Policy Level 3 (W3C), nonces, and hashes of inline styles.
 """
 
+from __future__ import annotations
+
 import base64
 import hashlib
 import re

@@ -1,5 +1,7 @@
 """Closed loops: made, looked at, paused, resumed, stopped."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from fastapi import APIRouter

@@ -1,5 +1,7 @@
 """The plan of a run, what each pose of it is worth, and the poses that a person wants again or leaves out."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query

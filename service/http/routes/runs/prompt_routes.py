@@ -1,5 +1,7 @@
 """The questions of a run to a person, the answers, and its events as they happen."""
 
+from __future__ import annotations
+
 from collections.abc import AsyncIterator
 from enum import Enum
 from typing import Annotated, Any

@@ -1,5 +1,7 @@
 """Runs: made, looked at, paused, resumed, stopped."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any

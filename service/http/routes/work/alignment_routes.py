@@ -1,5 +1,7 @@
 """Alignments: two streams of a moving robot are uploaded, put on one clock, and become a data set."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import asdict
 from typing import Annotated, Any

@@ -1,5 +1,7 @@
 """The examination of the cell's devices, as `truepose doctor` makes it: read-only, nothing is armed, moved or set."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from fastapi import APIRouter

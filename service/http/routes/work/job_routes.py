@@ -1,5 +1,7 @@
 """Identifications, diagnoses and their reports."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query

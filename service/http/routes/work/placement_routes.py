@@ -1,5 +1,7 @@
 """Searches of placements of a ballbar's base balls in the cell of this service, as `truepose plan-ballbar` does it."""
 
+from __future__ import annotations
+
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 

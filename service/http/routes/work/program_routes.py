@@ -1,5 +1,7 @@
 """Programs corrected with a model, and models in other programs' formats: `truepose compensate` and `export`."""
 
+from __future__ import annotations
+
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 

@@ -1,5 +1,7 @@
 """Regressions: MLS-SVR beside the models of a data set, in sample and by waypoint, as `truepose regress` does it."""
 
+from __future__ import annotations
+
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 

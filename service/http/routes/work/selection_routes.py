@@ -1,5 +1,7 @@
 """Selections: calibration poses chosen by observability in the cell of this service, as `truepose select` does it."""
 
+from __future__ import annotations
+
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 

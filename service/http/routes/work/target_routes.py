@@ -1,5 +1,7 @@
 """Targets corrected with a model that was found: what `truepose compensate` does to a target table."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import Any
 

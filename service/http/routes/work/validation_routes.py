@@ -1,5 +1,7 @@
 """Validations: a model judged on readings that took no part, as `truepose validate` does it."""
 
+from __future__ import annotations
+
 from dataclasses import asdict
 
 from fastapi import APIRouter

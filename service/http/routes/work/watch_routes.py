@@ -3,6 +3,8 @@
 Nothing here moves the robot: the plan has a campaign, which runs as every campaign does, with lease and gates.
 """
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query

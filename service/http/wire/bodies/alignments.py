@@ -1,5 +1,7 @@
 """The body of an alignment, as `--json` of the command line has it. `service.results` makes it; a test compares."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.results import Warnings

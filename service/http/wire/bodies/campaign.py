@@ -3,6 +3,8 @@
 examples/README.md has the same keys at length. `tests/service/test_openapi.py` holds the reader and these together.
 """
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal, NotRequired
 
 from typing_extensions import TypedDict

@@ -1,5 +1,7 @@
 """The bodies of the service, the cell, its lease, campaigns and data sets."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.campaign import Campaign

@@ -1,5 +1,7 @@
 """The bodies of deletions: what was deleted, by whom and why stays."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.told import Answered, Id, told

@@ -1,5 +1,7 @@
 """The body of an examination of the cell's devices (`truepose-doctor/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.told import Answered, Simulated, told

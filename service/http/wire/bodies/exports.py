@@ -1,5 +1,7 @@
 """The body of a model in another program's format (`truepose-model-export/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.results import ERRORS, Errors

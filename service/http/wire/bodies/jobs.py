@@ -1,5 +1,7 @@
 """The bodies of jobs: what was asked for, and what it came to."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from acquisition import State

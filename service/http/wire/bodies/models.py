@@ -1,5 +1,7 @@
 """The body of a model, as `--model` of the command line writes it (`truepose-model/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.results import ERRORS, Errors, Parameter

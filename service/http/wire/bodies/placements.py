@@ -1,5 +1,7 @@
 """The bodies of searches of placements of a ballbar's base balls: what is asked, and the result."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal
 
 from pydantic import Field

@@ -1,5 +1,7 @@
 """The body of everything that goes wrong."""
 
+from __future__ import annotations
+
 from typing import Annotated
 
 from service.http.wire.bodies.told import Answered, told

@@ -3,6 +3,8 @@
 `service.results` makes them; a test compares.
 """
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from pydantic import Field

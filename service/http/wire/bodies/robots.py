@@ -1,5 +1,7 @@
 """The bodies of the history of robots: a list, one robot, its trends, and what was sent to be kept."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,5 +1,7 @@
 """The bodies of runs, loops, prompts and events."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal
 
 from pydantic import Field

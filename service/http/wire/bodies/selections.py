@@ -1,5 +1,7 @@
 """The bodies of selections of poses: what is asked, and the result (`truepose-selection/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from pydantic import Field

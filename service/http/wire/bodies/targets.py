@@ -1,5 +1,7 @@
 """The bodies of targets and programs that are corrected with a model."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal, NotRequired
 
 from typing_extensions import TypedDict

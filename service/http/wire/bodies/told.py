@@ -1,5 +1,7 @@
 """The parts of all bodies: how a field is described, and the strictness of requests and answers."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter

@@ -1,5 +1,7 @@
 """The bodies of validations: what is asked, and the result (`truepose-validation/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,5 +1,7 @@
 """The bodies of watches: plans of check poses, verdicts, upkeeps (`truepose-watch-plan/1`, `-watch/1`, `-upkeep/1`)."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator

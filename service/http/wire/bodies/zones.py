@@ -1,5 +1,7 @@
 """The zones that a result is held to, as a request has them: those of `--accept-zones`."""
 
+from __future__ import annotations
+
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator

@@ -1,6 +1,8 @@
 """figaroh's calibration of the arm, as its documentation has one write it: a subclass, a YAML file and a CSV file."""
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 import csv
 import json
 from pathlib import Path

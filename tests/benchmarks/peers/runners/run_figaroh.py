@@ -4,6 +4,8 @@ Timed are the choice of the identifiable parameters and the optimisation; not it
 """
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Callable
 from pathlib import Path

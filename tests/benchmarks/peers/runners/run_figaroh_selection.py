@@ -4,6 +4,8 @@ Writes beside the answer ROWS.npz with the rows (N, 3, m) of its regressor, from
 """
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 import random
 import sys
 import tempfile

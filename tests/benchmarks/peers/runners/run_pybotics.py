@@ -4,6 +4,8 @@ Base pose, the modified DH numbers of links 2 to 6 and the tool's position are f
 """
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 

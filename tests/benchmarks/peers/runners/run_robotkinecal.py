@@ -1,6 +1,8 @@
 """robotkinecal: product of exponentials, four numbers a joint, and the target's position; the base is among them."""
 # pyright: reportMissingImports=false
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
